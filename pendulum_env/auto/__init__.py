@@ -1,2 +1,1 @@
-"""Choice of ``integrator="auto"``: the cheapest method and substeps that keep the angle's error below a given accuracy.
-"""
+"""Choice of ``integrator="auto"``: the cheapest method and substeps with an angle error below a requested accuracy."""

@@ -1,4 +1,6 @@
 """The measurement behind ``integrator="auto"``: probe episodes, their reference solutions, and the search for a method.
+
+A probe episode is a run with given start and motor torques, in which the errors of all methods are measured.
 """
 
 from __future__ import annotations
@@ -20,27 +22,32 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.probes import ProbeMotions
 
 SAFETY = 4.0
-"""Factor by which the probe episodes' errors must stay below the accuracy. A small error grows more than x-fold with a
-probability of about 1/x, so about one other episode in SAFETY times the number of probe episodes exceeds the accuracy.
+"""Factor by which errors in probe episodes must stay below the requested accuracy. A small error grows more than
+x-fold with a probability of about 1/x, so about one other episode in SAFETY times the number of probe episodes exceeds
+the accuracy.
 """
 PART = 4.0
 """Factor by which the reference solution must be more accurate than the errors that it measures."""
 ROUNDING = 3e-15
-"""Error of an episode by rounding, for each unit of error growth [rad]."""
+"""Rounding error of an episode [rad], divided by the growth factor of a small error in it."""
 DOUBTS, DOUBTED = 24, 4
 """Number of further probe episodes, the most sensitive first, that the chosen method runs, and number of the worst of
 these that are compared with a reference solution.
 """
 OFTEN = 0.05
-"""Share of episodes in which the accuracy cannot be reached, above which a warning is given."""
+"""Fraction of episodes in which the accuracy cannot be reached, above which a warning is given."""
 HOPELESS = 0.01
-"""If no accuracy better than this can be promised for whole episodes [rad], it is promised up to a horizon only."""
+"""If a better accuracy than this cannot be reached in whole episodes [rad], it is guaranteed up to a horizon only."""
 
 
 def calibrate(
     scenes: Sequence[Scene], accuracy: float, dt: float, steps: int, table: Table, words: str, tell: Progress
 ) -> Choice:
-    """Run probe episodes and choose the cheapest accurate method; see :func:`pendulum_env.auto.choice.choose`."""
+    """Run probe episodes (given starts and torques), and choose the cheapest method that is accurate in all of them.
+
+    The arguments and errors are those of :func:`pendulum_env.auto.choice.choose`, and ``words`` is the origin of
+    the table of step costs, "shipped" or "measured here".
+    """
     goal, count = accuracy / SAFETY, len(scenes)
     most = goal / (PART * ROUNDING)
     tell(0.0, "probe episodes")
@@ -109,15 +116,16 @@ def calibrate(
 
 
 def _quiet(_done: float, _text: str) -> None:
-    """Ignore a progress report."""
+    """Ignore a progress report, given by the fraction done and a text."""
 
 
 def _doubted(
     spare: list[tuple[ProbeMotions, ProbeEpisode]], method: Method, substeps: int, goal: float
 ) -> tuple[list[ProbeEpisode], int]:
-    """Return the probe episodes that one more substep changes the most, with reference solutions added.
+    """Return further probe episodes that the chosen method may not follow accurately, with reference solutions added.
 
-    The second result is the number of such episodes whose reference solution is not accurate enough.
+    They are the episodes of ``spare`` whose motion changes the most if the method takes one more substep. The second
+    result is the number of those whose reference solution is not accurate enough.
     """
     doubts = {id(case): case.doubt(method, substeps) for _, case in spare[:DOUBTS]}
     spare.sort(key=lambda one: -doubts.get(id(one[1]), -1.0))
@@ -133,29 +141,32 @@ def _doubted(
 
 
 def _below(scene: Scene, accuracy: float, least: float) -> str:
-    """Return the message for an accuracy that cannot be reached; the smallest accuracy is rounded up to two digits."""
+    """Return the error message for an accuracy that no method reaches.
+
+    It names the smallest accuracy that can be reached, ``least`` [rad], rounded up to two digits.
+    """
     digits = 10.0 ** (math.floor(math.log10(least)) - 1) if 0.0 < least < math.inf else 0.0
-    limit = f"the smallest accuracy that can be promised is about {math.ceil(1.1 * least / digits) * digits:.1e} rad"
+    limit = f"the smallest accuracy that can be reached is about {math.ceil(1.1 * least / digits) * digits:.1e} rad"
     return (f"An accuracy of {accuracy:g} rad cannot be reached in double precision over an episode of the scene "
-            f"'{scene.name}'; {limit if digits else 'no accuracy can be promised'}.")
+            f"'{scene.name}'; {limit if digits else 'no smallest accuracy is known'}.")
 
 
 def _limits(
     scene: Scene, accuracy: float, horizon: float, episode: float, growth: float, share: float
 ) -> list[str]:
-    """Return sentences on the limits of the promised accuracy."""
+    """Return sentences on the cases in which ``integrator="auto"`` does not guarantee the requested accuracy."""
     limits = []
     if horizon < episode:
-        limits.append(f"Errors of the scene '{scene.name}' grow so fast that {accuracy:g} rad is promised up to "
+        limits.append(f"Errors of the scene '{scene.name}' grow so fast that {accuracy:g} rad is reached up to "
                       f"{horizon:g} s of an episode's {episode:g} s only; beyond, double precision is not enough.")
     elif share > OFTEN:
-        limits.append(f"In {100.0 * share:.0f} % of the probe episodes of '{scene.name}', where the bob lingers near "
-                      f"the top or the motion is chaotic, small errors grow more than {growth:.1g}-fold; "
-                      f"{accuracy:g} rad is promised for the other episodes only.")
+        limits.append(f"In {100.0 * share:.0f} % of the test episodes of '{scene.name}', where the bob lingers near "
+                      f"the top or the motion is chaotic, small errors grow more than {growth:.1g}-fold; the accuracy "
+                      f"of {accuracy:g} rad is reached in the other episodes only.")
     if any(effect.dry for effect in scene.effects):
         limits.append(f"The scene '{scene.name}' has dry friction, so no method keeps its order where the bob sticks "
-                      "or slips: the accuracy is promised for the probe episodes only.")
+                      "or slips: the accuracy is certain for the test episodes only.")
     if any(effect.draws for effect in scene.effects):
         limits.append(f"The scene '{scene.name}' has gusts: the accuracy is that of the motion in the same gusts, "
-                      "measured in a dozen realisations of them.")
+                      "measured in a dozen random samples of them.")
     return limits

@@ -1,5 +1,4 @@
-"""Choice of a method and its substeps by an accuracy: measured once on probe episodes and stored in the cache folder.
-"""
+"""Choice of a method and its substeps for a requested accuracy: measured once, and then stored in the cache folder."""
 
 from __future__ import annotations
 
@@ -41,18 +40,19 @@ def choose(
 ) -> Choice:
     """Return the cheapest method and substeps that keep the angle's error over an episode at most ``accuracy``.
 
-    Every suitable method runs probe episodes, interpreted, with as many substeps as it needs; the cost of a step is
-    looked up in a table. Every machine makes the same choice, and stores it in the cache folder.
+    Every method that fits the scene runs probe episodes (given starts and motor torques), interpreted by Python, with
+    as many substeps as the accuracy needs; the cost of a step is looked up in a table. Therefore every computer makes
+    the same choice. It is stored in the cache folder.
 
     Args:
         scenes: a scene, or several scenes with the same effects for which one choice must be accurate.
         accuracy: largest error of the angle [rad].
         dt, steps: control step [s], and number of control steps in an episode.
-        recalibrate: measure the table of costs on this machine, store it, and choose again.
+        recalibrate: measure the table of step costs on this computer, store it, and choose again.
         progress: called with the fraction done; by default a bar appears if the choice takes long.
 
     Raises AccuracyError for an accuracy that is not a finite number above zero, or that cannot be reached; the message
-    gives the smallest accuracy that can be promised.
+    gives the smallest accuracy that can be reached.
     """
     places = (scenes,) if isinstance(scenes, Scene) else several(scenes, "scenes", "scenes")
     for place in places:
@@ -87,7 +87,7 @@ def choose(
 
 
 def _measured(progress: Progress | None) -> dict[str, tuple[float, float]]:
-    """Measure the table of step costs on this machine, and store it."""
+    """Measure the time that a step of each kind of method costs on this computer, and store the table."""
     if progress is None:
         with late_bar("measuring the cost of steps") as tell:
             table = measure(tell)
@@ -98,7 +98,7 @@ def _measured(progress: Progress | None) -> dict[str, tuple[float, float]]:
 
 
 def _read(stored: Any, question: tuple[float, float, int]) -> Choice | None:
-    """Return a stored choice for this accuracy, dt and steps; None if it is not valid."""
+    """Return a choice read from the cache for this accuracy, dt and steps (``question``); None if it is not valid."""
     try:
         others = tuple(Candidate(str(o["method"]), int(o["substeps"]), float(o["error"]), float(o["cost"]))
                        for o in stored["others"])
@@ -116,10 +116,11 @@ def settled(
     scenes: Scene | Sequence[Scene], integrator: str | Method, accuracy: float | None, dt: float, steps: int | None,
     given: Mapping[str, Any],
 ) -> Choice:
-    """Return the choice for an environment with this accuracy [rad] and control step [s].
+    """Return the automatic choice for an environment with this accuracy [rad] and control step [s].
 
-    ``given`` maps other keywords to True if they were given; those are refused. Warns of the limits of the promised
-    accuracy. Raises AccuracyError for "auto" without an accuracy, or an accuracy without "auto".
+    ``given`` maps other keywords, such as substeps, to True if the user gave them, which raises AccuracyError. So does
+    "auto" without an accuracy, and an accuracy without "auto". Warns of the cases in which the accuracy is not
+    guaranteed.
     """
     if not isinstance(integrator, str) or integrator != AUTO:
         raise AccuracyError(

@@ -1,7 +1,8 @@
-"""Cost of a step, in steps of rk4: a method's evaluations times their cost in its class, plus a fixed cost.
+"""Cost of a step of a method, in units of a step of rk4.
 
-The shipped table is the default, so that every machine chooses the same method; :func:`measure` makes a table for this
-machine.
+The cost is the method's evaluations times a cost that its class has in common, plus a fixed cost of the class. The
+table shipped with the package is the default, so that every computer chooses the same method; :func:`measure` makes a
+table for this computer.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 
 Table = Mapping[str, tuple[float, float]]
-"""Class of methods -> (fixed cost of a step, cost of an evaluation), in steps of rk4."""
+"""Class of methods -> (fixed cost of a step, cost of an evaluation), in units of a step of rk4."""
 
 UNIT, EVALUATION = "rk4", "RungeKutta"
 """The method whose step is the unit of cost, and the class whose evaluations start multistep methods."""
@@ -51,7 +52,9 @@ took 68 ns in the lab.
 
 
 def class_of(method: Method, scene: Scene) -> str:
-    """Return the class of a method for its cost: its Python class, and properties that add to the cost in this scene.
+    """Return the name of a method's cost class, within which a step's cost depends on the number of evaluations only.
+
+    It is made of the method's Python class and of properties that add to the cost in this scene.
     """
     words = {
         "implicit": method.implicit,
@@ -62,19 +65,24 @@ def class_of(method: Method, scene: Scene) -> str:
 
 
 def step_cost(method: Method, scene: Scene, table: Table) -> float:
-    """Return the cost of one step of a method, in steps of rk4."""
+    """Return the cost of one step of a method in this scene, in units of a step of rk4."""
     fixed, slope = table[class_of(method, scene)]
     return fixed + slope * method.evaluations
 
 
 def control_cost(method: Method, scene: Scene, substeps: int, table: Table) -> float:
-    """Return the cost of a control step of ``substeps`` steps, in steps of rk4, with the start of multistep methods."""
+    """Return the cost of a control step of ``substeps`` steps, in units of a step of rk4.
+
+    It includes the restart of multistep methods, where they restart at every control step.
+    """
     restart = method.beginning * table[EVALUATION][1] if restarting(scene) else 0.0
     return substeps * step_cost(method, scene, table) + restart
 
 
 def samples() -> dict[str, tuple[str, tuple[Method, ...]]]:
-    """Map each class of methods to the scene it is measured in and to its members with the fewest and most evaluations.
+    """Return the methods to time: for each cost class, a scene and the members with the fewest and most evaluations.
+
+    The keys are the names of the classes, the values pairs of a scene's name and the methods.
     """
     measured_in: dict[str, tuple[str, tuple[Method, ...]]] = {}
     for name in MEASURED_IN:
@@ -89,7 +97,10 @@ def samples() -> dict[str, tuple[str, tuple[Method, ...]]]:
 
 
 def times(machines: Mapping[str, Machine], rounds: int = ROUNDS) -> dict[str, float]:
-    """Return the shortest time of a step of each compiled method [s]; the methods take turns."""
+    """Return the shortest measured time of a step of each compiled method [s], by name.
+
+    The methods take turns, so that a change of the computer's speed affects all of them.
+    """
     best = dict.fromkeys(machines, math.inf)
     for turn in range(rounds + 1):
         for name, machine in machines.items():
@@ -102,7 +113,10 @@ def times(machines: Mapping[str, Machine], rounds: int = ROUNDS) -> dict[str, fl
 
 
 def measure(tell: Callable[[float, str], None] = lambda _done, _text: None) -> dict[str, tuple[float, float]]:
-    """Measure the table of step costs on this machine, compiled; takes about a minute if nothing is compiled yet."""
+    """Measure the table of step costs on this computer with compiled methods, in units of a step of rk4.
+
+    The measurement takes about a minute if nothing is compiled yet.
+    """
     wanted, costs = samples(), {}
     for place in MEASURED_IN:
         members = {method.name: method for name, group in wanted.values() if name == place for method in group}
@@ -119,7 +133,8 @@ def measure(tell: Callable[[float, str], None] = lambda _done, _text: None) -> d
 
 
 def _line(points: list[tuple[int, float]]) -> tuple[float, float]:
-    """Return intercept and slope of a line through one or two points (evaluations, cost), neither below zero."""
+    """Return intercept and slope of a line through one or two points (evaluations, cost), neither of them below zero.
+    """
     (few, low), (many, high) = points[0], points[-1]
     slope = (high - low) / (many - few) if many > few else low / few
     fixed = low - slope * few

@@ -1,4 +1,7 @@
-"""Probe episodes: starts and torques, equal on every machine, from which the most sensitive to errors are selected."""
+"""Probe episodes: runs with given starts and motor torques, in which the errors of methods are measured.
+
+They are equal on every computer. Many random ones are run, and those most sensitive to errors are selected.
+"""
 
 from __future__ import annotations
 
@@ -34,44 +37,44 @@ Control = Callable[[random.Random, float, float], float]
 
 
 def _uniform(source: random.Random, _velocity: float, _before: float) -> float:
-    """Return a random control, uniform in [-1, 1]."""
+    """Return a random motor torque, uniform in [-1, 1] of the largest torque."""
     return 2.0 * source.random() - 1.0
 
 
 def _bang_bang(source: random.Random, _velocity: float, _before: float) -> float:
-    """Return full torque to a randomly chosen side."""
+    """Return the largest motor torque with a random sign: 1 or -1."""
     return 1.0 if source.random() < 0.5 else -1.0
 
 
 def _held(source: random.Random, _velocity: float, before: float) -> float:
-    """Return full torque to a random side, unchanged for a random time of about twenty control steps."""
+    """Return the largest motor torque with a random sign, which changes after about twenty control steps."""
     turned, side = source.random() < 0.05, 1.0 if source.random() < 0.5 else -1.0
     return side if turned or not before else before
 
 
 def _levels(source: random.Random, _velocity: float, before: float) -> float:
-    """Return a random control, or none, unchanged for a random time of about thirty control steps."""
+    """Return a random motor torque or none, which changes after a random time of about thirty control steps."""
     turned, still, level = source.random() < 0.03, source.random() < 0.3, 2.0 * source.random() - 1.0
     return (0.0 if still else level) if turned else before
 
 
 def _pumping(_source: random.Random, velocity: float, _before: float) -> float:
-    """Return full torque in the direction of the velocity, which adds the most energy."""
+    """Return the largest motor torque in the direction of the velocity, which adds the most energy."""
     return -1.0 if velocity < 0.0 else 1.0
 
 
 def _nothing(_source: random.Random, _velocity: float, _before: float) -> float:
-    """Return no torque."""
+    """Return no motor torque."""
     return 0.0
 
 
 def _forwards(_source: random.Random, _velocity: float, _before: float) -> float:
-    """Return full torque in the positive direction."""
+    """Return the largest motor torque in the positive direction, always."""
     return 1.0
 
 
 def _backwards(_source: random.Random, _velocity: float, _before: float) -> float:
-    """Return full torque in the negative direction."""
+    """Return the largest motor torque in the negative direction, always."""
     return -1.0
 
 
@@ -81,18 +84,27 @@ FIXED: tuple[Control, ...] = (_nothing, _pumping, _forwards, _backwards)
 
 @dataclass(frozen=True)
 class Probes:
-    """Probe episodes of one scene: ``plain`` ones without random numbers, and random ones, most sensitive first."""
+    """Probe episodes of one scene, in which the errors of methods are measured.
+
+    Attributes:
+        plain: episodes with fixed starts and without random torques.
+        chosen: episodes with random starts or torques, the most sensitive to small errors first.
+    """
 
     plain: tuple[Probe, ...]
     chosen: tuple[Probe, ...]
 
     @property
     def every(self) -> tuple[Probe, ...]:
-        """Return all probe episodes of the scene, plain and random."""
+        """Return all probe episodes of the scene: those without random torques and the random ones."""
         return (*self.plain, *self.chosen)
 
     def up_to(self, growth: float) -> list[Probe]:
-        """Select the plain and the most sensitive random episodes whose error growth is at most ``growth``."""
+        """Select probe episodes in which a small error grows at most ``growth``-fold.
+
+        They are all episodes without random torques, and the five (KEPT) most sensitive random ones, with at most one
+        (ALIKE) for each start and kind of torque.
+        """
         selected: list[Probe] = []
         for probe in self.chosen:
             if probe.growth <= growth and len(selected) < KEPT and sum(probe.name == p.name for p in selected) < ALIKE:
@@ -102,10 +114,11 @@ class Probes:
 
 
 def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -> Probes:
-    """Return probe episodes of a scene: its usual start and those of the tasks, with fixed and random torques.
+    """Return probe episodes of a scene, which begin at its usual start and at the tasks' starts.
 
-    The growth of errors has a heavy tail, as 1/x where the bob lingers near the top, so many episodes are run and the
-    worst represent the rest. ``tell`` is called with the fraction done.
+    Their motor torques are fixed or random. The number of episodes in which small errors grow more than x-fold falls
+    only as 1/x, because the bob may linger near the top. Therefore many episodes are run, and the most sensitive of
+    them represent the others. ``tell`` is called with the fraction done.
     """
     machine = RunSpec.of(scene, SCREEN, diagnostics=(), backend="python", substeps=_screening(scene, dt)).machine()
     driven = any(effect.controlled for effect in scene.effects)
@@ -140,7 +153,7 @@ def _distinct(episodes: Iterable[Probe]) -> list[Probe]:
 
 
 def _screening(scene: Scene, dt: float) -> int:
-    """Return the number of substeps that resolves a scene's own time scales."""
+    """Return the number of substeps that resolves the fastest time scale of a scene: swing, drive or drag."""
     values = scene.coefficients
     beats = [abs(values[effect.beat]) for effect in scene.effects if effect.beat]
     fastest = max([scene.omega0, *beats, *(abs(values[name]) for name in values if name == "linear_drag_rate")])
@@ -157,9 +170,10 @@ def _episode(
     machine: Machine, dt: float, steps: int, angle: float, velocity: float, control: Control, source: random.Random,
     name: str,
 ) -> Probe:
-    """Run an episode and a disturbed twin, until the episode ends, and return it with the growth of the disturbance.
+    """Run an episode and a slightly disturbed twin run, and return it as a probe with the growth of the disturbance.
 
-    The controls depend on the undisturbed run's velocity.
+    The function ``control`` computes the torques from the undisturbed run's velocity. The run has at most ``steps``
+    control steps, less if the episode ends early.
     """
     uniform = tuple(source.random() for _ in machine.drawn)
     one, other = (machine.state(angle, velocity, uniform) for _ in range(2))

@@ -1,4 +1,4 @@
-"""The result of an automatic choice of a method: the method, its accuracy and the limits of that accuracy."""
+"""The result of ``integrator="auto"``: the chosen method, its measured accuracy, and the limits of this accuracy."""
 
 from __future__ import annotations
 
@@ -10,11 +10,14 @@ from pendulum_env.common.tables import Table
 
 
 class AccuracyError(MethodError):
-    """An accuracy that is not a positive number, or that no method can reach."""
+    """Error of a requested accuracy that is not a positive number, or that no method can reach."""
 
 
 class Chosen(str):
-    """A method's name as text; ``why`` gives the reasons of the automatic choice, ``choice`` the numbers."""
+    """The name of an automatically chosen method, as text.
+
+    ``why`` gives the reasons for the choice in words, ``choice`` the measured numbers.
+    """
 
     why: str = ""
     choice: Choice
@@ -22,25 +25,26 @@ class Chosen(str):
 
 @dataclass(frozen=True)
 class Choice:
-    """An automatically chosen method with its substeps, and the accuracy that it promises.
+    """An automatically chosen method with its substeps, and the accuracy for which it was chosen.
 
     For starts of the scene's usual run and of the tasks, and torques that do not depend on the motion, the angle's
     error stays at most ``accuracy`` at the end of each control step up to ``horizon``, as long as a small error has not
-    grown more than ``growth``-fold. That is measured, not proven: ``error`` is at most a quarter of the accuracy, so
-    about one in ``4 tried`` other episodes may be worse. It holds for open-loop torques: a policy that holds the bob
-    upright hides errors that grow as exp(omega0 t).
+    grown more than ``growth``-fold. This statement is measured, not proven: ``error`` is at most a quarter of the
+    accuracy, so about one in ``4 tried`` other episodes may be worse. It holds for open-loop torques: a policy that
+    holds the bob upright hides errors that grow as exp(omega0 t).
 
     Attributes:
         method, substeps: the chosen method and its steps in a control step.
         accuracy: the requested accuracy [rad]; ``dt``, ``steps``: control step [s], and control steps in an episode.
-        error: the largest error in all probe episodes [rad].
+        error: the largest error in all probe episodes, the runs in which methods were compared [rad].
         horizon: time up to which the accuracy holds [s]; inf for whole episodes.
         growth: growth of a small error up to which the accuracy holds; ``share``: share of episodes with larger growth.
-        judged, tried: number of probe episodes that methods ran, and number of those from which these, the most
-            sensitive, were selected.
-        cost: cost of a control step, in steps of rk4, by ``table``: "shipped" or "measured here".
+        judged, tried: number of probe episodes that methods ran, and number of episodes from which these were selected
+            as the most sensitive to errors.
+        cost: cost of a control step, in units of a step of rk4; ``table`` is the origin of the costs, "shipped" or
+            "measured here".
         others: the methods that cost up to a quarter more: method, substeps, error and cost of each.
-        limits: sentences on the limits of the promised accuracy.
+        limits: sentences on the cases in which the accuracy is not guaranteed.
     """
 
     method: str
@@ -61,17 +65,18 @@ class Choice:
 
     @property
     def why(self) -> str:
-        """Return a sentence or two on the reasons for the choice and the limits of the promised accuracy."""
+        """Return the reasons for the automatic choice, and the cases in which the accuracy is not guaranteed, as text.
+        """
         span = min(self.horizon, self.dt * self.steps)
         plural = "s" * (self.substeps > 1)
         reasons = (
-            f"{self.method} with {self.substeps} substep{plural} errs by at most {self.error:.2g} rad over {span:g} s "
-            f"in {self.judged} probe episodes, the most sensitive of {self.tried}; the requested accuracy is "
+            f"{self.method} with {self.substeps} substep{plural} has an error of at most {self.error:.2g} rad over "
+            f"{span:g} s in {self.judged} test episodes, the most sensitive of {self.tried}; the requested accuracy is "
             f"{self.accuracy:g} rad; a control step costs {self.cost:.3g} steps of rk4 by the table {self.table}"
         )
         if self.share:
             reasons += (f"; in {100.0 * self.share:.2g} % of these, errors grow more than {self.growth:.1g}-fold, and "
-                        "no accuracy is promised")
+                        "the accuracy may not be reached")
         if self.others:
             one = self.others[0]
             reasons += (f"; the next best method, {one.method} with {one.substeps}, costs {one.cost / self.cost:.2f} "
@@ -80,7 +85,7 @@ class Choice:
 
     @property
     def ranking(self) -> Table:
-        """Return the chosen method and the next best ones as a table."""
+        """Return the chosen method and the next cheapest ones as a table, with substeps, error and cost."""
         rows = [(self.method, self.substeps, self.error, self.cost),
                 *((one.method, one.substeps, one.error, one.cost) for one in self.others)]
         head = ("method", "substeps", "worst probe error / rad", "cost / rk4 steps", "relative cost")
@@ -89,7 +94,7 @@ class Choice:
 
     @property
     def name(self) -> Chosen:
-        """Return the method's name, with the reasons for the choice in its attribute ``why``."""
+        """Return the chosen method's name, a text with the reasons for the choice in its attribute ``why``."""
         chosen = Chosen(self.method)
         chosen.why, chosen.choice = self.why, self
         return chosen

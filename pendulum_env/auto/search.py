@@ -1,4 +1,7 @@
-"""Search for the cheapest method and substeps whose largest error in the probe episodes is small enough."""
+"""Search for the cheapest method and substeps with a small enough largest error in the probe episodes.
+
+A probe episode is a run with given start and motor torques, for which a reference solution is known.
+"""
 
 from __future__ import annotations
 
@@ -22,16 +25,17 @@ MOST_SUBSTEPS = 1024
 MARGIN = 1.25
 """Methods that cost up to this many times the cheapest are also measured, and reported as the next best."""
 HARD = 5
-"""Number of the most difficult episodes, by which most methods are judged."""
+"""Number of the episodes with the largest errors; most methods are run in these episodes only."""
 STALLED = 0.7
 """If doubling the substeps three times in a row leaves more than this share of the error, rounding dominates."""
 
 
 @dataclass
 class ProbeEpisode:
-    """A probe episode and its reference solution, if that is known.
+    """A probe episode (run with given start and motor torques) and its reference solution, None if not computed yet.
 
-    Machines are reused, by method and, for scenes with gusts, which depend on the steps, also by substeps.
+    ``machines`` holds the simulators used so far, by method and, in scenes with gusts, which depend on the number of
+    steps, also by substeps.
     """
 
     scene: Scene
@@ -41,7 +45,9 @@ class ProbeEpisode:
     machines: dict[tuple[str, int], Machine]
 
     def follow(self, method: Method, substeps: int) -> Iterator[tuple[float, float]]:
-        """Yield (angle from the nearer of bottom and top, turns) after each whole control step, until the episode ends.
+        """Yield the angle after each control step of a run with this method, until the episode ends.
+
+        An angle is a pair: the angle from the nearer of bottom and top [rad], and the number of turns.
         """
         key = (method.name, substeps if any(effect.memory for effect in self.scene.effects) else 0)
         machine = self.machines.get(key)
@@ -58,7 +64,9 @@ class ProbeEpisode:
                 return
 
     def error(self, method: Method, substeps: int, most: float = math.inf) -> float:
-        """Return the largest error of a run's angle [rad], or the first beyond ``most``; inf if the run ends too early.
+        """Return the largest error of the angle [rad] in a run of this episode, or the first error above ``most``.
+
+        The error is inf if the run ends before the reference solution.
         """
         assert self.truth is not None
         expected = list(zip(self.truth.angle.tolist(), np.asarray(self.truth.turns).tolist(), strict=True))
@@ -70,19 +78,25 @@ class ProbeEpisode:
         return worst if done >= last - 1 else math.inf
 
     def doubt(self, method: Method, substeps: int) -> float:
-        """Return the largest change of the motion by one more substep [rad], in place of an unknown error."""
+        """Return the largest change of the angle if the method takes one more substep [rad].
+
+        It indicates the error where no reference solution is known.
+        """
         pairs = zip(self.follow(method, substeps), self.follow(method, substeps + 1), strict=False)
         return max((_distance(row, other) for row, other in pairs), default=0.0)
 
 
 def _distance(row: tuple[float, float], other: tuple[float, float]) -> float:
-    """Return the difference of two angles [rad], each given as angle and whole turns."""
+    """Return the distance of two angles [rad], each given as angle from bottom or top [rad] and number of turns."""
     return abs(row[0] - other[0] + TWO_PI * (row[1] - other[1]))
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A method with the fewest substeps that it needs, its error and its ``cost`` per control step, in steps of rk4."""
+    """A method with the fewest substeps that are accurate enough, its error [rad], and its cost per control step.
+
+    The unit of ``cost`` is a step of rk4.
+    """
 
     method: str
     substeps: int
@@ -92,10 +106,11 @@ class Candidate:
 
 @dataclass
 class Search:
-    """The search for the cheapest method whose error in all episodes is at most ``goal`` [rad].
+    """The search for the cheapest method with an error of at most ``goal`` [rad] in all probe episodes.
 
-    Most methods are judged by the HARD episodes in which the first method did worst, the winner by all of them.
-    ``least`` is the smallest error that the first methods reached in a hard episode, if none reaches the goal.
+    Most methods run only the five episodes (HARD) in which the first method had the largest errors; the cheapest
+    accurate method then runs all. ``least`` is the smallest error above ``goal`` that was measured in the hardest
+    episode.
     """
 
     cases: list[ProbeEpisode]
@@ -105,7 +120,7 @@ class Search:
     _hard: list[ProbeEpisode] = field(default_factory=list)
 
     def run(self, methods: Mapping[str, Method], tell: Callable[[float, str], None]) -> list[Candidate]:
-        """Return the methods that cost at most MARGIN times the cheapest, sorted by cost and then by error."""
+        """Return the accurate methods that cost at most 1.25 times the cheapest, sorted by cost and then by error."""
         if not self._hard:
             self._hard = list(self.cases)
         scene, best = self.cases[0].scene, math.inf
@@ -137,18 +152,19 @@ class Search:
         return [one for one in candidates if one.cost <= MARGIN * best]
 
     def add(self, cases: list[ProbeEpisode]) -> None:
-        """Add probe episodes to the search, to be run before the others."""
+        """Add probe episodes to the search, which methods run before the earlier ones."""
         self.cases = [*cases, *self.cases]
         self._hard = [*cases, *self._hard]
 
     def _harden(self, method: Method, substeps: int) -> None:
-        """Judge the other methods only by the HARD episodes in which this method has the largest errors."""
+        """Restrict the probe episodes for other methods to the five in which this method has the largest errors.
+        """
         if len(self._hard) == len(self.cases) > HARD:
             errors = {id(case): case.error(method, substeps) for case in self.cases}
             self._hard = sorted(self.cases, key=lambda case: -errors[id(case)])[:HARD]
 
     def _ordered(self, methods: Iterable[Method], scene: Scene) -> list[Method]:
-        """Return the methods sorted by their estimated cost, with as many substeps as their order suggests."""
+        """Return the methods sorted by their estimated cost, with the number of substeps estimated from their order."""
         phase, small = self.cases[0].dt * scene.omega0, min(self.goal, 0.5)
 
         def guess(method: Method) -> float:
@@ -158,9 +174,10 @@ class Search:
         return sorted(methods, key=guess)
 
     def _worst(self, method: Method, substeps: int, most: float) -> float:
-        """Return the largest error of all hard episodes, or the first beyond ``most``.
+        """Return the method's largest error in the hardest probe episodes, or the first error above ``most``.
 
-        The episode with that first error is moved to the front.
+        The episode with an error above ``most`` is moved to the front, because it probably rejects other methods
+        quickly, too.
         """
         worst = 0.0
         for i, case in enumerate(self._hard):
@@ -171,10 +188,10 @@ class Search:
         return worst
 
     def _fewest(self, method: Method, least: int, most: int, bounded: bool) -> tuple[int, float] | None:
-        """Return the fewest substeps that make a method accurate enough, and its error; None if ``most`` is too few.
+        """Return the fewest substeps that make a method accurate enough, and its error; None if ``most`` are too few.
 
-        ``bounded``: True if ``most`` is small enough to be tried first; otherwise substeps are doubled until they
-        suffice.
+        ``least`` is the smallest number allowed. With ``bounded``, ``most`` substeps are tried first; otherwise the
+        substeps are doubled until they suffice.
         """
         low, high = least - 1, most
         if not bounded:
@@ -198,7 +215,9 @@ class Search:
                 high = min(most, 2 * high)
 
     def _in_hardest(self, method: Method, low: int, high: int) -> int | None:
-        """Return the fewest substeps above ``low`` that suffice in the hardest probe episode; None if ``high`` do not.
+        """Return the fewest substeps, from ``low`` + 1 to ``high``, that are accurate enough in the hardest episode.
+
+        The result is None if ``high`` substeps are not accurate enough.
         """
         case, goal = self._hard[0], self.goal
         if case.error(method, high, goal) > goal:

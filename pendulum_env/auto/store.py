@@ -1,4 +1,7 @@
-"""Storage of earlier choices in the cache folder as JSON: files are checked on reading, written whole, and optional."""
+"""Storage of earlier choices of ``integrator="auto"`` in the cache folder, as JSON files.
+
+Files are checked when read and written atomically; without a cache folder the choice is measured again.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,8 @@ TABLE = "auto_costs.json"
 
 @cache
 def sources() -> str:
-    """Return a digest of the names, sizes and times of all source files that influence a choice."""
+    """Return a digest of the names, sizes and times of the package's source files that influence an automatic choice.
+    """
     rooms = [integrators, engine, physics, truth]
     folders = [Path(room.__file__).parent for room in rooms if room.__file__] + [Path(__file__).parent]
     files = []
@@ -33,7 +37,7 @@ def sources() -> str:
 
 
 def file_of(key: Mapping[str, Any]) -> Path | None:
-    """Return the path in the cache folder of the choice for these settings (``key``); None without a cache folder."""
+    """Return the path of the file for the choice with these settings (``key``); None without a cache folder."""
     text = json.dumps(key, sort_keys=True)
     return _in_cache(f"auto_{hashlib.sha256(text.encode()).hexdigest()[:24]}.json")
 
@@ -47,9 +51,9 @@ def _in_cache(name: str) -> Path | None:
 
 
 def load(path: Path | None, key: Mapping[str, Any]) -> Any:
-    """Return the result stored in a file, if it was stored for these settings (``key``).
+    """Return the result stored in a file, if it was stored for these settings (``key``), else None.
 
-    None for a file that does not exist, is damaged, or could have been written by another user.
+    The result is also None for a file that does not exist, is damaged, or could have been written by another user.
     """
     if path is None:
         return None
@@ -61,9 +65,9 @@ def load(path: Path | None, key: Mapping[str, Any]) -> Any:
 
 
 def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
-    """Store a result for these settings (``key``), whole or not at all.
+    """Write a result for these settings (``key``) to a file of the cache, atomically.
 
-    Returns False if the folder cannot be written or belongs to another user.
+    Returns False if there is no cache folder, or if it cannot be written to or belongs to another user.
     """
     if path is None:
         return False
@@ -76,7 +80,9 @@ def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
 
 
 def load_table(classes: Mapping[str, Any]) -> dict[str, tuple[float, float]] | None:
-    """Return the step costs measured on this machine, two finite numbers for each class of methods; None if not stored.
+    """Return the stored table of step costs measured on this computer; None if there is none or it is not valid.
+
+    The table has two finite numbers, fixed cost and cost per evaluation, for each class of methods.
     """
     stored = load(_in_cache(TABLE), {"table": 1})
     try:
@@ -88,5 +94,5 @@ def load_table(classes: Mapping[str, Any]) -> dict[str, tuple[float, float]] | N
 
 
 def save_table(table: Mapping[str, tuple[float, float]]) -> bool:
-    """Store measured step costs."""
+    """Store the table of step costs measured on this computer in the cache folder."""
     return save(_in_cache(TABLE), {"table": 1}, table)

@@ -53,7 +53,7 @@ def main() -> None:
     except (ValueError, TypeError, OSError, RuntimeError) as error:
         say(f"Error: {error}")
     except ArithmeticError as error:
-        say(f"Error: a number is too large or too small to compute with ({error}).")
+        say(f"Error: a number is too large or too small to compute with ({error}); check the values of the options.")
     except MemoryError:
         say("Error: not enough memory; use fewer or longer steps, or a shorter run.")
     else:

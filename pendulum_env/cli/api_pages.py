@@ -75,7 +75,9 @@ EMPTY = '<main class="pdoc"></main>'
 
 
 def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
-    """Write an HTML page for each module, a first page and a search index; return the paths of the modules' pages.
+    """Write the API's HTML pages and a search index; return the paths of the modules' pages.
+
+    There is one page for each module, and a first page.
 
     Raises SceneError where pdoc is not installed, OutputError where the folder cannot be written.
     """
@@ -137,7 +139,7 @@ def entries(namespace: Any) -> Iterator[Any]:
 
 
 class ShortType:
-    """A type annotation that prints as a given text."""
+    """A type annotation that prints as a given text, for signatures in the web pages."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -183,7 +185,8 @@ def inherited(entry: Any) -> str:
 
 
 def attribute(owner: Any, name: str) -> str:
-    """Return the description of an attribute from the docstrings of a class's bases; "" where none has it."""
+    """Return the description of an attribute from the docstrings of a class's base classes; "" where none describes it.
+    """
     item = re.compile(rf"^ {{4}}(?:\w+, )*{name}(?:, \w+)*: (.+(?:\n {{8}}.*)*)", re.MULTILINE)
     for base in getattr(owner, "__mro__", ())[1:]:
         if match := item.search(inspect.getdoc(base) or ""):

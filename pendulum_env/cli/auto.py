@@ -12,12 +12,12 @@ from pendulum_env.cli.options import Damping, SceneName, Settings, scene_of
 
 def auto(
     scene: SceneName = "lab",
-    accuracy: Annotated[float, typer.Option(help="Largest error of the angle over an episode, in rad.")] = 1e-6,
+    accuracy: Annotated[float, typer.Option(help="Largest allowed error of the angle in an episode, in rad.")] = 1e-6,
     damping: Damping = "scene",
     dt: Annotated[float, typer.Option(help="Control step in s.")] = 0.02,
     steps: Annotated[int, typer.Option(help="Number of control steps in an episode.")] = 500,
     recalibrate: Annotated[
-        bool, typer.Option("--recalibrate", help="Measure the cost of steps on this machine, and store it.")
+        bool, typer.Option("--recalibrate", help="Measure the time of steps on this computer, and store it.")
     ] = False,
     settings: Settings = None,
 ) -> None:

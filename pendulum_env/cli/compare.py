@@ -43,14 +43,18 @@ def compare(
     duration: Duration = None,
     rtol: Rtol = None,
     atol: Atol = None,
-    recording: Annotated[Path | None, typer.Option(help="A sensor's recording to plot over the curves.")] = None,
+    recording: Annotated[
+        Path | None, typer.Option(help="File of a sensor's recording, to plot over the curves.")
+    ] = None,
     film: Annotated[bool, typer.Option(help="Film the pendulums side by side.")] = True,
     theme: Theme = "light",
     panels: Panels = "apparatus,energy",
     stability: Annotated[
-        bool, typer.Option("--stability", help="Without a scene: stability regions, growth, phase error, limits.")
+        bool, typer.Option("--stability", help="Show the methods' stability regions, growth and phase error; no scene.")
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for the files: out/compare or out/stability.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the files; by default out/compare, with --stability out/stability.")
+    ] = None,
     settings: Settings = None,
     read: Reading = None,
 ) -> None:
@@ -88,13 +92,14 @@ def compare(
 
 
 def _is_given(context: typer.Context, name: str) -> bool:
-    """Return True if an option was given on the command line."""
+    """Return True if an option of ``lab-pendulum compare`` was given on the command line."""
     source = context.get_parameter_source(name)
     return source is not None and source.name == "COMMANDLINE"
 
 
 def show_stability(integrators: str, given: Sequence[str], out: Path) -> None:
-    """Run ``compare --stability``; other options, named in ``given``, are refused."""
+    """Run ``lab-pendulum compare --stability``; raise SceneError if other options, named in ``given``, were used too.
+    """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.stability import stability, write

@@ -25,7 +25,7 @@ def say(text: str) -> None:
 
 
 def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
-    """Print lines wrapped at ``width`` or the terminal's width; continuation lines are indented by ``further``."""
+    """Print a text, its lines wrapped at ``width`` or the terminal's width and continued behind ``further``."""
     from textwrap import fill
 
     room = min(width, terminal_width(width))
@@ -35,7 +35,7 @@ def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
 
 @contextmanager
 def bar(title: str) -> Iterator[Progress]:
-    """Show a progress bar; after an interruption print that finished files are complete."""
+    """Show a progress bar in a ``with`` block; if interrupted, print that the files written so far are complete."""
     with progress_bar(title) as progress:
         try:
             yield progress
@@ -65,7 +65,7 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
 
 
 def _shown(table: Table, title: str, width: int) -> Any:
-    """Return a table for rich to print, with texts wrapped between words, in the widest columns first."""
+    """Return a table for the library rich to print, not wider than ``width``; the widest columns are wrapped first."""
     from rich import box
     from rich.markup import escape
     from rich.table import Table as Shown
@@ -82,9 +82,9 @@ def _shown(table: Table, title: str, width: int) -> Any:
 
 
 def _widths(table: Table, words: bool = False) -> list[int]:
-    """Return the widths of the columns in characters; with ``words``, the smallest ones if texts are wrapped.
+    """Return the widths of a table's columns in characters: of the longest cells or, with ``words``, longest words.
 
-    The first column is never wrapped.
+    A column wrapped between words can be as narrow as its longest word; the first column is never wrapped.
     """
     from rich.cells import cell_len
 
@@ -94,15 +94,15 @@ def _widths(table: Table, words: bool = False) -> list[int]:
 
 
 def _room(widths: Sequence[int]) -> int:
-    """Return the largest number of characters in a line of columns with these widths, separators included.
+    """Return the width in characters of a printed table whose columns have the given widths, separators included.
 
-    Up to rich 14.1 there are three characters between columns, later two.
+    The library rich puts three characters between columns up to version 14.1, later two.
     """
     return sum(widths) + 3 * len(widths)
 
 
 def _parts(table: Table, width: int) -> Iterator[Table]:
-    """Split a table into parts that fit ``width``, each of which begins with the first column."""
+    """Split a table into parts no wider than ``width`` characters, each of which repeats the first column."""
     least = _widths(table, words=True)
     groups: list[list[int]] = [[]]
     for i in range(1, len(least)):
@@ -114,14 +114,14 @@ def _parts(table: Table, width: int) -> Iterator[Table]:
 
 
 def _without(table: Table, name: str) -> tuple[Table, list[str]]:
-    """Return a table without one column, and that column as lines that start with the first cell of their row."""
+    """Return a table without the named column, and its cells as lines that begin with the first cell of their row."""
     at = table.head.index(name)
     lines = [f"{row[0]}: {row[at]}" for row in table.rows]
     return _picked(table, [i for i in range(len(table.head)) if i != at]), lines
 
 
 def _picked(table: Table, columns: Sequence[int]) -> Table:
-    """Return a table with only these columns."""
+    """Return a table with only the columns of the given indices."""
     from pendulum_env.common.tables import Table
 
     head, *rows = (tuple(cells[i] for i in columns) for cells in (table.head, *table.rows))
@@ -129,13 +129,13 @@ def _picked(table: Table, columns: Sequence[int]) -> Table:
 
 
 def print_files(paths: Iterable[Path]) -> None:
-    """Print the names of written files and their folder."""
+    """Print the names of files that were written, and their folder."""
     paths = list(paths)
     print_text(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
 
 
 def terminal_width(otherwise: int = 100) -> int:
-    """Return the columns of the terminal, or ``otherwise`` if they are unknown."""
+    """Return the terminal's width in characters, or ``otherwise`` if it is unknown."""
     from shutil import get_terminal_size
 
     return max(NARROWEST, get_terminal_size((otherwise, 24)).columns)

@@ -28,14 +28,18 @@ if TYPE_CHECKING:
 
 def cost(
     scene: SceneName = "lab",
-    integrators: Annotated[str | None, typer.Option(help="Names, with commas; by default all suitable ones.")] = None,
+    integrators: Annotated[
+        str | None, typer.Option(help="Names of methods, with commas; by default all suitable ones.")
+    ] = None,
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,
     duration: Duration = 20.0,
     repeats: Annotated[int, typer.Option(help="Number of timings of each run; the shortest counts.")] = 5,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the journal in the output folder.")] = False,
-    scheduler: Annotated[str | None, typer.Option(help="Run on the Dask scheduler tcp://HOST:PORT.")] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted study from its files in the output folder.")
+    ] = False,
+    scheduler: Annotated[str | None, typer.Option(help="Run on a Dask cluster, scheduler tcp://HOST:PORT.")] = None,
     growth: Annotated[
         float | None, typer.Option(help="Also measure the growth of errors over this many periods, as in --growth 1e5.")
     ] = None,
@@ -82,7 +86,7 @@ def show_growth(
     scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
     out: Path, svg: bool = False,
 ) -> None:
-    """Run ``cost --growth``: print and plot the growth of errors over many periods; angle [rad], velocity [rad/s]."""
+    """Run ``lab-pendulum cost --growth``: print and plot how errors grow; angle [rad], velocity [rad/s]."""
     from pendulum_env.study.growth.files import write
     from pendulum_env.study.growth.study import growth, remarks, table
 

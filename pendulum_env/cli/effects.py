@@ -15,12 +15,16 @@ from pendulum_env.cli.options import Damping, Duration, SceneName, Settings, Svg
 def effects(
     scene: SceneName = "lab",
     amplitude: Annotated[float, typer.Option(help="Release angle in degrees.")] = 30.0,
-    tolerance: Annotated[float, typer.Option(help="Relative change of period or amplitude that matters.")] = 1e-4,
+    tolerance: Annotated[
+        float, typer.Option(help="Smallest relative change of period or amplitude that matters.")
+    ] = 1e-4,
     damping: Damping = "scene",
     duration: Duration = None,
-    complete: Annotated[bool, typer.Option("--complete", help="Add effects that matter but are missing.")] = False,
+    complete: Annotated[
+        bool, typer.Option("--complete", help="Add to the scene effects that matter but are missing.")
+    ] = False,
     svg: Svg = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV; none by default.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for a bar chart and a CSV file; by default none.")] = None,
     settings: Settings = None,
 ) -> None:
     """Show which of all known effects matter in a scene: how much each changes the motion, and how much time it costs.

@@ -16,14 +16,14 @@ from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
 def fit(
     file: Annotated[
         Path | None,
-        typer.Argument(help="A text file of times and angles, or of a track; by default a simulated recording."),
+        typer.Argument(help="Recording: a text file of times and angles, or of a track; by default a simulated one."),
     ] = None,
     effects: Annotated[
         str,
-        typer.Option("--effects", "--damping", help="Dampings joined by +, as quadratic+coulomb; auto tries all."),
+        typer.Option("--effects", "--damping", help="Dampings to fit, as quadratic+coulomb; auto tries all sums."),
     ] = "auto",
     scene: Annotated[
-        str | None, typer.Option(help="Preset or JSON file with body and medium; by default a bob in air.")
+        str | None, typer.Option(help="Preset or JSON file of a scene with body and medium; by default a bob in air.")
     ] = None,
     length: Annotated[float | None, typer.Option(help="Measured distance from pivot to bob's centre, in m.")] = None,
     length_error: Annotated[
@@ -88,7 +88,7 @@ def fit(
         print_text(best.comparison.text)
     print_table(parameter_table(best), f"fitted parameters, {best.damping} damping; r: correlations")
     assumed = "" if scene or "radius" in known else (
-        f"Radius: assumed to be {best.scene.body.radius:g} m; Reynolds numbers depend on it; give --radius.")
+        f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
     lines = goodness(best), verdict, assumed, f"Scene: {best.scene.equation()}"
     print_text("\n".join(line for line in lines if line))
     print_files(paths)

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 def list_(
     what: Annotated[str | None, typer.Argument(help="scenes, integrators, effects or tasks; all by default.")] = None,
     scene: Annotated[
-        str | None, typer.Option(help="With scenes: describe this scene. With integrators: those suitable for it.")
+        str | None, typer.Option(help="Describe this scene or, after integrators, list those suitable for it.")
     ] = None,
     damping: Damping = "scene",
     csv: Annotated[bool, typer.Option(help="Print CSV, with all columns.")] = False,
-    markdown: Annotated[bool, typer.Option(help="Print Markdown, as in the READMEs.")] = False,
+    markdown: Annotated[bool, typer.Option(help="Print tables in Markdown.")] = False,
 ) -> None:
     """List scenes, integrators, effects and tasks; --scene describes one scene or shows which integrators suit it."""
     from pendulum_env.physics.units import SceneError, shown
@@ -49,7 +49,7 @@ def list_(
 
 
 def print_listing(name: str) -> None:
-    """Print all integrators or effects, fitted to the terminal's width."""
+    """Print the list of all integrators or all effects, fitted to the terminal's width."""
     from integrators import METHODS
     from pendulum_env.physics.effects import EFFECTS
     from pendulum_env.study.lists import effects as effect_list
@@ -61,7 +61,7 @@ def print_listing(name: str) -> None:
 
 
 def print_scene(name: str, scene: Scene) -> None:
-    """Print a description of a scene or, for the list "integrators", which of them suit it and why others do not."""
+    """Print a description of a scene or, if ``name`` is "integrators", which integrators suit it and why."""
     from pendulum_env.study.lists.methods import fit_listing
 
     print_text(fit_listing(scene, terminal_width()) if name == "integrators" else scene.describe())

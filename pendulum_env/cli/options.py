@@ -40,19 +40,19 @@ def radians(degrees: float | None) -> float | None:
 
 
 def split(names: str) -> list[str]:
-    """Split a text of names at commas."""
+    """Return the names in a text, which are separated by commas, as a list."""
     return [name.strip() for name in names.split(",")]
 
 
 def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
-    """Return the scene that the options --scene, --damping and --set describe."""
+    """Return the scene that the command-line options --scene, --damping and --set describe."""
     from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
 
     return build_scene(scene, parse_damping(damping), parse_settings(settings or ()))
 
 
 def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) -> Recording:
-    """Return the recording in a file, read with the keywords from --read and from options of their own.
+    """Return the recording in a file, read with keywords of ``Recording.read`` from --read and from other options.
 
     Raises SceneError for options without a file, for unknown keywords, with the nearest, and for a keyword given twice.
     """
@@ -81,14 +81,14 @@ LISTS = ("columns", "pivot")
 
 
 def _marks() -> dict[Any, str]:
-    """Return the characters between columns and in decimals by their names, because a tab cannot be typed."""
+    """Return separators and decimal marks by their names, such as "tab", as a tab cannot be typed as a value."""
     from pendulum_env.lab.table import DECIMALS, SEPARATORS
 
     return {name: mark for marks in (SEPARATORS, DECIMALS) for mark, name in marks.items()}
 
 
 def _parts(value: Any) -> Any:
-    """Return numbers and names separated by commas as a list, with whole numbers as ints; a single word unchanged."""
+    """Return numbers and names separated by commas as a list, whole numbers as ints; other texts unchanged."""
     from pendulum_env.physics.damping import typed
 
     if isinstance(value, str) and "," not in value:

@@ -44,9 +44,9 @@ def record(
     duration: Duration = 10.0,
     rtol: Rtol = None,
     atol: Atol = None,
-    control: Annotated[float, typer.Option(help="Constant share of the motor's torque, -1 to 1.")] = 0.0,
+    control: Annotated[float, typer.Option(help="Constant share of the motor's largest torque, -1 to 1.")] = 0.0,
     fps: Annotated[float, typer.Option(help="Frames per second; a gif allows 100/n: 50, 25, 20, 10, ...")] = 50.0,
-    slow: Annotated[float, typer.Option(help="Slow-motion factor, as 4; shows motion between the steps.")] = 1.0,
+    slow: Annotated[float, typer.Option(help="Slow-motion factor: 4 films at a quarter of the speed.")] = 1.0,
     size: Annotated[int, typer.Option(help="Side of each square frame in pixels.")] = 500,
     theme: Theme = "light",
     panels: Panels = "apparatus,energy",
@@ -74,5 +74,6 @@ def record(
 
 
 def _scenes(given: Sequence[str]) -> list[str]:
-    """Split texts at commas into names and files, unless a text is itself the path of a file."""
+    """Return names of scenes and files from texts with commas; a text that is itself the path of a file is not split.
+    """
     return [part.strip() for text in given for part in ([text] if os.path.isfile(text) else text.split(","))]

@@ -52,7 +52,7 @@ def show(
 
 
 def _play(env: LabPendulumEnv, start: dict[str, float]) -> None:
-    """Run the window until it is closed; a run that ends is reset to its start and paused."""
+    """Run the window of ``lab-pendulum show`` until it is closed; a run that ends is reset to its start and paused."""
     import numpy as np
 
     from pendulum_env.window.screen import WindowError, seen
@@ -65,6 +65,6 @@ def _play(env: LabPendulumEnv, start: dict[str, float]) -> None:
     while window.open:
         over, info = env.step(np.array([window.push], dtype=np.float32))[2::2]
         if over:
-            say(f"The run stopped at {info['time']:g} s: {info['stop_reason']}.")
+            say(f"The run stopped at {info['time']:g} s: {info['stop_reason']}; it is reset to its start.")
             env.reset(options=window.start)
             window.controls.hold(f"stopped: {info['stop_reason']}")

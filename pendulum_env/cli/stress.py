@@ -13,12 +13,12 @@ from pendulum_env.cli.options import Out, Svg
 
 
 def stress(
-    scene: Annotated[str | None, typer.Option(help="Run only the cases of this scene.")] = None,
-    integrators: Annotated[str | None, typer.Option(help="Names, with commas; by default all.")] = None,
+    scene: Annotated[str | None, typer.Option(help="Run only the hard cases of this scene.")] = None,
+    integrators: Annotated[str | None, typer.Option(help="Names of methods, with commas; by default all.")] = None,
     cases: Annotated[
-        list[str] | None, typer.Option(help="A case or group; repeat the option for more; by default all short cases.")
+        list[str] | None, typer.Option(help="A hard case or group; repeat the option for more; by default all short.")
     ] = None,
-    long: Annotated[bool, typer.Option("--long", help="Also run the cases that take long.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="Also run the hard cases that take long.")] = False,
     show: Annotated[
         bool, typer.Option("--list", help="Only list the cases: why each is hard, the true result and its source.")
     ] = False,
@@ -56,5 +56,5 @@ def stress(
 
 
 def _split(names: str | None) -> Sequence[str] | None:
-    """Split a text of names at commas; None stays None."""
+    """Return the names in a text, which are separated by commas, as a list; None for None."""
     return None if names is None else [name for part in names.split(",") if (name := part.strip())]

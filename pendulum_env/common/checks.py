@@ -20,7 +20,7 @@ class SceneError(ValueError):
 
 
 class UnknownParameterError(SceneError, TypeError):
-    """Error of a keyword that is no parameter of the scene; also a TypeError, as Python raises for unknown keywords.
+    """Error of a keyword that is not a parameter of the scene; also a TypeError, as Python raises for unknown keywords.
 
     Attributes:
         given: the unknown keyword.
@@ -48,9 +48,10 @@ def shown(value: Any) -> str:
 
 
 def number(value: Any, name: str, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:
-    """Return a value as a float after checking that it is a finite number in its range; Many stay Many.
+    """Return a value as a float after checking that it is a finite number in its range.
 
-    Raises SceneError that names the argument and the allowed range.
+    An instance of Many (one number with a value per environment) is returned unchanged if all its values are in the
+    range. Raises SceneError that names the argument and the allowed range.
     """
     if isinstance(value, Many):
         for end in (value.values.min(), value.values.max()):
@@ -93,7 +94,8 @@ def line(value: Any, name: str) -> str:
 
 
 def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
-    """Return a value after checking that it is an allowed word; raises SceneError with the nearest one otherwise."""
+    """Return a value after checking that it is an allowed word; raises SceneError that names similar words otherwise.
+    """
     if not isinstance(value, str) or value not in allowed:
         raise SceneError(f"There is no {name} {shown(value)}{nearest(value, allowed)}")
     return value
@@ -143,10 +145,10 @@ def first_line(documented: Any) -> str:
 
 @contextmanager
 def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
-    """Suggest a keyword of ``function`` where its body raises UnknownParameterError for a misspelt one.
+    """Add a suggestion to the error if a keyword of ``function`` is misspelt in a call.
 
-    The body treats unknown keywords as parameters of a scene. Its error is passed on unchanged where no keyword of the
-    function is similar.
+    The code in the ``with`` block treats unknown keywords as parameters of a scene and raises UnknownParameterError for
+    them. If a keyword of ``function`` is similar, the error names it; otherwise it is passed on unchanged.
     """
     try:
         yield
@@ -159,7 +161,7 @@ def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:
-    """Return the end of an error message: similar names if there are any, else all allowed names."""
+    """Return the end of an error message on an unknown name: similar names if there are any, else all allowed names."""
     names = list(known)
     near = difflib.get_close_matches(name[:LONGEST] if isinstance(name, str) else "", names, n=3, cutoff=0.5)
     return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names)}."

@@ -1,8 +1,8 @@
-"""Arrays that code for a single float takes as one number, so that it runs once for many values.
+"""Numbers with many values (Many), which formulas written for one float accept, so that they run once for all values.
 
-Arithmetic gives the same bits as Python's floats. Where a condition on the numbers holds for some of them only,
-:class:`PartedError` is raised, and :func:`in_groups` runs the code again for each group. ``float`` and the functions of
-``math`` refuse the numbers with a TypeError.
+Arithmetic gives the same bits as Python's floats. Where a condition on the numbers holds for some of the values only,
+:class:`PartedError` is raised, and :func:`in_groups` runs the formulas again for each group of values. ``float`` and
+the functions of ``math`` refuse Many with a TypeError.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ Operator = Callable[[Any, Any], Any]
 
 
 class PartedError(BaseException):  # not an Exception, so that no code in between catches it
-    """Signal that a condition holds for some of many numbers only, marked True in the array ``those``."""
+    """Signal that a condition on Many (a number with many values) holds for some of its values only.
+
+    The array ``those`` is True where the condition holds. :func:`in_groups` catches the signal.
+    """
 
     def __init__(self, those: NDArray[np.bool_]) -> None:
         super().__init__(f"A condition holds for {np.count_nonzero(those)} of {those.size} numbers.")
@@ -28,7 +31,8 @@ class PartedError(BaseException):  # not an Exception, so that no code in betwee
 
 
 def _both_ways(operation: Operator) -> tuple[Operator, Operator]:
-    """Return an operator for Many on the left of a number or Many, and the operator for Many on the right."""
+    """Return an operator of Many for both sides: with Many on the left of another number, and with Many on the right.
+    """
 
     def forward(one: Many, other: Any) -> Any:
         return Many(operation(one.values, plain(other))) if isinstance(other, KINDS) else NotImplemented
@@ -40,7 +44,10 @@ def _both_ways(operation: Operator) -> tuple[Operator, Operator]:
 
 
 def _compared(comparison: Operator) -> Operator:
-    """Return a comparison of Many with a number or Many, which raises PartedError unless all results are equal."""
+    """Return a comparison of Many with a number or Many, as one True or False for all values.
+
+    The comparison raises PartedError if it holds for some of the values only.
+    """
 
     def compare(one: Many, other: Any) -> Any:
         return alike(comparison(one.values, plain(other))) if isinstance(other, KINDS) else NotImplemented
@@ -49,19 +56,22 @@ def _compared(comparison: Operator) -> Operator:
 
 
 def _quotient(one: Any, other: Any) -> Any:
-    """Return ``one / other``; raises ZeroDivisionError if all of ``other`` are 0, PartedError if some are."""
+    """Return ``one / other``; raises ZeroDivisionError if all values of ``other`` are 0, PartedError if some are."""
     if alike(np.equal(other, 0.0)):
         raise ZeroDivisionError("float division by zero")
     return one / other
 
 
 def _power(one: Any, other: Any) -> NDArray[np.float64]:
-    """Return powers computed by Python, because numpy's may differ in the last bit."""
+    """Return powers of Many's values, computed by Python, because numpy's may differ in the last bit."""
     return np.array([float(base) ** float(exponent) for base, exponent in np.broadcast(one, other)], dtype=np.float64)
 
 
 class Many:
-    """Number with n values, float64 of shape (n,); a condition that holds for some of them only raises PartedError."""
+    """A number with n values, one per environment or run: float64 of shape (n,), for formulas written for one float.
+
+    A condition that holds for some of the values only raises PartedError.
+    """
 
     __slots__ = ("values",)
     __array_ufunc__ = None
@@ -109,7 +119,7 @@ def plain(number: Any) -> Any:
 
 
 def sqrt(number: float) -> float:
-    """Return the square root of a number or of each of Many; raises ValueError below zero."""
+    """Return the square root of a number, or of every value of Many; raises ValueError below zero."""
     if not isinstance(number, Many):
         return math.sqrt(number)
     if number < 0.0:
@@ -118,14 +128,15 @@ def sqrt(number: float) -> float:
 
 
 def isfinite(number: float) -> bool:
-    """Return True for a finite number or for Many that are all finite; raises PartedError if only some are."""
+    """Return True if a number, or every value of Many, is finite, else False; raises PartedError if only some are."""
     return alike(np.isfinite(number.values)) if isinstance(number, Many) else math.isfinite(number)
 
 
 def in_groups(size: int, work: Callable[[Places], None]) -> None:
-    """Call ``work`` with the indices 0 to ``size`` - 1, in as few groups as possible.
+    """Call ``work`` on the indices 0 to ``size`` - 1 in as few groups (arrays of indices) as possible.
 
-    Where ``work`` raises PartedError, the indices for which its condition holds and the others are tried as two groups.
+    If a condition in ``work`` holds for some of the indices only, so that it raises PartedError, ``work`` is called
+    again for the indices with the condition and for those without.
     """
     left = [np.arange(size)]
     with np.errstate(all="ignore"):

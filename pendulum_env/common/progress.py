@@ -16,7 +16,7 @@ LATE = 1.5
 
 
 def told_by(progress: Progress | None) -> Progress:
-    """Return a progress callback: the given function, or one that does nothing for None.
+    """Return a progress callback: the given function or, for None, a function that does nothing.
 
     Raises SceneError for anything else.
     """
@@ -24,7 +24,11 @@ def told_by(progress: Progress | None) -> Progress:
 
 
 def telling_of(progress: Progress | bool | None, title: str) -> AbstractContextManager[Progress]:
-    """Return a context whose value is a progress callback: a bar with this title for True, nothing for False."""
+    """Return a context manager that yields a progress callback.
+
+    It shows a bar with this title if ``progress`` is True, does nothing for False and None, and is ``progress`` itself
+    if that is a function.
+    """
     if progress is True:
         return progress_bar(title)
     return nullcontext(told_by(None if progress is False else progress))
@@ -49,7 +53,7 @@ def progress_bar(title: str) -> Iterator[Progress]:
 
 @contextmanager
 def late_bar(title: str) -> Iterator[Progress]:
-    """Yield a progress callback that shows a bar only once the work has taken LATE seconds."""
+    """Yield a progress callback that shows a progress bar only if the work takes longer than 1.5 s."""
     begun = time.monotonic()
     bars: list[Progress] = []
     with ExitStack() as stack:

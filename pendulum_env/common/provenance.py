@@ -40,7 +40,7 @@ def output_folder(path: str | Path) -> Path:
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], facts: Mapping[str, str]) -> None:
-    """Write a CSV file whose first lines, marked by "# ", give its origin; the file is complete or not there."""
+    """Write a CSV file whose first lines, marked by "# ", give its origin; no incomplete file is left on failure."""
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {name}: {' '.join(value.splitlines())}\n" for name, value in facts.items())
         writer = csv.writer(file)

@@ -34,9 +34,9 @@ class OutputError(OSError):
 def replacing(path: Path, mode: int | None = None) -> Iterator[Path]:
     """Yield a temporary path in the folder of ``path``; afterwards the temporary file replaces ``path``.
 
-    If the body raises, the temporary file is removed and ``path`` stays unchanged. The file gets this ``mode``, by
-    default the mode of the file that it replaces, or the umask's for a new one. The target of a symbolic link is
-    replaced, not the link.
+    If the body of the ``with`` block raises, the temporary file is removed and ``path`` stays unchanged. The new file
+    gets the permission bits ``mode``, by default those of the file that it replaces, or those of the umask. The target
+    of a symbolic link is replaced, not the link.
 
     Raises OutputError if the file cannot be written, or ``path`` is not a regular file, for example a device or a pipe.
     """
@@ -65,7 +65,10 @@ def replacing(path: Path, mode: int | None = None) -> Iterator[Path]:
 
 
 def _mode(path: Path, target: Path) -> int | None:
-    """Return the mode of an existing file, or None; raises OutputError for anything that is not a regular file."""
+    """Return the permission bits of an existing file, or None if there is no file.
+
+    Raises OutputError for anything that is not a regular file.
+    """
     try:
         mode = target.stat().st_mode
     except FileNotFoundError:
@@ -80,7 +83,7 @@ def _mode(path: Path, target: Path) -> int | None:
 
 
 def _part(folder: Path, path: Path, mode: int) -> tuple[int, Path]:
-    """Create a temporary file; return its open handle and its path."""
+    """Create a temporary file in ``folder``, from which ``path`` is written; return its open handle and its path."""
     while True:
         temporary = folder / f".{path.stem}{MARK}{secrets.token_hex(4)}{path.suffix}"
         with suppress(FileExistsError):

@@ -1,4 +1,4 @@
-"""Safe cache folders: code in them may be run, because only this user can write to them."""
+"""Safe cache folders: the compiled code in them is only run if no other user can have written it."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def own_folder(path: Path) -> Path:
     """Return a folder with its links resolved, created if missing, after checking that only this user can write to it.
 
     Missing folders are created with access for this user only, whatever the umask is. The folder must belong to this
-    user, and no other user may write to it. Folders above must belong to this user or to the system, and others may
-    write to them only with the sticky bit, as in ``/tmp``, which prevents them from replacing this user's files. Write
-    permission for a group without other members is harmless. On Windows, which protects a user's folders by default,
-    nothing is checked.
+    user, and no other user may write to it. Its parent folders must belong to this user or to the system, and other
+    users may write to them only with the sticky bit, as in ``/tmp``, which prevents them from replacing this user's
+    files. Write permission for a group without other members is harmless. On Windows, which protects a user's folders
+    by default, nothing is checked.
 
-    Raises OSError for a folder that cannot be created, PermissionError for one to which others can write.
+    Raises OSError for a folder that cannot be created, PermissionError for a folder to which other users can write.
     """
     for missing in [above for above in path.parents if not above.exists()][::-1]:
         missing.mkdir(mode=0o700, exist_ok=True)
@@ -47,10 +47,10 @@ def own_folder(path: Path) -> Path:
 
 
 def own_bytes(path: Path) -> bytes:
-    """Return the content of a file in a folder of :func:`own_folder`.
+    """Return the content of a file in a folder that :func:`own_folder` has checked.
 
-    Raises PermissionError if another user owns the file or can write to it, for example since a time when the folder
-    was not protected.
+    Raises PermissionError if another user owns the file or can write to it, because it may have been written before the
+    folder was protected.
     """
     with path.open("rb") as file:
         if sys.platform != "win32":
@@ -61,7 +61,10 @@ def own_bytes(path: Path) -> bytes:
 
 
 def shared_with_nobody(status: os.stat_result) -> bool:
-    """Return True if only a folder's group may write, and the group is root's or has no member but this user."""
+    """Return True if a folder's write permission for its group lets no other user write to it.
+
+    That is so if not all users may write, and the group is root's or has no member but this user.
+    """
     import grp
     import pwd
 

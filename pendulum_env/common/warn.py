@@ -10,7 +10,8 @@ BETWEEN = ("pendulum_env", "integrators", "gymnasium")
 
 
 def warn(text: str) -> None:
-    """Emit a UserWarning that names the nearest calling line outside this package and Gymnasium."""
+    """Emit a UserWarning that points to the user's line of code: the nearest caller outside this package and Gymnasium.
+    """
     here = inspect.currentframe()
     frame, level = here.f_back if here is not None else None, 2
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in BETWEEN:

@@ -1,4 +1,5 @@
-"""A controller's model of a scene: acceleration at the top, and the velocity that just carries the bob there."""
+"""A controller's model of a scene: accelerations near the top, and the speed with which the bob just reaches the top.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ LOOKS = 32
 class ControlModel:
     """A controller's model of a scene, with a steady wind, but without gusts, shaken pivots and periodic torques.
 
-    ``theta'' = a(theta, v) + motor_rate s``, where ``s`` is the motor's share of its largest torque.
+    ``theta'' = a(theta, v) + motor_rate s``, where ``s`` is the motor's torque as a fraction of its largest torque.
 
     Attributes:
         motor: the scene's motor.
@@ -37,9 +38,9 @@ class ControlModel:
         by_angle, by_velocity: derivatives of ``a`` at rest at the top [1/s², 1/s], without dry friction.
         bias: ``a`` at rest at the top [rad/s²], caused by a steady wind.
         disturbance: largest acceleration at rest by dry friction, shaken pivots and periodic torques together [rad/s²].
-        weight: the largest ``-a`` on the way up, at rest [rad/s²].
+        weight: the acceleration that the motor needs to lift the bob slowly to the top [rad/s²].
         omega0: small-angle angular frequency [1/s].
-        angles: POINTS angles from -pi to pi [rad].
+        angles: 721 angles from -pi to pi, one every half degree [rad].
         rising, falling: half the square of the velocity with which the bob just reaches the top without the motor, in
             positive and in negative direction, at each of ``angles`` [1/s²].
     """
@@ -58,11 +59,11 @@ class ControlModel:
 
     @property
     def cannot(self) -> str:
-        """Return why the motor cannot bring the bob to the top and hold it there, as half a sentence; "" if it can.
+        """Return the reason why the motor is too weak to bring the bob to the top and hold it there; "" if it is not.
 
-        The torque must exceed bias and disturbance together. It must also lift the bob directly or pump it up: in a
-        swing from the top to the top and back it must do more work than is lost. Drag takes a larger share of the
-        motor's work in wider swings, so smaller swings grow too.
+        The largest torque must exceed the steady and periodic torques together. It must also lift the bob directly or
+        pump it up: in a swing from the top all the way round to the top and back it must do more work than is lost.
+        Drag takes a larger share of the motor's work in wider swings, so smaller swings grow too.
         """
         rate, inertia = self.motor_rate, self.motor.max_torque / self.motor_rate
         needed = abs(self.bias) + self.disturbance
@@ -78,13 +79,17 @@ class ControlModel:
 
 
 def acceleration_of(scene: Scene) -> Acceleration:
-    """Return the function ``a(theta, v, direction)`` [rad/s²], with dry friction against ``direction``; 0 for none."""
+    """Return the function ``a(theta, v, direction)`` of a scene, the angular acceleration without motor [rad/s²].
+
+    Dry friction acts against ``direction``, +1 or -1; it is left out for 0. Periodic torques and shaken pivots are left
+    out.
+    """
     problem = problem_of(scene.with_effects(effect for effect in scene.effects if not _beat(effect, scene)))
     return lambda angle, velocity, direction: problem.acceleration(0.0, angle, velocity, direction)
 
 
 def model_of(scene: Scene) -> ControlModel:
-    """Return a controller's model of a scene.
+    """Return the model of a scene from which a controller is designed.
 
     Raises SceneError for a scene without a motor, and for one without an unstable top: without gravity, or with gravity
     linear in the angle.
@@ -97,8 +102,8 @@ def model_of(scene: Scene) -> ControlModel:
     by_angle = 0.5 * (a(math.pi + TINY, 0.0, 0.0) - a(math.pi - TINY, 0.0, 0.0)) / TINY
     by_velocity = 0.5 * (a(math.pi, TINY, 0.0) - a(math.pi, -TINY, 0.0)) / TINY
     if not (scene.periodic and by_angle > 0.0):
-        raise SceneError(f"The scene '{scene.name}' has no top at which the bob could be held; it needs gravity at any "
-                         "angle.")
+        raise SceneError(f"The scene '{scene.name}' has no unstable top at which the bob could be held; use a scene "
+                         "with gravity that is not linear in the angle.")
     angles = np.linspace(-math.pi, math.pi, POINTS)
     ways = np.array([-a(angle, 0.0, 0.0) for angle in angles.tolist()])
     return ControlModel(
@@ -110,9 +115,9 @@ def model_of(scene: Scene) -> ControlModel:
 
 
 def _carried(acceleration: Acceleration, angles: Array, direction: float) -> Array:
-    """Return ``w = v**2/2`` at each angle, of a bob that just reaches the top, the first of the angles.
+    """Return ``w = v**2/2`` at each angle for a bob that just reaches the top with the last of its speed.
 
-    Integrates ``dw/dtheta = a(theta, v)`` by rk4.
+    ``angles`` begin at the top. ``dw/dtheta = a(theta, v)`` is integrated from there by rk4.
     """
 
     def slope(angle: float, half_square: float) -> float:
@@ -129,7 +134,7 @@ def _carried(acceleration: Acceleration, angles: Array, direction: float) -> Arr
 
 
 def _beat(effect: Effect, scene: Scene) -> float:
-    """Return the angular rate of a periodic torque [rad/s]; 0 for other effects."""
+    """Return the angular frequency of a periodic torque or shaken pivot [rad/s]; 0 for other effects."""
     return effect.coefficients(scene)[effect.beat] if effect.beat else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Observations as policies take them, and a random policy for comparison."""
+"""Observations in the form that policies take, and a random policy for comparison."""
 
 from __future__ import annotations
 

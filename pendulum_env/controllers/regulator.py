@@ -1,4 +1,4 @@
-"""Linear-quadratic regulators at the top, and the region around it in which each works with the motor's limited torque.
+"""Linear-quadratic regulators that hold the bob at the top, and the regions in which the limited motor torque suffices.
 """
 
 from __future__ import annotations
@@ -27,22 +27,24 @@ STEP = 10.0
 FARTHEST = 0.5 * math.pi
 """Largest angle from the top at which a regulator is used [rad]."""
 DIRECTIONS, LEVELS = {2: 48, 3: 192}, 32
-"""Starts at which a regulator is tried: number of directions in the plane or in space, and of distances in each."""
+"""Starts from which a regulator is tested: number of directions in the plane or in space, and of distances in each."""
 RESOLVED = 0.1
-"""Largest step of the trial, as a share of the time 1/omega0."""
+"""Largest step of the simulations that test a regulator, as a fraction of the time 1/omega0."""
 
 
 @dataclass(frozen=True)
 class Regulator:
-    """A regulator at the top: ``action = hold - gain x``, clipped to [-1, 1].
+    """A regulator that holds the bob at the top: ``action = hold - gain x``, clipped to [-1, 1].
 
-    ``x`` is the angle from the top, the velocity and, for a motor with a lag, its share of the torque less ``hold``.
+    ``x`` is the angle from the top, the velocity and, for a motor with a lag, its present torque as a fraction of the
+    largest torque, less ``hold``.
 
     Attributes:
         gain: [1/rad, s/rad, 1].
-        hold: the share of the torque that cancels a steady wind's push.
-        cost: matrix of ``x cost x``, the cost that the regulator has yet to pay.
-        level: from every x with a cost below this, the cost falls in every step.
+        hold: the fraction of the torque that cancels a steady wind's push.
+        cost: matrix of the quadratic form ``x cost x``, the sum of all future weighted deviations and actions.
+        level: the regulator works from every x with ``x cost x`` below this number, as the form then falls in every
+            step.
     """
 
     gain: Array
@@ -66,13 +68,14 @@ def weights_of(task: Task) -> tuple[float, float, float]:
 
 
 def regulators(model: ControlModel, acceleration: Acceleration, dt: float, task: Task) -> tuple[Regulator, ...]:
-    """Return regulators for the top, from the hardest to the softest, which reaches farthest.
+    """Return regulators for the top, from the hardest to the softest, which works farthest from the top.
 
-    The hardest has the weights of the task's reward. ``x' = A x + B action`` at the top is sampled exactly over control
-    steps of ``dt`` [s] with constant action. The regulator minimises the sum of ``x Q x + R action**2`` over all steps:
-    ``gain`` solves the discrete algebraic Riccati equation (Anderson & Moore 1990, Optimal Control, section 2.4). A few
-    degrees from the top a hard regulator would need more than the largest torque; so softer ones are used around it,
-    each with STEP times the weight of the action (Wredenhagen & Belanger 1994, Automatica 30, 403).
+    A hard regulator uses large torques. The hardest has the weights of the task's reward. ``x' = A x + B action`` at
+    the top is sampled exactly over control steps of ``dt`` [s] with constant action. The regulator minimises the sum of
+    ``x Q x + R action**2`` over all steps: ``gain`` solves the discrete algebraic Riccati equation (Anderson & Moore
+    1990, Optimal Control, section 2.4). A few degrees from the top a hard regulator would need more than the largest
+    torque; so softer ones are used around it, each with ten times (STEP) the weight of the action of the one before
+    (Wredenhagen & Belanger 1994, Automatica 30, 403).
     """
     angle, velocity, least = weights_of(task)
     state, control = sampled(model, dt)
@@ -87,8 +90,8 @@ def sampled(model: ControlModel, dt: float) -> tuple[Array, Array]:
     """Return the matrices of ``x_next = state x + control action`` at the top, for one control step.
 
     The action is constant in the step. The matrices come from the exponential of the linearised scene's matrix (Van
-    Loan 1978, IEEE Trans. Autom. Control 23, 395). A lagging motor's mean share in the step and its share after the
-    step are linear in the action and in its share before the step.
+    Loan 1978, IEEE Trans. Autom. Control 23, 395). The torque of a lagging motor, as its mean over the step and its
+    value after the step, is linear in the action and in the torque before the step.
     """
     from scipy.linalg import expm
 
@@ -108,7 +111,7 @@ def sampled(model: ControlModel, dt: float) -> tuple[Array, Array]:
 def _regulator(
     model: ControlModel, step: Step, state: Array, control: Array, error_weights: Array, least: float
 ) -> Regulator:
-    """Return the regulator for these weights, with the region in which it works."""
+    """Return the regulator for these weights of deviation and action, with the region in which it works."""
     from scipy.linalg import solve_discrete_are
 
     cost = np.asarray(solve_discrete_are(state, control, error_weights, [[least]]), dtype=np.float64)
@@ -119,11 +122,12 @@ def _regulator(
 
 
 def _level(step: Step, gain: Array, hold: float, cost: Array) -> float:
-    """Return the largest cost such that, from every state with at most this cost, the cost falls in each step.
+    """Return the ``level`` of a regulator: from every state with at most this cost, the cost falls in the next step.
 
-    Up to ``(1 - |hold|)**2 / (gain cost**-1 gain)`` the action needs no clipping, and the cost falls by Riccati's
-    equation; beyond, the scene with its limited torque is tried in many directions. The level of the cost, as a
-    Lyapunov function, estimates the region of attraction (Khalil 2002, Nonlinear Systems, section 8.2).
+    The cost is the quadratic form ``x cost x``. Up to ``(1 - |hold|)**2 / (gain cost**-1 gain)`` the action needs no
+    clipping, and the cost falls by Riccati's equation; beyond, one step of the scene with its limited torque is
+    simulated from states in many directions. The cost serves as a Lyapunov function, which gives the region of
+    attraction (Khalil 2002, Nonlinear Systems, section 8.2).
     """
     inverse = np.linalg.inv(cost)
     first = (1.0 - abs(hold)) ** 2 / float(gain @ inverse @ gain)
@@ -144,7 +148,10 @@ def _level(step: Step, gain: Array, hold: float, cost: Array) -> float:
 
 
 def _directions(size: int) -> Array:
-    """Return unit vectors spread over the circle or, by the golden angle, over the sphere."""
+    """Return unit vectors in the plane (``size`` 2) or in space (3), spread evenly.
+
+    Those in space lie on a spiral of the golden angle.
+    """
     count = np.arange(DIRECTIONS[size])
     if size == 2:
         turns = 2.0 * math.pi * count / len(count)
@@ -155,7 +162,7 @@ def _directions(size: int) -> Array:
 
 
 def _stepped(model: ControlModel, acceleration: Acceleration, dt: float, gain: Array, hold: float, x: Array) -> Array:
-    """Return the state after one control step of the scene under a regulator, by rk4."""
+    """Return the deviation from the top after one control step under a regulator, from the deviation ``x``, by rk4."""
     action = min(max(hold - float(gain @ x), -1.0), 1.0)
     share, after = action, tuple[float, ...]()
     if model.motor.lag:

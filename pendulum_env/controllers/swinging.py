@@ -63,12 +63,12 @@ class SwingUp:
         """Design a swing-up controller, in about a tenth of a second.
 
         Args:
-            scene: a scene with a motor, as :func:`pendulum_env.physics.presets.find_scene` takes it.
+            scene: a scene with a motor: preset name, dict, Scene, or a scene's JSON file.
             dt: control step [s].
             task: name of the task whose reward the regulator at the top maximises.
 
         Raises SceneError for a scene without a motor or an unstable top, for a motor that is too weak (with the torque
-        needed), for control steps outside SHORTEST and LONGEST over omega0, and for a task without reward.
+        needed), for control steps shorter than 1e-5/omega0 or longer than 1/omega0, and for a task without reward.
         """
         self.dt, aim = number(dt, "dt", above=0.0, unit="s"), find_task(task)
         self.scene = find_scene(scene)
@@ -95,11 +95,14 @@ class SwingUp:
 
     @property
     def motor_shares(self) -> Array:
-        """Return the share of its largest torque that each lagging motor now has, computed from the past actions."""
+        """Return the present torques of lagging motors as fractions of the largest torque, shape ``(n,)``.
+
+        They are computed from the past actions of the n environments.
+        """
         return self._motor.copy()
 
     def reset(self) -> None:
-        """Start a new episode, with motors at rest. Only the share of a lagging motor is remembered between calls."""
+        """Forget the torque of a lagging motor, the only value remembered between calls, before a new episode."""
         self._motor = np.zeros(1)
 
     def __call__(self, observation: Any) -> NDArray[np.float32]:
@@ -127,7 +130,7 @@ class SwingUp:
         return actions.reshape((*np.shape(observation)[:-1], 1))
 
     def _pumping(self, angle: Array, velocity: Array) -> Array:
-        """Return the shares of the largest torque that supply the missing energy."""
+        """Return the motor torques, as fractions of the largest torque, that bring the energy to that of the top."""
         model = self.model
         forwards = np.where(velocity != 0.0, velocity > 0.0, np.sin(angle) <= 0.0)
         needed = np.where(forwards, np.interp(angle, model.angles, model.rising),
@@ -141,19 +144,19 @@ class SwingUp:
 
 
 class Environment(Protocol):
-    """A Gymnasium environment or vector of environments, wrapped or not."""
+    """Protocol of a Gymnasium environment or vector of environments, wrapped or not."""
 
     @property
     def unwrapped(self) -> Any:
-        """Return the environment inside all wrappers."""
+        """Return the Gymnasium environment that is inside all wrappers."""
 
 
 def swing_up(env: Environment) -> SwingUp:
     """Return the swing-up controller for an environment or a vector: ``action = controller(observation)``.
 
-    For environments with different parameters, the controller is designed for the first one. Raises SceneError as
-    :class:`SwingUp` does, for an environment of another kind, and for one whose wrappers rescale observations or
-    actions.
+    If the environments of a vector have different parameters, the controller is designed for the first one. Raises
+    SceneError as :class:`SwingUp` does, for an environment that is not a LabPendulum, and for one with wrappers that
+    rescale observations or actions.
     """
     inner: Any = getattr(env, "unwrapped", None)
     try:
@@ -175,7 +178,7 @@ def _attribute(env: Any, name: str) -> Any:
 
 
 def _bounded(space: Any, bounds: tuple[float, ...]) -> bool:
-    """Return True for a box space from ``-bounds`` to ``bounds``."""
+    """Return True for a Gymnasium Box space with the limits ``-bounds`` and ``bounds``."""
     low: Any = getattr(space, "low", None)
     high: Any = getattr(space, "high", None)
     return np.array_equal(low, np.negative(bounds)) and np.array_equal(high, bounds)

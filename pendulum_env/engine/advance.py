@@ -1,6 +1,7 @@
-"""Generated source of one step of a run with its checks: ``advance``, ``stick_slip`` and ``adapt``.
+"""Generated source of one checked integration step: the functions ``advance``, ``stick_slip`` and ``adapt``.
 
-Single runs, environments and blocks of environments all call the generated function ``advance``; see :func:`advance`.
+A generated program integrates one scene by one method. Single runs, environments and blocks of environments (see
+:mod:`pendulum_env.engine.blocks`) all call its function ``advance``, which :func:`advance` writes.
 """
 
 from __future__ import annotations
@@ -31,24 +32,35 @@ CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
 
 
 def carried(shape: Shape) -> tuple[str, ...]:
-    """Return the names of the values that a step changes, without the step count and ADAPTED."""
+    """Return the names of the variables that the generated ``advance`` changes in one step, such as the angle "q".
+
+    They are the motion, a multistep method's history, and the quadratures; not the step count and ADAPTED, the step
+    size and step counts of adaptive runs.
+    """
     place = ("q", "turns", "side") if shape.periodic else ("q",)
     slackened = SLACKENED if shape.lenient else ()
     return (*place, "v", *shape.memory, *shape.lost, *shape.quadratures, *shape.lost_sums, *slackened)
 
 
 def advanced(shape: Shape) -> str:
-    """Write the source line that calls ``advance`` and sets ``stop`` and the names of :func:`carried` plus "1"."""
+    """Write the source line that calls the generated ``advance`` and assigns its results.
+
+    It sets ``stop``, the code of the stop reason, and for every name of :func:`carried` a variable with "1" appended,
+    such as ``q1``, the angle after the step.
+    """
     results = [f"{name}1" for name in carried(shape)]
     adapted = ADAPTED if shape.adaptive else ()
     return f"{joined(('stop',), results, adapted)} = advance({_arguments(shape)})"
 
 
 def advance(shape: Shape) -> str:
-    """Write the source of ``advance``, one step of ``h`` from step ``index`` with its checks.
+    """Write the source of ``advance``: one step of length ``h`` from step number ``index``.
 
-    It returns ``stop``, which is 0.0 or the code of the stop reason, and the values of :func:`carried` after the step.
-    With the code DIVERGED or TOO_SHORT these values are not valid, and the caller keeps the old ones.
+    The step checks whether the run has to stop: divergence, the speed limit, a slack wire.
+
+    The generated function returns ``stop``, which is 0.0 or the code of the stop reason, and the variables of
+    :func:`carried` after the step. With the code DIVERGED or TOO_SHORT these variables are not valid, and the loop that
+    called ``advance`` keeps those from before the step.
     """
     sums, handed_on = shape.quadratures, (*shape.memory, *shape.lost)
     parts = [f"d_{name}" for name in sums]
@@ -90,7 +102,7 @@ def advance(shape: Shape) -> str:
 
 
 def _arguments(shape: Shape) -> str:
-    """Return the arguments of the generated ``advance``, named as in the loops that call it."""
+    """Return the comma-separated arguments of the generated ``advance``, for its definition and for the calls of it."""
     state = carried(shape)
     fixed = [name for name in shape.extra if name not in state]
     adapted = (*ADAPTED, "bound", "params", *TOLERANCE) if shape.adaptive else ()
@@ -99,7 +111,7 @@ def _arguments(shape: Shape) -> str:
 
 
 def begin(shape: Shape) -> str:
-    """Write the source of the call that computes a multistep method's first history."""
+    """Write the source of the call of ``begin``, which computes the first history of a multistep method."""
     return f"begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
 
 
@@ -112,8 +124,8 @@ def stick_slip(shape: Shape, timed: bool = False, held: bool = False) -> str:
     Between zeros the direction of the friction is fixed and the problem is smooth. At a zero the bob sticks if the sum
     of all other torques is within the limit of the friction; otherwise it slides in the direction of this sum. If
     torques depend on the time (``timed``), the time at which a sticking bob breaks away is found by bisection. In
-    moving air (``held``) work and heat grow while the bob is at rest. A step in which the bob turns more than 64 times
-    ends the run as "diverged", because the rest of the step would be missing.
+    moving air (``held``) work and heat grow while the bob is at rest. If the velocity changes its sign more than 64
+    times in one step, the run ends as "diverged", because the rest of the step was not computed.
     """
     extra, sums = shape.extra, shape.quadratures
     parts = [f"d_{name}" for name in sums]
@@ -184,7 +196,10 @@ def stick_slip(shape: Shape, timed: bool = False, held: bool = False) -> str:
 
 
 def _rest(shape: Shape, span: str, held: bool) -> list[str]:
-    """Return the source lines that add work and heats of moving air while dry friction holds the bob for ``span``."""
+    """Return the source lines that add work and heats of moving air while dry friction holds the bob at rest.
+
+    The rest lasts for the time ``span``.
+    """
     if not held:
         return []
     sums = shape.quadratures
@@ -194,9 +209,10 @@ def _rest(shape: Shape, span: str, held: bool) -> list[str]:
 
 
 def _breakaway(shape: Shape, held: bool) -> list[str]:
-    """Return the source lines that advance a sticking bob from ``t`` to its breakaway within the time ``left``.
+    """Return the source lines that advance a bob, held at rest by dry friction, from ``t`` until it breaks away.
 
-    The lines ``break`` if the other torques are within the limit at the end of the step; a shorter excess is not seen.
+    ``left`` is the time to the end of the step. If the other torques are within the friction's limit at the end of the
+    step, the lines leave the loop by ``break``; a larger torque for a shorter time within the step is overlooked.
     """
     other = f"other = acceleration({joined(('{}', 'q', '0.0'), shape.extra, ('0.0',))})"
     return [
@@ -224,12 +240,13 @@ def _breakaway(shape: Shape, held: bool) -> list[str]:
 
 
 def adapt(shape: Shape, method: Method) -> str:
-    """Write the source of ``adapt``: adaptive steps from t to exactly t + h, as :mod:`integrators.solving.adaptive`.
+    """Write the source of ``adapt``: adaptive steps from t to exactly t + h.
 
-    The first attempt has the length ``size``, or h if that is 0. ``adapt`` returns the state, the quadratures, the next
-    step to try, the numbers of steps taken and rejected, and a stop code. The errors of angle and velocity are
-    controlled, those of the quadratures are not. After ``tries`` attempts it pauses: it stores its progress in
-    ``params`` for the next call, and returns the values from before the step.
+    They are chosen as in :mod:`integrators.solving.adaptive`. The first attempt has the length ``size``, or h if that
+    is 0. ``adapt`` returns the state, the quadratures, the next step size to try, the numbers of steps taken and
+    rejected, and a stop code. The errors of angle and velocity are controlled, those of the quadratures are not. After
+    ``tries`` attempts it pauses: it stores its progress in ``params`` for the next call, and returns the values from
+    before the step.
     """
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]

@@ -17,7 +17,11 @@ LEAST = "1e-300"
 
 
 def motion(problem: Problem) -> list[str]:
-    """Return the source lines that compute along, across, slip and speed; no lines for a medium at rest."""
+    """Return the source lines that compute ``along``, ``across``, ``slip`` and ``speed`` in a medium that moves.
+
+    ``along`` and ``across`` are the components of the medium's velocity, ``slip`` and ``speed`` the bob's velocity
+    relative to the medium; the module's docstring gives the equations. There are no lines for a medium at rest.
+    """
     if not problem.windy:
         return []
     side = "side*" if problem.shape.periodic else ""
@@ -49,9 +53,10 @@ def heat(problem: Problem, effect: Effect) -> str:
 
 
 def derivatives(problem: Problem) -> tuple[list[str], str, str]:
-    """Return source lines, and the derivatives of the drags' torques by angle and by velocity that use them.
+    """Return source lines, and the derivatives of the sum of all drag torques by angle and by velocity.
 
-    See :mod:`pendulum_env.physics.effects`.
+    The derivatives are source expressions, with which an implicit method's Newton iteration is generated; the lines set
+    the local names in them. See :mod:`pendulum_env.physics.effects`.
     """
     lines, by_angle, by_velocity = [f"share = 1.0/(speed*speed + {LEAST})"], [], []
     for effect in filter(slipping, problem.drags):
@@ -67,7 +72,10 @@ def derivatives(problem: Problem) -> tuple[list[str], str, str]:
 
 
 def faded(problem: Problem, effect: Effect, duration: str) -> list[str]:
-    """Return the source lines of one drag's exact flow at a fixed angle: the final velocity ``w``, heat and work."""
+    """Return the source lines of the exact solution for one drag alone, at a fixed angle, in a medium that moves.
+
+    The lines compute the velocity ``w`` after the time, and the heat and work of the drag.
+    """
     assert effect.fade is not None
     lines = ["slip = v - along", f"rest, decay = {problem.call(effect.fade, duration=duration, cross='across')}"]
     return [*lines, "w = along + rest", "lifted = across*across*decay"]

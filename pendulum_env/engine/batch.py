@@ -1,4 +1,7 @@
-"""Batches of pendulums with the same effects and method, stored in blocks and advanced by one call."""
+"""Many pendulums with the same effects and method, stored in blocks and advanced by one call of a generated program.
+
+A block holds 256 pendulums (BLOCK) in one array, so that the compiled loop over them uses SIMD instructions.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +35,12 @@ SINGLE, TRUTH = np.dtype(np.float32), np.dtype(np.bool_)
 FIELD_OF = STATE[:4]
 """Entries of a Machine's state that have shorter names in blocks."""
 FEW_BLOCKS = 2**6
-"""Number of steps of blocks in the first piece of a run; see :mod:`pendulum_env.engine.pieces`."""
+"""Number of steps of blocks in the first call of a program for a run; see :mod:`pendulum_env.engine.pieces`."""
 Numbers = Mapping[str, float | Array]
 
 
 class Results(NamedTuple):
-    """Results of a control step of ``n`` environments, in the order in which programs fill them.
+    """Results of a control step of ``n`` environments, in the order of a generated program's arguments.
 
     Attributes:
         observation: float32 array ``(n, 3)``: cosine, sine, velocity [rad/s].
@@ -54,11 +57,12 @@ class Results(NamedTuple):
 
     @property
     def some_over(self) -> bool:
-        """Return True if at least one episode is over."""
+        """Return True if at least one environment's episode was terminated or truncated in this control step."""
         return 1 in self.terminated.tobytes() or 1 in self.truncated.tobytes()  # faster than any() for a few thousand
 
     def put(self, which: Places, other: Results) -> None:
-        """Copy the results ``other`` to the environments with the indices ``which``."""
+        """Write the results ``other`` of a few environments into these results, at the environments' indices ``which``.
+        """
         self.observation[which], self.reward[which] = other.observation, other.reward
         self.terminated[which], self.truncated[which] = other.terminated, other.truncated
         self.info[:, which] = other.info
@@ -68,13 +72,13 @@ class Blocks:
     """``size`` pendulums with the same effects and method, stored in blocks of environments.
 
     Args:
-        scene: scene whose effects determine the program; its numbers are not used.
-        method, diagnostics, backend: as for a Machine.
-        numbers: the program's parameters by name: one number, or an array of ``size`` numbers.
+        scene: scene whose effects determine the generated program; its numbers are not used.
+        method, diagnostics, backend: as for a Machine, the simulator of one pendulum.
+        numbers: the program's parameters by name: one number for all pendulums, or an array of ``size`` numbers.
         size: number of pendulums.
         h: integrator's step [s].
         task: the task of environments; None for runs without a task.
-        num_threads: number of threads; None uses every core for many blocks and one for few.
+        num_threads: number of threads; None uses all cores if there are many blocks, and one thread if there are few.
         compensated: True carries rounding remainders along; see :mod:`integrators.steps.compensated`.
 
     Attributes:
@@ -121,7 +125,7 @@ class Blocks:
         self._set_pace()
 
     def _function(self) -> Callable[..., Any]:
-        """Return the program's entry function, interpreted or compiled."""
+        """Return the generated program's entry function, ``step_blocks`` or ``run_blocks``, interpreted or compiled."""
         return functions(self.program, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -135,24 +139,38 @@ class Blocks:
         self._set_pace()
 
     def _set_pace(self) -> None:
-        """Set the number of steps per piece to its initial value."""
+        """Set the number of steps per call of the program to its initial value, 64 steps of a block.
+
+        Long runs are divided into several calls, so that Ctrl-C can interrupt them; see
+        :mod:`pendulum_env.engine.pieces`.
+        """
         self._pace, self._share = Pace(FEW_BLOCKS), len(self._state) / len(self._scratch)
         self._learn(0, 0.0)
 
     def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
-        """Return the initial random whole numbers of the environments ``which``, by name of the state variable."""
+        """Return the effects' state variables that start as random whole numbers, for the environments ``which``.
+
+        The dict maps the variable's name, such as that of a gust generator's seed, to one number per environment, which
+        is computed from the random streams ``streams``.
+        """
         return {name: np.asarray(started(streams.uniform(which))) for name in self.layout.shape.drawn}
 
     @property
     def slackened(self) -> int:
-        """Return the number of steps after which the first wire went slack (with slack="warn"); 0 if none did."""
+        """Return the number of steps after which a wire first went slack in any of the pendulums; 0 if none did.
+
+        The steps are counted only with slack="warn"; otherwise the result is 0.
+        """
         if not self.layout.shape.lenient:
             return 0
         steps = self.get(SLACKENED[0])
         return int(steps[steps > 0.0].min(initial=0.0 if not steps.any() else math.inf))
 
     def state(self, place: int, names: Sequence[str]) -> list[float]:
-        """Return the state of the environment with index ``place`` in a Machine's form, with energies set to 0."""
+        """Return the state of environment number ``place`` in the form of a Machine's state, with energies set to 0.
+
+        ``names`` are the names of the entries in a Machine's state.
+        """
         fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
         at = np.array([place])
         own = [fields.get(name, name) for name in names]
@@ -171,16 +189,20 @@ class Blocks:
         return self.get("index"), self.angles(), self.get("v")
 
     def get(self, name: str, which: Places | None = None) -> Array:
-        """Return a copy of one field for the environments ``which``, by default all."""
+        """Return a copy of one field (a quantity such as the angle "q") for the environments ``which``, by default all.
+        """
         column = self._fields(self._state)[:, self.layout.fields.index(name)]
         return column.flatten()[: self.size] if which is None else column[which // BLOCK, which % BLOCK]
 
     def go_on(self) -> None:
-        """Let environments that have stopped continue from their last state."""
+        """Let all pendulums continue whose run has stopped, from the last state before the stop."""
         self._put(self._state, "status", np.zeros(self.size))
 
     def _begin(self, state: Array, size: int, own: Mapping[str, Array], angle: Array, velocity: Array) -> None:
-        """Fill blocks with initial conditions [rad, rad/s]; ``own`` holds further fields by name."""
+        """Fill the blocks ``state`` with the initial angles [rad] and velocities [rad/s] of ``size`` pendulums.
+
+        ``own`` maps the names of further fields, such as parameters that differ between pendulums, to their values.
+        """
         turns = np.zeros(size)
         if self._periodic:
             halves: Any = half_turns(angle)  # type: ignore[arg-type]
@@ -190,23 +212,33 @@ class Blocks:
             self._put(state, name, values)
 
     def _blocks(self, size: int) -> Array:
-        """Return empty blocks for ``size`` environments, shape ``(blocks, fields * BLOCK)``."""
+        """Return zero-filled memory for ``size`` pendulums, an array ``(blocks, fields * BLOCK)``.
+
+        A row is one block: for every field, such as angle or velocity, it holds the numbers of 256 (BLOCK) pendulums.
+        """
         return np.zeros((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
 
     def _fields(self, state: Array) -> Array:
-        """Return a view of blocks as an array ``(blocks, fields, BLOCK)``."""
+        """Return a view of the blocks in ``state`` with the shape ``(blocks, fields, BLOCK)``.
+
+        A field is one quantity, such as angle or velocity, and BLOCK = 256 is the number of pendulums in a block.
+        """
         return state.reshape(-1, len(self.layout.fields), BLOCK)
 
     def _put(self, state: Array, name: str, values: Array) -> None:
-        """Set one field of the first ``len(values)`` environments in blocks; it is 0 in the others."""
+        """Set the field ``name`` of the first ``len(values)`` pendulums in the blocks ``state``; it is 0 in all others.
+        """
         padded = np.zeros(len(state) * BLOCK)
         padded[: len(values)] = values
         self._fields(state)[:, self.layout.fields.index(name)] = padded.reshape(-1, BLOCK)
 
     def _spread(self, state: Array, *arguments: Any) -> None:
-        """Call the program on all blocks, in several threads if so set."""
+        """Call the generated program on all blocks of pendulums; a compiled program is called in several threads."""
         def part(number: int, first: int, last: int) -> None:
-            """Call the program on a range of blocks, with the buffer of thread ``number``."""
+            """Call the program on the blocks ``first`` to ``last`` (exclusive).
+
+            Thread ``number`` has its own scratch array.
+            """
             self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
 
         if self._compiled:
@@ -216,13 +248,13 @@ class Blocks:
             part(0, 0, len(state))
 
     def _learn(self, steps: int, seconds: float) -> None:
-        """Adapt the number of steps per piece to the time that ``steps`` steps of all blocks took."""
+        """Adapt the number of steps per call of the program, after ``steps`` steps of all blocks took ``seconds``."""
         self._pace.learn(steps * self._share, seconds)
         self._at_once = int(self._pace.units / self._share)
 
 
 class Batch(Blocks):
-    """A batch of environments with a task.
+    """A batch of environments with a task, such as the swing-up, that gives rewards and ends episodes.
 
     Args:
         arguments, options: as for Blocks.
@@ -238,15 +270,15 @@ class Batch(Blocks):
                        self._bound) if at_once else ()
 
     def results(self, size: int | None = None) -> Results:
-        """Return unfilled arrays for the results of ``size`` environments, by default all."""
+        """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch."""
         count = self.size if size is None else size
         return Results(np.empty((count, 3), SINGLE), np.empty(count), np.empty(count, TRUTH), np.empty(count, TRUTH),
                        np.empty((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
-        """Take one control step of every environment that has not stopped, and fill ``into``.
+        """Take one control step of every environment that has not stopped, and write the results to ``into``.
 
-        After an interruption some environments are ahead of others until the next reset.
+        After an interruption by Ctrl-C some environments are ahead of others until the next reset.
         """
         if self._usual:
             self.call(*self._usual, action, *into, *self._shared)
@@ -264,16 +296,18 @@ class Batch(Blocks):
             hold = 0
 
     def look(self, into: Results) -> None:
-        """Fill ``into`` with observations, rewards and reports of all environments in their present states."""
+        """Write observations, rewards and reported quantities of all environments in their present states to ``into``.
+        """
         self._run(self._state, _no_action(self.size), 0, 0, into)
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
     ) -> None:
-        """Start new episodes at these angles [rad] and velocities [rad/s], and fill ``into``.
+        """Start new episodes at these angles [rad] and velocities [rad/s].
 
-        ``which`` are the indices of the environments, None for all. ``drawn`` holds the random initial values of the
-        effects' state variables by name.
+        The first observations and reported quantities are written to ``into``. ``which`` are the indices of the
+        environments, None for all. ``drawn`` holds the random initial values of the effects' state variables, such as
+        gusts, by name.
         """
         size = self.size if which is None else len(which)
         state = self._state if which is None else self._blocks(size)
@@ -295,10 +329,16 @@ class Batch(Blocks):
     def _run(
         self, state: Array, action: NDArray[np.floating[Any]], substeps: int, hold: int, into: Results
     ) -> None:
-        """Call the program's ``step_blocks`` on blocks; see :mod:`pendulum_env.engine.blocks`."""
+        """Call the generated ``step_blocks`` on the blocks ``state``; see :mod:`pendulum_env.engine.blocks`.
+
+        A control step has ``hold`` steps, of which this call takes ``substeps``; its results are written to ``into``.
+        """
         self._spread(state, len(action), self.h, substeps, hold, self._bound, action, *into)
 
 
 def _no_action(size: int) -> NDArray[np.float32]:
-    """Return zero actions in the action space's type, so that the program is compiled for only one type."""
+    """Return ``size`` zero actions (no motor torque) as float32.
+
+    They have the type of the action space, because numba would compile the program again for any other type.
+    """
     return np.zeros(size, dtype=np.float32)

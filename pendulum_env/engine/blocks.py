@@ -1,8 +1,8 @@
 """Generated source of the loops over blocks of environments, without branches, so that they compile to SIMD code.
 
-One array holds a block of environments, field after field, with BLOCK numbers per field. From one base address and
-constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no check of their sign.
-The state of environments that have stopped is preserved by selection, not by branches.
+One array holds a block of 256 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
+one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
+check of their sign. The state of environments that have stopped is preserved by selection, not by branches.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ from pendulum_env.engine.shape import DIVERGED, LATE, LOST, indent, joined
 
 
 def loops(layout: Layout) -> list[str]:
-    """Return the source of a batch's loops: advance, observe or record, and the entry that calls them."""
+    """Return the source of all loop functions of a program for many pendulums.
+
+    With a task they advance and observe environments, without one they advance and record runs. The last of them is the
+    function that Python calls.
+    """
     first = [_remember_block(layout)] if layout.shape.remembered else []
     first += [_begin_block(layout)] if layout.shape.memory else []
     rest = [_observe(layout), _step_blocks(layout)] if layout.task else [_record(layout), _run_blocks(layout)]
@@ -53,7 +57,7 @@ def _remember_block(layout: Layout) -> str:
 
 
 def _begin_block(layout: Layout) -> str:
-    """Write the source of ``begin_block``, which starts a multistep method's history anew after a change of control."""
+    """Write the source of ``begin_block``, which recomputes a multistep method's history after a change of control."""
     shape = layout.shape
     history = tuple(f"{name}1" for name in shape.memory)
     stale = [*layout.load("index", "held", "control"), f"stale += 1 if {shape.stale} else 0"]
@@ -72,14 +76,17 @@ def _begin_block(layout: Layout) -> str:
 
 
 def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
-    """Return the source lines that advance effect states by ``steps`` steps and start a multistep method's history."""
+    """Return the source lines that begin a control step of ``steps`` steps, executed under the condition ``when``.
+
+    They advance the effects' state variables, such as gusts, and compute a new history of a multistep method.
+    """
     blocks = {"remember_block": (layout.shape.remembered, f"{steps}*h"), "begin_block": (layout.shape.memory, "h")}
     calls = [f"{name}({joined(('s', 'o', 'n', time), layout.shared)})" for name, (any_, time) in blocks.items() if any_]
     return indent([f"if {when}:", *indent(calls, 1)], depth) if calls else []
 
 
 def _observe(layout: Layout) -> str:
-    """Write the source of ``observe``: observations, rewards, ends of episodes and reports of a block."""
+    """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block."""
     reward, lost = layout.task or ("", "")
     lines = [
         *_loaded(layout),
@@ -99,7 +106,7 @@ def _observe(layout: Layout) -> str:
 
 
 def _record(layout: Layout) -> str:
-    """Write the source of ``record``: the records of a block of runs, with nan for runs that stopped earlier."""
+    """Write the source of ``record``: the recorded quantities of a block of runs; nan for runs that stopped earlier."""
     lines = [
         *_loaded(layout),
         *_formulas(layout, report.recorded(layout.shape)),
@@ -112,7 +119,7 @@ def _record(layout: Layout) -> str:
 
 
 def _loaded(layout: Layout) -> list[str]:
-    """Return the source lines that read the values from which the reports are computed."""
+    """Return the source lines that read a block's values from which the reported quantities are computed."""
     shape = layout.shape
     state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
              *shape.remembered)
@@ -120,7 +127,10 @@ def _loaded(layout: Layout) -> list[str]:
 
 
 def _formulas(layout: Layout, values: Mapping[str, str]) -> list[str]:
-    """Return the source lines that compute the reports and store the initial energy if there is a ledger."""
+    """Return the source lines that compute the reported quantities from ``values``, a dict of names and formulas.
+
+    For the energy ledger (energy, work, heat, residual) they also store the energy at step 0.
+    """
     lines = []
     for name, value in values.items():
         lines.append(f"{name} = {value}")
@@ -132,10 +142,10 @@ def _formulas(layout: Layout, values: Mapping[str, str]) -> list[str]:
 def _step_blocks(layout: Layout) -> str:
     """Write the source of ``step_blocks``: steps of a range of blocks, with results in arrays of all environments.
 
-    The range is from ``first`` to ``last``, exclusive. The function begins a control step of ``hold`` steps, or
-    continues one if ``hold`` is 0; with 0 substeps it only observes.
-    Empty result arrays are not filled. An episode is truncated after more than ``bound`` steps, a diverged step
-    included.
+    The range is from ``first`` to ``last``, exclusive. The generated function begins a control step of ``hold`` steps,
+    or continues one if ``hold`` is 0. With 0 substeps it only computes observations and reported quantities. Result
+    arrays of length 0 are not filled. An episode is truncated once it has taken more than ``bound`` steps, where a step
+    that diverged counts as taken.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
@@ -183,9 +193,9 @@ def _step_blocks(layout: Layout) -> str:
 def _run_blocks(layout: Layout) -> str:
     """Write the source of ``run_blocks``: ``rows`` times ``every`` steps of a range of blocks, after ``taken`` steps.
 
-    The reports of every row are written to ``out``, an array ``(rows, reports, runs)``, unless it is empty. A block
-    takes all its rows before the next block, so that it stays in the cache. A control step has ``hold`` steps in scenes
-    with effect state.
+    After every ``every`` steps the reported quantities of all runs are written to one row of ``out``, an array ``(rows,
+    quantities, runs)``, unless it is empty. All rows of a block are computed before the next block begins, so that the
+    block stays in the processor's cache. In scenes with effect state, such as gusts, a control step has ``hold`` steps.
     """
     remembers = bool(layout.shape.remembered)
     hold = ", hold" if remembers else ""

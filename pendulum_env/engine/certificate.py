@@ -1,4 +1,4 @@
-"""Error estimates of whole runs, from the difference to a second run with half the step.
+"""Error estimates of whole runs, computed from the difference to a second run with half the step.
 
 This is step doubling (Richardson; Hairer, Norsett & Wanner 1993, Solving Ordinary Differential Equations I, II.4), over
 the whole run. If the error of a method of order p is ``C(t) h**p``, a run q with steps h and a run Q with steps h/2
@@ -6,13 +6,13 @@ give::
 
     error of q = |q - Q| 2**p / (2**p - 1)
 
-An adaptive run is compared with a run at half the interval and with tolerances divided by TIGHTER, because its error
-depends on both. The estimate is the error of the method alone: the state of effects, such as gusts, is the same in both
-runs.
+An adaptive run is compared with a run at half the interval and with tolerances divided by 32 (TIGHTER), because its
+error depends on both. The estimate is the error of the method alone: the state of effects, such as gusts, is the same
+in both runs.
 
 Rounding differs between the runs, so that their difference shows it, too; but a rounding that both runs share, such as
 that of a coefficient, does not show, and the difference may be zero by chance. Therefore the estimate is never below
-this bound, with the unit roundoff u::
+the following bound, with the unit roundoff u::
 
     u (|angle| + (sqrt(n) + omega0 t) (|tilt| + |velocity| reach))        reach = min(t, 1/omega0)
 
@@ -20,8 +20,8 @@ this bound, with the unit roundoff u::
 rounding of the frequency on the phase; ``tilt`` is the angle from the nearer of bottom and top. Where rounding
 dominates, methods of many stages may round more at half the step: their estimates are then up to 30 times too high.
 
-The estimate is inf from one time to the end of the run as soon as the difference exceeds the fraction TRUST of the
-motion so far (half the range of the angle, or the largest velocity over omega0) or, in periodic scenes, MOST radians:
+The estimate is inf from one time to the end of the run as soon as the difference exceeds a fifth (TRUST) of the
+motion so far (half the range of the angle, or the largest velocity over omega0) or, in periodic scenes, 1 rad (MOST):
 a method that brings the bob to rest in both runs, or chaos, could otherwise end with a small difference. It is also inf
 if a step is too long to resolve the motion: longer than half a period of a swing or of a drive, or than half a turn.
 """
@@ -52,24 +52,26 @@ TRUST = 0.2
 MOST = 1.0
 """Largest trusted difference of the two angles in periodic scenes [rad]."""
 TIGHTER = 32.0
-"""Factor by which the second adaptive run has smaller tolerances; its error is then a few per cent of the first's."""
+"""Factor by which the second adaptive run has smaller tolerances; its error is then a few per cent of the first."""
 SLACK = 64.0
 """Ignore differences below this multiple of the rounding bound."""
 ROUNDOFF = 2.0**-53
 """Unit roundoff of double precision."""
 
 ENDLESS = ("speed_limit", "scale", "swing_pull")
-"""Limits that are inf in the run at half the step, so that only a non-finite state ends it."""
+"""Limits that are inf in the run at half the step, so that only a non-finite state ends this run."""
 
 
 @dataclass(frozen=True)
 class ErrorEstimator:
-    """Function from the differences of two runs to error estimates; its numbers may be arrays, one entry per run.
+    """Computation of error estimates from the differences of a run and a second run at half the step.
+
+    The attributes h, omega0, gain and most may be arrays with one entry per run of a batch.
 
     Attributes:
         h: step of the run [s].
         omega0: small-angle angular frequency, 1 where there is no gravity [1/s].
-        gain: ``2**p/(2**p - 1)``.
+        gain: ``2**p/(2**p - 1)`` for a method of order p, the ratio of the error to the difference.
         most: largest trusted difference of the angles [rad]; below 0 if steps are too long to resolve a drive.
         periodic: True if the torques repeat after a whole turn.
         walks: True if rounding errors accumulate, False with compensated summation.
@@ -86,7 +88,7 @@ class ErrorEstimator:
     def of(
         cls, scene: Scene, method: Method, h: float, numbers: Numbers, compensated: bool, adaptive: bool = False
     ) -> ErrorEstimator:
-        """Return the estimator for a scene, a method and steps of ``h`` [s].
+        """Return the error estimator for a scene, a method and steps of ``h`` [s].
 
         ``numbers`` holds the scene's coefficients and "omega0", as floats or as arrays with one entry per run.
         """
@@ -104,13 +106,14 @@ class ErrorEstimator:
         smaller: Callable[[Any, Any], Any] = np.minimum, larger: Callable[[Any, Any], Any] = np.maximum,
         root: Callable[[Any], Any] = np.sqrt,
     ) -> tuple[Any, Any, Any]:
-        """Return error estimates of angle [rad] and velocity [rad/s], and True where they can be trusted.
+        """Return error estimates of a run's angle [rad] and velocity [rad/s], and True where they can be trusted.
 
         Args:
             index: number of steps taken.
-            angles, velocities: those of the run, and those of the run at half the step.
+            angles, velocities: pairs of the value in the run and the value in the run at half the step.
             span, fastest: range of the run's angle so far [rad], and its largest |velocity| [rad/s].
-            smaller, larger, root: minimum, maximum and square root; for floats those of Python give the same bits.
+            smaller, larger, root: functions for minimum, maximum and square root; Python's own are faster for floats
+                and give the same bits as numpy's.
         """
         angle, velocity = angles[0], velocities[0]
         tilt = without_half_turns(angle, half_turns(angle)) if self.periodic else angle
@@ -127,7 +130,10 @@ class ErrorEstimator:
 
 
 def endless(numbers: Numbers) -> dict[str, Any]:
-    """Return a scene's numbers with all limits set to inf, so that only a non-finite state ends a run."""
+    """Return a scene's numbers with speed limit, energy check and slack check disabled by inf.
+
+    A run with these numbers ends early only at a state that is not finite.
+    """
     return {
         name: (np.full_like(value, math.inf) if isinstance(value, np.ndarray) else math.inf)
         if name in ENDLESS else value for name, value in numbers.items()
@@ -135,9 +141,9 @@ def endless(numbers: Numbers) -> dict[str, Any]:
 
 
 def halved(given: Numbers) -> dict[str, Any]:
-    """Return a scene's numbers for the run at half the step.
+    """Return a scene's numbers for the second run, at half the step, of an error estimate.
 
-    They have no limits, twice as many steps per control step, and smaller tolerances.
+    It has no speed limit, twice as many steps per control step, and tolerances divided by 32 (TIGHTER).
     """
     numbers = endless(given)
     for name in HOLD:
@@ -152,12 +158,13 @@ def halved(given: Numbers) -> dict[str, Any]:
 
 
 def motion_of(state: Any) -> tuple[float, float]:
-    """Return the unwrapped angle [rad] and the velocity [rad/s] of a state."""
+    """Return the unwrapped angle [rad] and the velocity [rad/s] of a Machine's state vector."""
     return float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])
 
 
 def running(reduce: np.ufunc, first: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
-    """Return, for every row, ``reduce`` (such as np.minimum) applied to ``first`` and all rows up to that one."""
+    """Return running extremes: for every row, ``reduce`` (such as np.minimum) of ``first`` and all rows up to this row.
+    """
     if len(rows) > len(first):
         return np.asarray(reduce.accumulate(np.concatenate((first[None], rows)))[1:])
     result = np.empty_like(rows)
@@ -167,23 +174,24 @@ def running(reduce: np.ufunc, first: NDArray[Any], rows: NDArray[Any]) -> NDArra
 
 
 class MotionSoFar:
-    """Angle range [rad], largest |velocity| [rad/s] and trust in the error estimate of runs, up to the present time."""
+    """Angle range [rad] and largest |velocity| [rad/s] of runs so far; True where error estimates can be trusted."""
 
     def __init__(self, angle: Array, velocity: Array) -> None:
         self.low, self.high, self.fastest = angle.copy(), angle.copy(), np.abs(velocity)
         self.trusted = np.ones(np.shape(angle), dtype=np.bool_)
 
     def begin(self, which: NDArray[np.intp], angle: Array, velocity: Array) -> None:
-        """Reset the range and the trust of the runs with the indices ``which`` to these initial conditions."""
+        """Restart the angle range, largest velocity and trust of the runs ``which`` from these initial conditions."""
         self.low[which], self.high[which], self.fastest[which] = angle, angle, np.abs(velocity)
         self.trusted[which] = True
 
     def estimates(
         self, estimator: ErrorEstimator, index: Array, angles: tuple[Array, Array], velocities: tuple[Array, Array]
     ) -> Array:
-        """Return error estimates of angle and velocity, shape ``(rows, 2, runs)``, and advance to the last row.
+        """Return error estimates of angle and velocity at every row (recorded time), shape ``(rows, 2, runs)``.
 
-        ``angles`` and ``velocities`` are pairs of arrays ``(rows, runs)``: of the run, and of that at half the step.
+        The range, the largest |velocity| and the trust stored in this object are brought up to the last row. ``angles``
+        and ``velocities`` are pairs of arrays ``(rows, runs)``: of the runs, and of the runs at half the step.
         ``index`` is the number of steps taken, of shape ``(rows, 1)`` or ``(rows, runs)``.
         """
         with np.errstate(all="ignore"):

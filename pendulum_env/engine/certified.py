@@ -1,7 +1,7 @@
-"""Runs and environments with error estimates, computed together with a second run at half the step.
+"""Single runs, environments and batches with error estimates, computed together with a second run at half the step.
 
-See :mod:`pendulum_env.engine.certificate`. The second run uses the same program on another state, so that nothing more
-is compiled.
+The method of estimation is in :mod:`pendulum_env.engine.certificate`. The second run uses the same compiled program on
+another state, so that nothing more is compiled.
 """
 
 from __future__ import annotations
@@ -58,21 +58,24 @@ EXTREMES = ("low", "high", "fastest")
 
 
 def estimator_of(machine: Machine, h: float) -> ErrorEstimator:
-    """Return the error estimator for runs of a machine with steps of ``h`` [s]."""
+    """Return the error estimator for runs of ``machine``, the simulator of one pendulum, with steps of ``h`` [s]."""
     numbers = {**machine.scene.coefficients, "omega0": frequency(machine.scene)}
     return ErrorEstimator.of(machine.scene, machine.method, h, numbers, machine.compensated, bool(machine.tolerance))
 
 
 def parameters_of(machine: Machine, half: bool) -> Any:
-    """Return a machine's parameters without limits, for its own steps or (``half``) for steps of half the length."""
+    """Return a machine's parameters for one of the two runs of an error estimate, without limits that end a run.
+
+    The result is for the run with the machine's own steps or, with ``half``, for the run with steps of half the length.
+    """
     given = dict(zip(machine.numbers, machine.parameters, strict=True))
     return machine.array((halved(given) if half else endless(given)).values())
 
 
 def checked_estimate(diagnostics: Sequence[str], asked: Any) -> tuple[tuple[str, ...], bool]:
-    """Return the diagnostics that programs report, and True if errors are to be estimated.
+    """Return the diagnostics without "error", and True if errors are to be estimated.
 
-    They are if ``asked``, the argument estimate_error, is true or if ``diagnostics`` contains "error".
+    Errors are estimated if ``asked``, the argument estimate_error, is True or if ``diagnostics`` contains "error".
     """
     names = check_diagnostics(diagnostics)
     return reported(names), truth(asked, "estimate_error") or reported(names) != names
@@ -82,11 +85,11 @@ def checked_estimate(diagnostics: Sequence[str], asked: Any) -> tuple[tuple[str,
 
 
 def with_estimates(machine: Machine, start: Any, run: Rollout, control: float) -> Rollout:
-    """Return a Rollout with error estimates added.
+    """Return the Rollout ``run`` of a single pendulum with error estimates added.
 
-    The machine repeats the run from its initial state ``start``, with the same step and with half the step, and the two
-    are compared after every step. The estimates are inf after either left the finite range, and at the end of a run
-    that diverged.
+    The machine repeats the run from its initial state ``start``, with the same step and with half the step, and
+    compares the two after every step. The estimates are inf after either of them is no longer finite, and at the end of
+    a run that diverged.
     """
     h, marks = run.dt, np.rint(run.time / run.dt)
     runs = [(machine.array(start), parameters_of(machine, half), h / (1 + half), 1 + half) for half in (False, True)]
@@ -121,10 +124,11 @@ def with_estimates(machine: Machine, start: Any, run: Rollout, control: float) -
 
 
 class CertifiedMachine(Machine):
-    """A machine for one environment with error estimates.
+    """Machine (simulator of one pendulum) for one environment with error estimates.
 
-    Its state holds a machine's state, that of the run at half the step, EXTREMES and the error estimate. ``run``
-    advances both runs and records nothing; ``info`` has the further entry "error_estimate".
+    Its state holds a Machine's state, the state of the run at half the step, EXTREMES (angle range and largest velocity
+    of the episode) and the error estimate. ``run`` advances both runs and records nothing; ``info`` has the further
+    entry "error_estimate".
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -137,7 +141,8 @@ class CertifiedMachine(Machine):
         self.direct, self.info = self.run, self._with_estimate
 
     def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
-        """Return the initial state of an episode, for both runs; see :meth:`Machine.state`."""
+        """Return the initial state of an episode, for the run and the run at half the step; see :meth:`Machine.state`.
+        """
         own = super().state(angle, velocity, uniform)
         half = own[: self._own]
         unwrapped = float(half[ANGLE]) + TWO_PI * float(half[TURNS])
@@ -175,12 +180,12 @@ class CertifiedMachine(Machine):
         return code
 
     def _with_estimate(self, values: list[float]) -> dict[str, float]:
-        """Return the entries of ``info`` with the error estimate."""
+        """Return the entries of the environment's ``info`` for a state, with the error estimate added."""
         return {**self._info_of_state(values), ESTIMATE: values[-1]}
 
 
 def machine_class(diagnostics: Sequence[str]) -> type[Machine]:
-    """Return the class that runs a single environment with these diagnostics."""
+    """Return the class that simulates one environment: Machine, or CertifiedMachine with the diagnostic "error"."""
     return CertifiedMachine if "error" in check_diagnostics(diagnostics) else Machine
 
 
@@ -199,7 +204,7 @@ class CertifiedBatch(Batch):
         numbers: Mapping[str, Any], *, size: int, h: float, substeps: int, most: float, **options: Any,
     ) -> None:
         def batch(of: Mapping[str, Any], parts: int, bound: float) -> Batch:
-            """Return a batch with these numbers and every step divided into ``parts``."""
+            """Return a batch with the parameters ``of``, and with every step divided into ``parts``, 1 or 2."""
             return Batch(scene, method, diagnostics, backend, of, size=size, h=h / parts, substeps=parts * substeps,
                          most=bound, **options)
 
@@ -216,7 +221,10 @@ class CertifiedBatch(Batch):
         self._estimate = np.zeros(size)
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
-        """Take one control step of every environment in both batches, and fill ``into``; see :meth:`Batch.step`."""
+        """Take one control step of every environment with the full and with half the step, and fill ``into``.
+
+        The results in ``into`` include the error estimate; see :meth:`Batch.step`.
+        """
         before = self.get("index")
         super().step(action, into)
         after = self.get("index")
@@ -232,14 +240,15 @@ class CertifiedBatch(Batch):
         into.info[-1] = self._estimate
 
     def look(self, into: Results) -> None:
-        """Fill ``into`` with observations, rewards and reports of all environments in their present states."""
+        """Write observations, rewards and reported quantities of all environments in their present states to ``into``.
+        """
         super().look(into)
         into.info[-1] = self._estimate
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
     ) -> None:
-        """Start new episodes in both batches; see :meth:`Batch.start`."""
+        """Start new episodes in the batch and in the batch at half the step; see :meth:`Batch.start`."""
         super().start(which, angle, velocity, drawn, into)
         self._half.start(which, angle, velocity, drawn, self._unread)
         places = np.arange(self.size) if which is None else which
@@ -249,7 +258,11 @@ class CertifiedBatch(Batch):
         into.info[-1] = self._estimate
 
     def _judge(self, which: Places, other: Array, speed: Array, good: NDArray[np.bool_]) -> None:
-        """Update the error estimates of the environments ``which`` from the angles and velocities at half the step."""
+        """Update the error estimates of the environments ``which``.
+
+        ``other`` and ``speed`` are the angles and velocities of all environments at half the step; where ``good`` is
+        False, they are not comparable, and the estimate is inf for the rest of the episode.
+        """
         self._so_far.trusted &= good
         errors = self._so_far.estimates(
             self._estimator, self.get("index")[None], (self.angles()[None], other[None]),
@@ -258,7 +271,10 @@ class CertifiedBatch(Batch):
         self._estimate[which] = errors[0, 0, which]
 
     def _by_itself(self, place: int, action: NDArray[np.floating[Any]], steps: int) -> tuple[float, float, float]:
-        """Return angle, velocity and step count of one environment at half the step, after ``steps`` whole steps."""
+        """Return angle, velocity and step count of the run at half the step, for one environment that stopped early.
+
+        The interpreter computes them from the start of the control step, over ``steps`` steps of full length.
+        """
         if self._alone is None:
             self._alone = Machine(self._scene, self.method, self.diagnostics, "python", compensated=self.compensated)
         machine, at, half = self._alone, np.array([place]), self._half
@@ -272,14 +288,16 @@ class CertifiedBatch(Batch):
 
 
 def batch_class(diagnostics: Sequence[str]) -> type[Batch]:
-    """Return the class that runs a vector of environments with these diagnostics."""
+    """Return the class that simulates a vector of environments: CertifiedBatch with the diagnostic "error", else Batch.
+    """
     return CertifiedBatch if "error" in check_diagnostics(diagnostics) else Batch
 
 
 class CertifiedRuns(Runs):
     """A batch of runs with error estimates of angle and velocity as the last entries of their records.
 
-    Every run is repeated twice for that with every step recorded: with the same step and with half the step.
+    For the estimates every run is simulated twice more, with every step recorded: with the same step and with half the
+    step.
     """
 
     def __init__(
@@ -299,7 +317,10 @@ class CertifiedRuns(Runs):
         self._estimator = ErrorEstimator.of(each.scene, self.method, plan.h, each.numbers, self.compensated)
 
     def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
-        """Yield the records with error estimates, some rows at a time; progress is that of the estimates."""
+        """Yield the records of all runs with error estimates, some rows (recorded times) at a time.
+
+        ``progress`` is called with the progress of the estimates, which take most of the time.
+        """
         estimates = self._estimates(progress)
         ready = next(estimates)
         for rows in super().rows(None, whole):

@@ -1,4 +1,5 @@
-"""The class :class:`Each`: the scenes of several environments whose parameters differ, and their numbers."""
+"""The class :class:`Each`: scenes of several environments with different parameter values, and the program's numbers.
+"""
 
 from __future__ import annotations
 
@@ -28,17 +29,26 @@ WHOLE = ("effects",)
 
 
 def frequency(scene: Scene) -> float:
-    """Return the small-angle angular frequency omega0 [1/s], the unit of scaled velocities; 1 without gravity."""
+    """Return the angular frequency omega0 of small swings of a scene [1/s], or 1 for a scene without gravity.
+
+    Rewards use it as the unit of velocity.
+    """
     return scene.omega0 or 1.0
 
 
 def checked_limit(value: Any, scene: Scene) -> float:
-    """Return the |velocity| that ends an episode [rad/s], by default 100 omega0; SceneError unless above 0."""
+    """Return the checked |velocity| that ends an episode [rad/s], 100 omega0 if None is given.
+
+    Raises SceneError unless it is a number above 0.
+    """
     return limit_of(100.0 * frequency(scene) if value is None else value)
 
 
 def limit_of(value: Any) -> float:
-    """Return a checked |velocity| that ends a run [rad/s], inf for no limit; SceneError unless above 0."""
+    """Return the checked |velocity| that ends a run [rad/s], inf if None is given (no limit).
+
+    Raises SceneError unless it is a number above 0.
+    """
     endless = isinstance(value, (float, Many)) and value == math.inf
     return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
@@ -49,14 +59,15 @@ class Each:
     Args:
         scene, damping: as for one environment.
         speed_limit: as for one environment, or a sequence of ``size``.
-        parameters: a value for all environments, or a sequence of ``size``, by name.
+        parameters: scene parameters by name: one value for all environments, or a sequence of ``size`` values.
         size: number of environments.
-        what: the word for one environment in messages.
+        what: the word for one environment in messages, such as "run".
         validity: check of the formulas, which is called for every scene; None for no check.
 
     Attributes:
         scene: scene of the first environment.
-        numbers: parameters of the program by name: a float if all environments agree, else an array of ``size``.
+        numbers: parameters of the generated program by name: a float if all environments agree, else an array of
+            ``size`` floats.
 
     Raises SceneError for invalid parameters, with the index of the environment if they differ.
     """
@@ -95,16 +106,17 @@ class Each:
                         for name, column in columns.items()}
 
     def _together(self, limits: Sequence[Any], validity: Validity | None) -> dict[str, Array]:
-        """Return the numbers of all environments, computed in groups with one scene of Many values per group.
+        """Return the program's parameters of all environments by name, computed for whole groups of environments.
 
-        Scenes are built one by one in small groups, and where a formula may not hold. The result is empty if a value is
-        invalid or if code cannot handle Many: then all scenes have to be built one by one.
+        The scene of a group has parameters of the class Many, numbers with one value per environment. Small groups, and
+        environments in which an effect's formula may not hold, are computed one by one. The result is empty if a value
+        is invalid or if some code cannot handle Many: then the caller computes all environments one by one.
         """
         columns: dict[str, Array] = {}
         few, doubtful = [0], [0]
 
         def fill(places: Places) -> None:
-            """Compute the numbers of one group of environments."""
+            """Compute and store the program's parameters of a group of environments with the indices ``places``."""
             if len(places) < FEW:
                 few.extend(places.tolist())
                 doubtful.extend(places.tolist())
@@ -130,7 +142,7 @@ class Each:
         return columns
 
     def _one_by_one(self, places: Sequence[int], validity: Validity | None) -> dict[str, Array]:
-        """Return the numbers of the environments ``places``, built one by one.
+        """Return the program's parameters of the environments with indices ``places``, from one scene per environment.
 
         Raises SceneError with the index of the first environment with an invalid value.
         """
@@ -149,7 +161,10 @@ class Each:
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
     def _same_program(self, place: int) -> tuple[Scene, Numbers]:
-        """Return scene and numbers of one environment; SceneError if it needs another program than the first."""
+        """Return scene and program parameters of the environment with index ``place``.
+
+        Raises SceneError if its scene needs another generated program than that of environment 0, since all share one.
+        """
         scene = self.of(place)
         if program_parts(scene) != self._parts:
             names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
@@ -157,7 +172,7 @@ class Each:
         return scene, _numbers(scene, self._limits[place])
 
     def corners(self) -> list[Scene]:
-        """Return the first scene, and the scenes with the smallest and the largest value of every parameter array."""
+        """Return the scenes of environment 0 and of those with the extreme values of every parameter that differs."""
         places = {0: None}
         for values in self._own.values():
             if _are_numbers(values):
@@ -165,7 +180,8 @@ class Each:
         return [self.of(place) for place in places] if self._own else [self.scene]
 
     def swiftest(self) -> list[Scene]:
-        """Return the scenes of :meth:`corners` and the scene with the largest omega0."""
+        """Return the scenes of :meth:`corners` and the scene with the largest angular frequency omega0 of small swings.
+        """
         omega0 = self.numbers["omega0"]
         return [*self.corners(), *([self.of(int(np.argmax(omega0)))] if isinstance(omega0, np.ndarray) else [])]
 
@@ -175,27 +191,27 @@ class Each:
 
 
 def _numbers(scene: Scene, speed_limit: Any) -> Numbers:
-    """Return all numbers of a scene that a batch's program takes, by name."""
+    """Return the numbers of one scene that a generated program for many environments takes, by name."""
     limit = checked_limit(speed_limit, scene)
     return {**numbers_of(scene), "omega0": frequency(scene), "speed_limit": limit}
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:
-    """Return True if all values are numbers, not booleans."""
+    """Return True if all entries of a sequence are ints or floats, and none is a boolean."""
     return all(issubclass(kind, (int, float)) and kind is not bool for kind in {*map(type, values)})
 
 
 def _floats(values: Sequence[Any]) -> Array:
-    """Return numbers as an array; TypeError if one value is not a number."""
+    """Return a sequence of numbers as a float array; TypeError if an entry is not a number."""
     if not _are_numbers(values):
-        raise TypeError("Not all of these are numbers.")
+        raise TypeError("All values of a parameter must be numbers.")
     return np.array(values, dtype=np.float64)
 
 
 def _sequence(value: Any, name: str, size: int, what: str) -> list[Any]:
-    """Return the values of all environments as a list; empty if ``value`` is a single value for all.
+    """Return a parameter's values of all environments as a list; empty if ``value`` is one value for all.
 
-    Raises SceneError for a sequence of another length than ``size``.
+    Raises SceneError for a sequence whose length is not ``size``.
     """
     if not isinstance(value, (list, tuple, np.ndarray)) or (isinstance(value, np.ndarray) and value.ndim == 0):
         return []

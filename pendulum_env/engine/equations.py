@@ -1,4 +1,5 @@
-"""Generated source of a problem's functions: accelerations, powers, derivatives, closed form and potential."""
+"""Generated source of the functions of an equation of motion: acceleration, powers, derivatives, potential and others.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +11,10 @@ from pendulum_env.physics.exact.flows import flow_of
 
 
 def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, q, v", *roles: str) -> str:
-    """Write the source of ``acceleration``: the sum of all torques, with dry friction for a given ``direction``."""
+    """Write the source of ``acceleration``: the sum of all torques, divided by the moment of inertia.
+
+    Dry friction, if there is any, has the sign that the argument ``direction`` of the generated function gives it.
+    """
     shape, total = problem.shape, problem.sum_of(problem.torques, *roles, "torque")
     if shape.slides:
         total += f" - direction*{shape.dry}"
@@ -24,7 +28,7 @@ def force(problem: Problem) -> str:
 
 
 def rates(problem: Problem) -> str:
-    """Write the source of ``rates``: acceleration, power of the drives, and heat of the drags per time."""
+    """Write the source of ``rates``: acceleration, power of the drives, and heat that the drags produce per time."""
     shape, torques = problem.shape, problem.torques
     lines = [*air.motion(problem), *(f"torque_{e.name} = {problem.call(e.torque)}" for e in torques if e.torque)]
     total = " + ".join(f"torque_{e.name}" for e in torques) or "0.0"
@@ -55,8 +59,8 @@ GAUSS = (
 def resting(problem: Problem) -> str:
     """Write ``resting``: work and heats, over a time ``h``, of a bob that dry friction holds at rest in moving air.
 
-    The air does work on the held bob, and the drag turns it into heat: both grow at the rates at velocity zero, which
-    are integrated by Gauss's five nodes where they depend on the time.
+    The air does work on the held bob, and the drag turns this work into heat. Both grow at the rates for velocity zero,
+    which are integrated by Gauss's rule with five nodes where they depend on the time.
     """
     sums, extra = problem.shape.quadratures, joined(problem.shape.extra, ("0.0",))
     nodes = GAUSS if in_time(problem) else (("0.0", "1.0"),)
@@ -79,20 +83,26 @@ def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *
 
 
 def mean_acceleration(problem: Problem) -> str:
-    """Write the source of the mean of the acceleration over the angles from ``q - spread`` to ``q + spread``."""
+    """Write the source of the acceleration averaged over the angles from ``q - spread`` to ``q + spread``.
+
+    Energy-conserving methods (average vector field) use it.
+    """
     return acceleration(problem, "mean_acceleration", "t, q, v, spread", "mean")
 
 
 def mean_jacobian(problem: Problem) -> str:
-    """Write the source of the mean acceleration's derivatives by the angle at the step's end and by the velocity."""
+    """Write the source of the averaged acceleration's derivatives by the angle at the step's end and by the velocity.
+    """
     return jacobian(problem, "mean_jacobian", "t, q, v, spread", "mean_by_end")
 
 
 def exact_flow(problem: Problem) -> str:
-    """Write the source of ``exact_flow``: the solution in closed form, with heats where they have one."""
+    """Write the source of ``exact_flow``: the solution in closed form, with the heats of effects that have one."""
     flow = flow_of(problem.effects)
     if flow is None:
-        raise NotImplementedError("These effects together have no closed form.")
+        raise NotImplementedError(
+            "The effects of the scene have no common solution in closed form; choose a method other than the exact one."
+        )
     named = {effect.name: effect for effect in problem.effects}
     heats = [problem.heat_of(named[name]) for name in flow.heats]
     values = ", ".join(["q1", "v1", *(f"d_{heat}" if heat else "_" for heat in heats)])
@@ -108,7 +118,10 @@ def potential(problem: Problem) -> str:
 
 
 def remember(problem: Problem) -> str:
-    """Write the source of ``remember``, which advances the effects' state variables by one control step."""
+    """Write the source of ``remember``, which advances the state variables of effects, such as gusts.
+
+    The generated function is called once per control step.
+    """
     shape = problem.shape
     lines = [f"{', '.join(f'{name}1' for name in effect.memory)}, = {problem.call(effect.advance)}"
              for effect in problem.effects if effect.advance]
@@ -118,6 +131,6 @@ def remember(problem: Problem) -> str:
 
 
 def in_time(problem: Problem) -> bool:
-    """Return True if the torque on a bob at rest at a fixed angle depends on the time."""
+    """Return True if the sum of the torques on a bob at rest at a fixed angle depends on the time."""
     winds = [wind for effect in problem.effects for wind in (effect.wind_x, effect.wind_y) if wind]
     return bool(timed(problem.torques)) or (problem.windy and any("time" in arguments(wind) for wind in winds))

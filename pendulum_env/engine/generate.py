@@ -1,7 +1,8 @@
-"""Generation of programs: a scene and a method become the source of one readable file with only the needed functions.
+"""Generation of programs: the source text of one Python file that simulates one scene with one method.
 
-Python interprets the text, or numba compiles it: ``inline`` and ``entry`` are decorators that the caller provides (no
-operation, or njit), and ``U`` converts to an unsigned index. Torques and energies are divided by the moment of inertia.
+The file contains only the needed functions. Python interprets the text, or numba compiles it: ``inline`` and ``entry``
+are decorators that the caller provides (no operation, or njit), and ``U`` converts to an unsigned index. Torques and
+energies are divided by the moment of inertia.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ WRITTEN: Mapping[str, Callable[[Problem], str]] = {
     "jacobian": equations.jacobian, "mean_acceleration": equations.mean_acceleration,
     "mean_jacobian": equations.mean_jacobian, "exact_flow": equations.exact_flow, "series": series.series,
 }
-"""Name of a function that steps call -> its writer; for sub-flows see :mod:`pendulum_env.engine.subflows`."""
+"""Function that a step calls -> its writer; kicks and drag flows are in :mod:`pendulum_env.engine.subflows`."""
 
 HELPERS: tuple[Plain, ...] = (
     *report.CALLED, *CALLED, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled)
@@ -44,7 +45,7 @@ class Program:
 
     Attributes:
         text: the source.
-        shape: arguments, quadratures and reports.
+        shape: names of the arguments, quadratures and reported quantities.
         title: a name for file names and messages.
     """
 
@@ -55,7 +56,7 @@ class Program:
 
 @dataclass(frozen=True)
 class BatchProgram(Program):
-    """A generated program for blocks of environments; ``layout`` describes the memory of a block."""
+    """A generated program for blocks of environments; ``layout`` describes the fields and memory of a block."""
 
     layout: Layout
 
@@ -68,7 +69,7 @@ def program(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
     compensated: bool = False,
 ) -> Program:
-    """Return the program for single runs of a scene with a method; the values of parameters are its arguments."""
+    """Return the program for single runs of a scene with a method; values of parameters are arguments, not text."""
     return _program(problem_of(scene, method, diagnostics, adaptive, compensated))
 
 
@@ -86,14 +87,15 @@ def batch_program(
 
 @lru_cache(maxsize=512)
 def _program(problem: Problem) -> Program:
-    """Return the program for single runs of a problem."""
+    """Return the program for single runs of a Problem, the equation of motion of a scene with a method."""
     loops = [run(problem.shape), report.info(problem.shape)]
     return Program(_text(problem, loops), problem.shape, problem.title)
 
 
 @lru_cache(maxsize=512)
 def _batch_program(problem: Problem, varying: frozenset[str], task: Task | None) -> BatchProgram:
-    """Return the program for blocks of environments or runs of a problem."""
+    """Return the program for blocks of environments or runs of a Problem, a scene's equation of motion with a method.
+    """
     names = None if task is None else (task[0].__name__, task[1].__name__)
     layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, names)
     text = _text(problem, blocks.loops(layout), task or ())
@@ -101,7 +103,10 @@ def _batch_program(problem: Problem, varying: frozenset[str], task: Task | None)
 
 
 def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
-    """Write a program: copies of the called functions, the problem's functions, the step, then the loops over steps."""
+    """Write the whole text of a program for a Problem.
+
+    It holds copied library functions, the problem's equations, one step of the method, and the loops over steps.
+    """
     shape, method = problem.shape, problem.method
     pieces = [*_step(problem), *loops]
     flow = flow_of(problem.effects)
@@ -117,7 +122,10 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
 
 
 def _step(problem: Problem) -> list[str]:
-    """Write the functions that belong to a problem, and one step of its method with its checks."""
+    """Write the source of the functions of an equation of motion, and of one step of its method.
+
+    The step checks for divergence, the speed limit and a slack wire.
+    """
     shape, method = problem.shape, problem.method
     called = method.calls(bool(shape.quadratures), shape.adaptive)
     # Dry friction cuts steps at zeros of v: there the acceleration at rest decides, and moving air goes on working.

@@ -38,7 +38,8 @@ entry = njit(error_model="numpy", nogil=True)
 
 
 class EngineError(RuntimeError):
-    """Error for a backend that does not exist or is not available on this machine."""
+    """Error for a backend that is not "auto", "compiled" or "python", or that needs numba where it cannot be imported.
+    """
 
 
 def functions(program: Program, backend: Backend = "auto") -> Mapping[str, Callable[..., Any]]:
@@ -61,14 +62,18 @@ def _functions(program: Program, backend: Literal["compiled", "python"]) -> Mapp
 
 
 def forget() -> None:
-    """Clear this process's caches of loaded programs, of the available backend, and of warnings already given."""
+    """Clear this process's caches of loaded programs and of the available backend, and allow warnings to appear again.
+    """
     _functions.cache_clear()
     _resolved.cache_clear()
     _warn_uncached.cache_clear()
 
 
 def resolve(backend: Backend) -> Literal["compiled", "python"]:
-    """Return the backend that a name stands for on this machine; EngineError for an unknown or unavailable one."""
+    """Return "compiled" or "python" for the name of a backend, which may also be "auto".
+
+    Raises EngineError for an unknown name, or for "compiled" where numba cannot be imported.
+    """
     if not isinstance(backend, str) or backend not in BACKENDS:
         raise EngineError(f"There is no backend {shown(backend)}{nearest(backend, BACKENDS)}")
     wanted = os.environ.get(VARIABLE, backend) if backend == "auto" else backend
@@ -79,21 +84,26 @@ def resolve(backend: Backend) -> Literal["compiled", "python"]:
 
 @cache
 def _resolved(backend: str) -> Literal["compiled", "python"]:
-    """Return the backend to use for a name; warn and return "python" if "auto" finds no numba."""
+    """Return "compiled" or "python" for the name of a backend; "auto" without numba gives "python" and a warning."""
     if backend == "python":
         return "python"
     try:
         import numba  # noqa: F401
     except ImportError as error:
         if backend == "compiled":
-            raise EngineError(f"The compiled backend needs numba, which cannot be imported: {error}.") from None
+            raise EngineError(
+                f"The compiled backend needs numba, which cannot be imported ({error}); use backend='python'."
+            ) from None
         warn(f"numba cannot be imported ({error}); programs are interpreted, which is about 50 times slower.")
         return "python"
     return "compiled"
 
 
 def interpreted(text: str, title: str, names: Mapping[str, Any] | None = None) -> Mapping[str, Callable[..., Any]]:
-    """Return the functions of a generated program, run by Python; ``names`` replaces functions by name."""
+    """Return the functions of a generated program, run by Python.
+
+    ``names`` maps names of functions in the program to functions that replace them.
+    """
     namespace: dict[str, Any] = {"inline": _unchanged, "entry": _unchanged, "U": int}
     exec(compile(text, f"<lab-pendulum {title}>", "exec"), namespace)
     namespace.update(names or {})
@@ -101,7 +111,7 @@ def interpreted(text: str, title: str, names: Mapping[str, Any] | None = None) -
 
 
 def _unchanged(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function unchanged: the decorator of interpreted programs."""
+    """Return a function unchanged: the decorator in place of njit for programs that Python interprets."""
     return function
 
 
@@ -148,10 +158,11 @@ def compiled(program: Program) -> Mapping[str, Callable[..., Any]]:
 
 
 class _CodeCache:
-    """Cache of one function's machine code: one file per signature and processor, which begins with its digest.
+    """Cache of one function's machine code on disk: one file per signature and processor, which begins with a digest.
 
-    It replaces numba's own cache, ``Dispatcher._cache``, which fails in the first call if a file is damaged or cannot
-    be written, and which runs machine code in which bits have changed. This cache recompiles in all of these cases.
+    The class replaces numba's own cache, ``Dispatcher._cache``, which raises in the first call if a file is damaged or
+    cannot be written, and which runs machine code even if bits of the file have changed. In all of these cases the
+    present class recompiles.
     """
 
     digest = hashlib.sha256().digest_size
@@ -197,7 +208,8 @@ class _CodeCache:
 
 
 def _written(path: Path, text: str) -> Path:
-    """Write a text file atomically, unless it has this text already, and return its path; OSError if that fails."""
+    """Write a text file atomically and return its path; leave a file with this text as it is. OSError if writing fails.
+    """
     try:
         if own_bytes(path) == text.encode():
             return path
@@ -208,13 +220,13 @@ def _written(path: Path, text: str) -> Path:
 
 
 def _put(path: Path, content: bytes) -> None:
-    """Write a file of the cache atomically, with the permissions of OWN."""
+    """Write a file of the cache atomically, with permissions for its owner only."""
     with replacing(path, mode=OWN) as temporary:
         temporary.write_bytes(content)
 
 
 def _reason(error: OSError) -> str:
-    """Return the reason why the cache folder cannot be used, in words that do not depend on the program."""
+    """Return the reason why the cache folder cannot be used, without names that change from program to program."""
     text = str(error.strerror or error)
     try:
         return f"{cache_folder()}: {text}"
@@ -224,7 +236,7 @@ def _reason(error: OSError) -> str:
 
 @lru_cache(maxsize=1)
 def _warn_uncached(reason: str) -> None:
-    """Warn once that compiled programs cannot be cached."""
+    """Warn once per process that compiled programs cannot be cached, with the reason."""
     warn(
         f"Compiled programs cannot be cached ({reason}), so that every process compiles them again. "
         "Set LAB_PENDULUM_CACHE to a folder that you own and can write to."

@@ -1,4 +1,5 @@
-"""Memory layout of a block of environments: its fields, and their positions in the block's array."""
+"""Memory layout of a block of environments: its fields (quantities such as the angle), and their positions in an array.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from pendulum_env.engine import report
 from pendulum_env.engine.shape import SLACKENED, Shape, indent, joined
 
 BLOCK = 256
-"""Number of environments in a block: few enough for its fields and results, some 50 kB, to stay in the cache."""
+"""Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache."""
 
 LIMITS = ("omega0", "speed_limit")
 """Further parameters of a batch's programs beside OWN; each is one number, or one number per environment."""
@@ -31,17 +32,18 @@ class Layout:
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Return the names of all parameters of the loops."""
+        """Return the names of all scene parameters of the generated loops, varying and equal ones."""
         return (*self.shape.numbers, *LIMITS)
 
     @property
     def shared(self) -> tuple[str, ...]:
-        """Return the names of the parameters that are equal in all environments, in the loops' order."""
+        """Return the names of the parameters that are equal in all environments, in the order of the loops' arguments.
+        """
         return tuple(name for name in self.numbers if name not in self.varying)
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Return the names of the fields of a block of environments, in order."""
+        """Return the names of a block's fields in the order in memory; a field holds one number per environment."""
         memory = ("held", *self.shape.memory) if self.shape.memory else ()
         initial = ("initial",) if self.shape.ledger else ()
         own = tuple(name for name in self.numbers if name in self.varying)
@@ -52,35 +54,40 @@ class Layout:
 
     @property
     def reports(self) -> tuple[str, ...]:
-        """Return the names of the reported quantities: those of ``info`` with a task, else those of a run's record."""
+        """Return the names of the reported quantities: the entries of ``info``, or without a task of a run's record."""
         return self.shape.info if self.task else report.names_recorded(self.shape)
 
     @property
     def results(self) -> tuple[str, ...]:
-        """Return the names of the fields of a block's results: action, observation, reward, end of episode, reports."""
+        """Return the names of a block's results: action, observation, reward, end of episode, reported quantities."""
         seen = (*report.SEEN, "reward", "late", "ended") if self.task else ()
         return ("control", *seen, *self.reports)
 
     def at(self, name: str) -> str:
-        """Return the source of one environment's value of a field."""
+        """Return the source of the array element that holds the field ``name`` of environment ``i`` in a block."""
         return f"s[i + U({self.fields.index(name) * BLOCK})]"
 
     def out(self, name: str) -> str:
-        """Return the source of one environment's value of a result."""
+        """Return the source of the array element that holds the result ``name`` of environment ``i`` in a block."""
         return f"o[i + U({self.results.index(name) * BLOCK})]"
 
     def load(self, *names: str) -> list[str]:
-        """Return the source lines that read fields and the action into local names; other names are skipped."""
+        """Return the source lines that assign fields and the action to local names; names that are neither are skipped.
+        """
         places = {"control": self.out("control"), **{name: self.at(name) for name in self.fields}}
         return [f"{name} = {places[name]}" for name in names if name in places]
 
 
 def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str]) -> str:
-    """Write the source of a function that runs ``lines`` for every environment of a block."""
+    """Write the source of a function ``name`` that runs ``lines``, the source for one environment, for all of a block.
+    """
     signature = joined((first,), layout.shared)
     return "\n".join(["@inline", f"def {name}({signature}):", "    for i in range(U(n)):", *indent(lines, 2), ""])
 
 
 def side_of_turns(layout: Layout) -> list[str]:
-    """Return the source line that sets ``side`` (+1 below the horizontal, -1 above); no line if not periodic."""
+    """Return the source line that sets ``side``; no line if torques are not periodic in the angle.
+
+    ``side`` is +1 if the bob is below the horizontal and -1 above.
+    """
     return ["side = side_of(turns)"] if layout.shape.periodic else []

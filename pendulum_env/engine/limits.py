@@ -1,9 +1,9 @@
 """Warnings that name a remedy: before a run, of steps beyond a method's stability limit; after a run, of a failed step.
 
-The stability of a step is computed from the method itself, as the growth of a small swing in one step
-(:func:`integrators.analysis.linear.spectral_radius`). The remedies are computed, too: a step at which the swing does
-not grow, and the cheapest method of the registry that has the needed stability property, fits the scene, and is stable
-at this step.
+The stability of a step is computed from the method, as the growth of a small swing in one step
+(:func:`integrators.analysis.linear.spectral_radius`). Two remedies are computed: a step at which the swing does not
+grow, and the cheapest registered method that has the needed stability property, fits the scene, and is stable at the
+present step.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ OVERFLOWN = 1e100
 def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
     """Return the log of the factor by which a small swing's amplitude grows in one period, or in one longer step.
 
-    Without a restoring torque there is no period, and the growth is that over LATER steps.
+    Without a restoring torque (omega0 h = 0) there is no period; the growth is then that over 1000 steps (LATER).
     """
     from integrators.analysis.linear import spectral_radius
 
@@ -65,8 +65,8 @@ def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
 def beyond_limit(method: Method, omega0_h: float, gamma_h: float) -> bool:
     """Return True if a step of the method is unstable for a small swing.
 
-    It is unstable if the swing doubles in one period or, for steps longer than LONG, within LATER periods, while
-    shorter steps would keep it from growing.
+    It is unstable if the swing doubles in one period. For omega0 h or gamma h above 0.4 (LONG) it is also unstable if
+    the swing doubles within 1000 periods (LATER), while shorter steps would keep it from growing.
     """
     growth = growth_per_period(method, omega0_h, gamma_h)
     if growth * LATER <= DOUBLED:
@@ -79,18 +79,20 @@ def beyond_limit(method: Method, omega0_h: float, gamma_h: float) -> bool:
 
 
 def beyond_map(method: Method, scene: Scene, omega0_h: float) -> bool:
-    """Return True if a symplectic method of one kick per step is the standard map beyond its last invariant orbit.
+    """Return True if a symplectic method with one force evaluation per step may let the energy of a swing grow.
 
-    See GREENE; the energy of a swing is then not bounded.
+    For an undamped pendulum such a method is the standard map, which bounds the energy only as long as an invariant
+    orbit exists, up to omega0 h = 0.986 (GREENE).
     """
     one_kick = method.symplectic and not method.implicit and method.evaluations == 1 and not method.exact
     return one_kick and scene.periodic and not scene.of_kind("dissipative") and omega0_h > GREENE
 
 
 def fastest(scene: Scene, angle: float, velocity: float, slowed: bool) -> float:
-    """Return an upper bound of the angular velocity of an undriven run [rad/s].
+    """Return an upper bound of the angular velocity of a run without drives [rad/s].
 
-    ``angle`` [rad] and ``velocity`` [rad/s] are the initial condition. With ``slowed`` the bound includes the losses.
+    ``angle`` [rad] and ``velocity`` [rad/s] are the initial condition. With ``slowed`` the bound takes the losses into
+    account and is smaller.
     """
     fall = 2.0 * natural_rate(scene) * math.sin(0.5 * min(abs(angle), math.pi))
     free = math.hypot(velocity, fall)
@@ -118,17 +120,24 @@ def too_long(
 
 
 def _damping(scene: Scene, speed: float) -> float:
-    """Return the largest damping rate of all losses up to this angular velocity [1/s]."""
+    """Return the largest damping rate gamma of all losses together, at angular velocities from 0 to ``speed`` [1/s]."""
     return max(damping_rate(scene, speed), damping_rate(scene, 0.0)) if scene.of_kind("dissipative") else 0.0
 
 
 def _beyond(method: Method, scene: Scene, z: float, g: float) -> bool:
-    """Return True if a step with omega0 h = ``z`` and gamma h = ``g`` is unstable in the scene."""
+    """Return True if a step of the method is unstable in the scene.
+
+    The step is given by omega0 h = ``z`` and gamma h = ``g``, where omega0 is the frequency of small swings and gamma
+    the damping rate.
+    """
     return beyond_limit(method, z, g) or beyond_map(method, scene, z)
 
 
 def _long_step_warning(method: Method, scene: Scene, h: float, z: float, g: float) -> str:
-    """Return the warning that steps of ``h`` [s] are unstable, with omega0 h = ``z`` and gamma h = ``g``."""
+    """Return the text of the warning that steps of ``h`` [s] are unstable.
+
+    The step has omega0 h = ``z`` and gamma h = ``g``.
+    """
     parts = 1
     while parts < 2**HALVINGS and _beyond(method, scene, z / parts, g / parts):
         parts += max(1, parts // 16)
@@ -160,7 +169,7 @@ def _beyond_all_steps(method: Method, scene: Scene, h: float, ratio: float) -> s
 
 
 def _able(scene: Scene, drag: bool) -> list[Method]:
-    """Return the A-stable (with ``drag`` L-stable) methods that fit the scene, the best first.
+    """Return the A-stable methods (with ``drag`` the L-stable ones) that fit the scene, the recommended one first.
 
     Exact methods come first, then one-step methods, then those of order 2 or more, then the cheaper ones.
     """
@@ -170,7 +179,7 @@ def _able(scene: Scene, drag: bool) -> list[Method]:
 
 
 def _praised(method: Method) -> str:
-    """Return the method's name with the reason for which a warning recommends it at the present step."""
+    """Return the method's name with the reason for which a warning about too long steps recommends it."""
     if method.exact:
         return f"{method.name}, which has no error in this scene"
     return f"{method.name}, which is stable at this step, though a step this long cannot be accurate"
@@ -179,13 +188,13 @@ def _praised(method: Method) -> str:
 def warn_of_stop(
     method: Method, scene: Scene, reason: str, h: float, state: Sequence[float], control: float = 0.0
 ) -> bool:
-    """Warn, and return True, if a run stopped because an equation was not solved or a tolerance not met.
+    """Warn if a run stopped because an implicit equation was not solved or a tolerance not met; return True then.
 
     Args:
         reason: the run's stop reason.
         h: the integrator's step [s].
         state: the last finite state: steps taken, angle [rad], turns, velocity [rad/s].
-        control: the share of the motor's torque.
+        control: the motor's torque as a fraction of its largest torque.
     """
     ratio = natural_rate(scene) * h
     if ratio > 2.0**HALVINGS and (method.implicit or reason == STOP_REASONS[TOO_SHORT]):
@@ -193,8 +202,8 @@ def warn_of_stop(
         return True
     if reason == STOP_REASONS[TOO_SHORT]:
         warn(
-            f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: no step meets its "
-            "tolerance; take a larger rtol and atol, or fixed steps (no rtol)."
+            f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: even the shortest step "
+            "exceeds its tolerance; take a larger rtol and atol, or fixed steps (leave out rtol)."
         )
         return True
     index, angle, turns, velocity = (float(value) for value in state[:4])
@@ -202,7 +211,7 @@ def warn_of_stop(
         return False
 
     def solved(other: Method, step: float) -> bool:
-        """Return True if a method with this step gets past the state at which the run stopped."""
+        """Return True if the method ``other`` with this step can continue from the state at which the run stopped."""
         return _steps(other, scene, step, index, angle + TWO_PI * (turns % 1.0), velocity, control)
 
     if solved(method, h):
@@ -223,9 +232,9 @@ def warn_of_stops(
     method: Method, reasons: Iterable[tuple[int, str]], h: float, scene_of: Callable[[int], Scene],
     state_of: Callable[[int], Sequence[float]], control_of: Callable[[int], float],
 ) -> bool:
-    """Warn, and return True, if a run of a batch diverged because an equation was not solved.
+    """Warn if a run of a batch diverged because an implicit equation was not solved; return True then.
 
-    ``reasons`` are indices and stop reasons of runs; only the first FEW diverged runs are examined.
+    ``reasons`` are pairs of a run's index and its stop reason; only the first four diverged runs (FEW) are examined.
     """
     lost = [place for place, reason in reasons if reason == STOP_REASONS[DIVERGED]] if method.implicit else []
     return any(warn_of_stop(method, scene_of(place), STOP_REASONS[DIVERGED], h, state_of(place), control_of(place))
@@ -235,7 +244,10 @@ def warn_of_stops(
 def _steps(
     method: Method, scene: Scene, h: float, index: float, angle: float, velocity: float, control: float
 ) -> bool:
-    """Return True if TRIED steps of a method from this state stay finite; multistep methods start without a history."""
+    """Return True if 20 steps (TRIED) of a method from the given state stay finite.
+
+    Multistep methods start there without a history.
+    """
     machine = Machine(scene, method, (), "python")
     state = machine.state(angle, velocity)
     state[INDEX] = 0.0 if method.memory else index

@@ -8,7 +8,7 @@ from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, Sh
 
 
 def _unpack(shape: Shape) -> list[str]:
-    """Return the source lines that read parameters and state into local names."""
+    """Return the source lines that read parameters and state into local names, at the start of ``run``."""
     before = shape.params.index(BOUND[-1]) if shape.adaptive else len(shape.params)
     lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.params[:before])]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
@@ -32,7 +32,7 @@ def _begin(shape: Shape) -> list[str]:
 
 
 def _remember(shape: Shape) -> list[str]:
-    """Return the source lines that advance the effects' state variables once per control step."""
+    """Return the source lines that advance the effects' state variables, such as gusts, once per control step."""
     lines = [
         "first = 1.0 if index == 0.0 else 0.0",
         shape.remember("hold*h"),
@@ -44,7 +44,7 @@ def _remember(shape: Shape) -> list[str]:
 
 
 def _one_step(shape: Shape) -> list[str]:
-    """Return the source lines of one step for the body of a loop, which they leave by ``break`` if the run stops."""
+    """Return the source lines of one step in the body of a loop. They leave the loop by ``break`` if the run stops."""
     fails = " or ".join(f"stop == {code}.0" for code in (DIVERGED, *((TOO_SHORT, PAUSED) if shape.adaptive else ())))
     return [
         *(_remember(shape) if shape.remembered else []),
@@ -59,7 +59,10 @@ def _one_step(shape: Shape) -> list[str]:
 
 
 def _store(shape: Shape, target: str) -> list[str]:
-    """Return the source lines that write the recorded values to ``target``, the source of an entry with index {}."""
+    """Return the source lines that write the recorded values.
+
+    ``target`` is the source of the array entry, with {} for the index.
+    """
     potential = f"potential({joined(('q',), shape.place)})"
     values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures, *shape.lost]
     values += watch.values(shape).values()
@@ -67,14 +70,14 @@ def _store(shape: Shape, target: str) -> list[str]:
 
 
 def _judged(shape: Shape) -> list[str]:
-    """Return the source lines that end a run at a recorded state with an absurdly large energy residual."""
+    """Return the source lines that end a run if the energy residual of a recorded state is absurdly large."""
     if not shape.accounts:
         return []
     return [*(f"{name} = {value}" for name, value in report.balance(shape).items()), report.judged("stop")]
 
 
 def _report(shape: Shape) -> list[str]:
-    """Return the source lines that compute the observation and the reported entries at the end of the state."""
+    """Return the source lines that compute the observation and the reported entries (``info``) of the state."""
     ledger = report.ledger(shape)
     lines = [*report.motion(shape), *(f"{name} = {value}" for name, value in ledger.items())]
     if shape.ledger:
@@ -84,12 +87,13 @@ def _report(shape: Shape) -> list[str]:
 
 
 def run(shape: Shape) -> str:
-    """Write the source of ``run``, a program's only entry: ``rows`` times ``every`` steps in place.
+    """Write the source of ``run``, the function of a program that Python calls to take ``rows`` times ``every`` steps.
 
-    The state keeps its last finite values. The reports are written to its last entries and the observation to ``seen``,
-    three float32; with an empty ``seen`` neither is computed. ``out``, an array of ``rows + 1`` rows, takes the initial
-    state, the state after every ``every`` steps, and the state at a stop; an empty ``out`` records nothing. See
-    :mod:`pendulum_env.engine.pieces`.
+    It advances the state in place; the state keeps its last finite values. The reported quantities are written to its
+    last entries and the observation to ``seen``, three float32; with an empty ``seen`` neither is computed. ``out``, an
+    array of ``rows + 1`` rows, receives the initial state, the state after every ``every`` steps, and the state at a
+    stop; with an empty ``out`` nothing is recorded. :mod:`pendulum_env.engine.pieces` divides long runs into several
+    calls of ``run``.
     """
     stored = f"records and index > before{f' and stop != {PAUSED}.0' if shape.adaptive else ''}"
     return "\n".join(

@@ -1,4 +1,5 @@
-"""The class :class:`Machine`, a scene with a method that is ready to run, and the check that they fit."""
+"""The class :class:`Machine`, a simulator of one scene with one method, and the check that the method fits the scene.
+"""
 
 from __future__ import annotations
 
@@ -38,14 +39,14 @@ DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
 """Names of the quantities that can be computed beside the motion."""
 
 UNSEEN = np.empty(3, dtype=np.float32)
-"""Array for observations of a run that are not used."""
+"""Array into which a run writes observations that are not used."""
 
 INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
 """Indices of the first entries of a state."""
 
 
 def offers(scene: Scene) -> frozenset[str]:
-    """Return the properties of a scene that methods may need, as names in :data:`integrators.method.NEEDS`."""
+    """Return the properties of a scene that methods may require, as names in :data:`integrators.method.NEEDS`."""
     offered = {"acceleration"}
     losses, windy = scene.of_kind("dissipative"), moving(scene.effects)
     dry = any(effect.dry for effect in losses)
@@ -83,7 +84,7 @@ def _by_velocity(effect: Effect) -> bool:
 
 
 def fitting(scene: Scene) -> dict[str, Method]:
-    """Return the registered methods that fit a scene, by name."""
+    """Return the registered methods that fit a scene, a dict from name to method."""
     offered = offers(scene)
     return {name: method for name, method in integrators.METHODS.items() if method.needs <= offered}
 
@@ -109,7 +110,8 @@ def find_method(integrator: str | Method, scene: Scene) -> Method:
 
 
 def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the diagnostics as a tuple in a fixed order; SceneError for an unknown name."""
+    """Return the names of the diagnostics as a tuple in a fixed order; SceneError for a name that is not a diagnostic.
+    """
     if isinstance(diagnostics, str):
         raise SceneError(f"diagnostics must be a tuple of names, as in ({shown(diagnostics)},).")
     names = [one_of(name, "diagnostic", DIAGNOSTICS) for name in several(diagnostics, "diagnostics", "names")]
@@ -117,7 +119,7 @@ def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
 
 
 def reported(diagnostics: Sequence[str]) -> tuple[str, ...]:
-    """Return the diagnostics that programs report: all but "error", which needs a second run."""
+    """Return the diagnostics that a generated program computes: all but "error", which needs a second run."""
     return tuple(name for name in diagnostics if name != "error")
 
 
@@ -141,7 +143,7 @@ def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: fl
 
 
 def numbers_of(scene: Scene) -> dict[str, float]:
-    """Return all numbers of a scene that programs take as parameters, by name."""
+    """Return all numbers of a scene that generated programs take as parameters, by name."""
     scale = scene.gravity * scene.weight_moment
     return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **watch.numbers(scene)}
 
@@ -150,25 +152,26 @@ class Machine:
     """A simulator of one pendulum: a scene and a method with their generated program and parameter values.
 
     Attributes:
-        scene, method, diagnostics, compensated: as given.
+        scene, method, diagnostics, compensated: the arguments of these names.
         compiled: True if numba compiles the program.
         entry: the generated function ``run``; see :func:`pendulum_env.engine.loops.run`.
-        direct: like :meth:`run`, but without its division into pieces; for up to FEW steps of
-            :mod:`pendulum_env.engine.pieces`.
+        direct: like :meth:`run`, but in one call that Ctrl-C cannot interrupt; for up to 4096 steps (FEW in
+            :mod:`pendulum_env.engine.pieces`).
         info: the generated function from a state to the dict ``info``.
         phi: index of the angle from upright in a state.
         parameters: parameters of the program; ``numbers`` are their names.
         names: names of a state's entries; the first ``width`` are recorded.
-        sums: name -> index in a state, for the quadratures.
-        watched: name -> index in a state, for the other diagnostics.
-        kept: name -> index in a state, for the counts and the step size of adaptive runs and for a slack wire.
+        sums: name -> index in a state, for the quadratures (work and heat).
+        watched: name -> index in a state, for the diagnostics "tension" and "flow".
+        kept: name -> index in a state, for the counts and the step size of adaptive runs, and for the step at which
+            the wire went slack.
         scale: ``m g L`` [J].
         hold: number of steps per control step, during which the state of effects, such as gusts, does not change.
         drawn: names of a state's entries that start as random numbers.
         tolerance: "rtol" and "atol" of an adaptive machine, which divides every step of h as they require; else empty.
 
-    Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that cannot be
-    had.
+    Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that is not
+    available.
     """
 
     def __init__(
@@ -222,7 +225,10 @@ class Machine:
 
     @property
     def label(self) -> str:
-        """Return the method's name, with "+ exact drag flow" if it splits drag off."""
+        """Return the method's name for plots and tables.
+
+        The text "+ exact drag flow" is appended if the method computes the drag by its exact solution.
+        """
         drags = any(effect.flow for effect in self.scene.of_kind("dissipative"))
         return f"{self.method.name} + exact drag flow" if drags and "split" in self.method.needs else self.method.name
 
@@ -232,9 +238,10 @@ class Machine:
         return np.array(numbers) if self.compiled else numbers
 
     def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
-        """Return the state at step zero for an angle [rad] and a velocity [rad/s]; its energies are not computed yet.
+        """Return the state at step 0 for an angle [rad] and a velocity [rad/s]; its energies are not computed yet.
 
-        ``uniform`` holds a random number in [0, 1) for every name in ``drawn``; 0.5 by default.
+        ``uniform`` holds a random number in [0, 1) for every name in ``drawn``, the variables that start at random; 0.5
+        each by default.
         """
         turns = 0.0
         if self.scene.periodic:
@@ -249,18 +256,21 @@ class Machine:
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
-        """Advance a state in place by ``rows`` times ``every`` steps of ``h`` [s]; return a key of STOP_REASONS, or 0.
+        """Advance a state in place by ``rows`` times ``every`` steps of ``h`` [s]; return a stop code or 0.
+
+        The stop code is a key of :data:`pendulum_env.engine.shape.STOP_REASONS`.
 
         Args:
             state: the state; see :meth:`state`.
-            parameters: the machine's parameters, or other values of them.
-            control: constant share of the motor's torque.
+            parameters: the machine's ``parameters``, or an array with other values.
+            control: constant fraction of the motor's torque, -1 to 1.
             speed_limit: |velocity| that ends the run [rad/s].
             out: array ``(rows + 1, width)`` for the initial state and the state after every ``every`` steps; empty for
                 no records.
             seen: array of three float32 for the observation at the end.
 
-        The work is divided into short pieces, so that KeyboardInterrupt can end it; the state is then restored.
+        Long runs are divided into short calls of the program, so that KeyboardInterrupt (Ctrl-C) can end them; the
+        state is then restored.
         """
         if rows * every <= self._at_once:
             code = int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))
@@ -272,7 +282,10 @@ class Machine:
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
-        """Do the work of :meth:`run` in several short calls; adaptive steps store their pauses in ``parameters``."""
+        """Advance a state as :meth:`run` does, in several short calls of the program that Ctrl-C can interrupt.
+
+        A call may end within a control step divided into adaptive steps; it stores its progress in ``parameters``.
+        """
         before, pace, work = state.copy(), self._pace, [INDEX]
         tries = self.numbers.index(BOUND[0]) if self.tolerance else 0
         if self.tolerance:
@@ -280,7 +293,7 @@ class Machine:
             work = [self.kept[name] for name in ADAPTED[1:]]
 
         def call(rows: int, every: int, out: Any, seen: Any) -> int:
-            """Call the generated ``run`` with a limit of its step attempts."""
+            """Call the generated ``run`` with a limit of the number of adaptive step attempts."""
             if self.tolerance:
                 parameters[tries] = float(pace.units)
             return int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))
@@ -292,7 +305,7 @@ class Machine:
         return code
 
     def advance(self, state: Any, control: float, h: float, steps: int, speed_limit: float = math.inf) -> int:
-        """Advance a state in place by ``steps`` steps of ``h`` [s]; return a key of STOP_REASONS, or 0."""
+        """Advance a state in place by ``steps`` steps of ``h`` [s]; return a stop code (key of STOP_REASONS) or 0."""
         return int(self.run(state, self.parameters, control, h, 1, steps, speed_limit, NOWHERE, UNSEEN))
 
     def ledger(self, rows: Any, initial: Any) -> Ledger:
@@ -329,8 +342,8 @@ def simulate(
 ) -> tuple[Array, str]:
     """Return the recorded states of one run of a machine, shape ``(states, width)``, and its stop reason or "".
 
-    There are ``rows`` states, the initial one and one after every ``every`` steps of ``h`` [s], and one more after
-    ``rest`` further steps if ``rest`` is not 0. If the run stops early, the last state is the one at the stop.
+    ``rows`` states are recorded, the initial one and one after every ``every`` steps of ``h`` [s]; if ``rest`` is not
+    0, one more after ``rest`` further steps. If the run stops early, the last recorded state is that at the stop.
     """
     return followed(machine, machine.state(angle, velocity), h, rows, every, rest, control, speed_limit)
 
@@ -338,7 +351,10 @@ def simulate(
 def followed(
     machine: Machine, state: Any, h: float, rows: int, every: int, rest: int, control: float, speed_limit: float
 ) -> tuple[Array, str]:
-    """Return the recorded states and the stop reason of a run from ``state``, which advances; see :func:`simulate`."""
+    """Return the recorded states and the stop reason of a run from ``state``, which is changed to the final state.
+
+    The arguments are those of :func:`simulate`.
+    """
     out = np.empty((rows + (rest > 0), machine.width))
     code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
     if rest and not code:

@@ -1,7 +1,8 @@
 """Division of long runs into short calls, so that Ctrl-C works: Python handles signals only between compiled calls.
 
-The number of steps per piece is adapted during the run, so that a piece takes about MOMENT whatever a step costs. The
-pieces do not change a single bit, because the state holds all that a step needs from the one before.
+One such call is named a piece. The number of steps per piece is adapted during the run, so that a piece takes about
+0.05 s (MOMENT) however expensive a step is. The division does not change a single bit of the results, because the state
+holds all that a step needs from the step before.
 """
 
 from __future__ import annotations
@@ -17,31 +18,35 @@ from pendulum_env.engine.shape import OK, PAUSED, SLACK, STATE
 NOWHERE = np.empty((0, 0))
 """Empty array for the argument ``out`` of ``run``: no records."""
 UNREAD = np.empty(0, dtype=np.float32)
-"""Empty array for the argument ``seen`` of ``run``: no observation and no reports."""
+"""Empty array for the argument ``seen`` of ``run``: no observation and no reported quantities."""
 
 MOMENT = 0.05
-"""Target wall time of a piece [s]: a tenth of the allowed delay of Ctrl-C, and 10 000 times the cost of a call."""
+"""Target wall time of one call of a program [s]: a tenth of the allowed delay of Ctrl-C, 10 000 times a call's cost."""
 FEW = 2**12
-"""Number of steps in the first piece of a run."""
+"""Number of steps in the first call of a program for a run; the numbers in later calls are adapted."""
 LEAST, MOST = 2**4, 2**26
-"""Smallest and largest number of steps in a piece."""
+"""Smallest and largest number of steps in one call of a program."""
 GROWTH = 8
-"""Largest ratio of the work of a piece to that of the piece before."""
+"""Largest ratio of the numbers of steps in two successive calls of a program."""
 TAKEN = STATE.index("index")
 """Index in the state of the number of steps taken."""
 
 
 class Pace:
-    """Number of units of work per piece, adapted so that a piece takes about MOMENT.
+    """Limit of the work in one compiled call, adapted to the speed so that a call takes about 0.05 s.
 
-    A unit is a step of a single run, an attempt of an adaptive step, or a step of a block of runs.
+    Short calls let Ctrl-C interrupt a run. The limit ``units`` counts steps of a single run, attempts of an adaptive
+    step, or steps of a block of runs.
     """
 
     def __init__(self, units: int = FEW) -> None:
         self.units = units
 
     def learn(self, units: float, seconds: float) -> None:
-        """Adapt the work per piece to the time [s] that a piece took; pieces that end early do not count."""
+        """Adapt the limit of the work per call, after ``units`` steps or attempts took ``seconds``.
+
+        Calls with less than half the limit do not count.
+        """
         if 2.0 * units >= self.units:
             target = units * MOMENT / max(seconds, 1e-9)
             self.units = int(max(LEAST, min(target, GROWTH * self.units, MOST)))
@@ -51,17 +56,17 @@ def run_in_pieces(
     call: Callable[[int, int, Any, Any], int], pace: Pace, work: Sequence[int], state: Any, before: Any, rows: int,
     every: int, out: Any, seen: Any,
 ) -> int:
-    """Advance a state by ``rows`` times ``every`` steps in several calls of ``run``; return the stop code.
+    """Advance a state by ``rows`` times ``every`` steps in several calls of a program, and return the stop code.
 
-    The result has the same bits as that of a single call. An interruption, such as KeyboardInterrupt, restores the
+    The result is equal, bit for bit, to that of a single call. An interruption, such as KeyboardInterrupt, restores the
     state ``before``.
 
     Args:
         call: function of ``rows, every, out, seen`` that calls ``run``; it may return PAUSED after part of the work.
         pace: limit of the work per call, which is adapted.
-        work: indices of the state's entries that count the units of work.
-        state: the state, advanced in place; a part of the work may be done already.
-        before: copy of the state before all work.
+        work: indices of the state's entries that count steps, or attempts of adaptive steps.
+        state: the state, advanced in place; some of the steps may have been taken already.
+        before: copy of the state before the first step.
         out, seen: as for ``run``.
     """
     records, total, code = len(out) > 0, rows * every, OK
@@ -69,7 +74,10 @@ def run_in_pieces(
     last = np.empty((1, out.shape[1])) if records else NOWHERE
 
     def report(records: Any, observation: Any) -> int:
-        """Record and report the present state; return DIVERGED if its energy residual is absurdly large."""
+        """Write the present state to ``records`` and its observation to ``observation``, without a step.
+
+        Return the stop code, which becomes DIVERGED if the energy residual is absurdly large.
+        """
         checked = call(0, 0, records, observation)
         return code if code > SLACK else checked or code
 

@@ -1,7 +1,7 @@
-"""The class :class:`Problem`, an equation of motion with a method from which a program is generated, and its helpers.
+"""The class :class:`Problem`: an equation of motion with a method, from which a program is generated.
 
-All torques and energies are divided by the moment of inertia. A problem holds no numbers, which are arguments of the
-program: scenes that differ only in numbers have equal problems and share one program.
+All torques and energies are divided by the moment of inertia. A problem holds no parameter values, which are arguments
+of the generated program: scenes that differ only in parameter values have equal problems and share one program.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ class Problem:
     """A scene's equation of motion with a method and the requested diagnostics.
 
     Attributes:
-        effects: the scene's effects, in its order. They do not count in comparisons of problems, but ``parts`` does.
-        parts: all of the scene that enters a program's text; see :func:`program_parts`.
+        effects: the scene's effects, in its order; not compared, so that problems with equal ``parts`` are equal.
+        parts: everything of the scene that enters a program's text; see :func:`program_parts`.
         method: the integration method.
         diagnostics: names of the quantities reported beside the motion.
-        shape: arguments, quadratures and reports of the program.
+        shape: names of arguments, quadratures and reported quantities of the program.
         windy: True if there is drag in a medium that moves.
     """
 
@@ -67,41 +67,54 @@ class Problem:
 
     @property
     def forces(self) -> tuple[str, ...]:
-        """Return the arguments after ``t, q, v`` of functions that include dry friction."""
+        """Return the arguments after ``t, q, v`` of generated torque functions; dry friction adds ``direction``."""
         return (*self.shape.extra, "direction") if self.shape.slides else self.shape.extra
 
     @property
     def functions(self) -> list[Plain]:
-        """Return all functions of the effects, such as torques and potentials."""
+        """Return all Python functions of the scene's effects, such as torques and potentials, which programs copy."""
         roles = (getattr(effect, role, None) for effect in self.effects for role in Effect.__annotations__)
         return [role for role in roles if callable(role)]
 
     @property
     def title(self) -> str:
-        """Return a name of the program for file names and messages."""
+        """Return a name of the program for file names and messages: effects, method and diagnostics."""
         names = "+".join(effect.name for effect in self.effects) or "nothing"
         ending = f"{'-adaptive' if self.shape.adaptive else ''}{'-compensated' if self.shape.compensated else ''}"
         return f"{names}-{self.method.name}-{'+'.join(self.diagnostics) or 'bare'}{ending}"
 
     def heat_of(self, effect: Effect | None) -> str:
-        """Return the name of the quadrature of an effect's heat; "" if it has none or if heat is not requested."""
+        """Return the name of the quadrature (integral along a step) of an effect's heat.
+
+        It is "" if the effect has no heat or if the diagnostics do not include heat.
+        """
         return "" if effect is None else _heat(effect, self.diagnostics)
 
     # --- text -------------------------------------------------------------------------------------------------------
 
     def call(self, function: Plain, **renamed: str) -> str:
-        """Write the source of a call of an effect's function; ``renamed`` maps argument names to other source."""
+        """Write the source of a call of an effect's function.
+
+        ``renamed`` maps names of its arguments to the source of other values.
+        """
         whole = {"angle": WHOLE_ANGLE} if self.shape.periodic else {"side": "1.0"}
         names = {**ARGUMENTS, **({} if self.windy else STILL), **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 
     def sum_of(self, effects: Iterable[Effect], *roles: str) -> str:
-        """Write the source of a sum over effects: the first function that each has of ``roles``, or "0.0"."""
+        """Write the source of a sum over effects.
+
+        The term of an effect is the call of its first function among ``roles``, such as "torque"; the sum of no terms
+        is "0.0".
+        """
         having = ([getattr(effect, role) for role in roles if getattr(effect, role)] for effect in effects)
         return " + ".join(self.call(functions[0]) for functions in having if functions) or "0.0"
 
     def define(self, name: str, first: str, body: Sequence[str], extra: Sequence[str] | None = None) -> str:
-        """Write the source of a function with the arguments ``first`` and ``extra``, by default those of torques."""
+        """Write the source of a function with the arguments ``first`` and ``extra``.
+
+        By default ``extra`` holds the arguments that torque functions take beside time, angle and velocity.
+        """
         more = "".join(f", {name}" for name in (self.shape.extra if extra is None else extra))
         return f"@inline\ndef {name}({first}{more}):\n" + "".join(f"    {line}\n" for line in body)
 
@@ -112,10 +125,13 @@ def problem_of(
 ) -> Problem:
     """Return the Problem of a scene with a method, from which programs are generated.
 
-    Raises SceneError for the diagnostic "flow" in a medium of unknown viscosity.
+    Raises SceneError for the diagnostic "flow" in a medium with density but without viscosity.
     """
     if "flow" in diagnostics and scene.medium.density and not scene.medium.viscosity:
-        raise SceneError(f"The diagnostic 'flow' needs a viscosity, and {scene.medium.name} has none.")
+        raise SceneError(
+            f"The diagnostic 'flow' needs a viscosity, but that of the medium '{scene.medium.name}' is 0; set it above "
+            "0, or leave 'flow' out."
+        )
     effects, windy = scene.effects, moving(scene.effects)
     heats = [heat for effect in effects if (heat := _heat(effect, diagnostics))]
     works = windy or any(effect.kind == "drive" and effect.torque for effect in effects)
@@ -141,7 +157,7 @@ def problem_of(
 
 
 def program_parts(scene: Scene) -> tuple[Any, ...]:
-    """Return all of a scene that enters a program's text: everything but the numbers."""
+    """Return everything of a scene that enters a generated program's text: its effects and options, but no numbers."""
     effects = tuple(tuple(getattr(effect, role, None) for role in Effect.__annotations__) for effect in scene.effects)
     words = tuple(value for value in vars(scene.body).values() if isinstance(value, str))
     return effects, words, tuple(scene.coefficients)
@@ -151,12 +167,12 @@ def program_parts(scene: Scene) -> tuple[Any, ...]:
 
 
 def slipping(effect: Effect) -> bool:
-    """Return True if an effect is a drag, a torque that depends on the velocity relative to the medium."""
+    """Return True if an effect is a drag that acts on the velocity relative to the medium, such as air resistance."""
     return effect.torque is not None and "slip" in arguments(effect.torque)
 
 
 def moving(effects: Iterable[Effect]) -> bool:
-    """Return True if there is drag in a medium that moves."""
+    """Return True if the effects include both a moving medium, such as a wind, and a drag in it."""
     effects = tuple(effects)
     return any(effect.wind_x or effect.wind_y for effect in effects) and any(map(slipping, effects))
 
@@ -167,17 +183,20 @@ def timed(effects: Iterable[Effect]) -> list[Effect]:
 
 
 def may_push(effect: Effect) -> bool:
-    """Return True if an effect can push the bob towards the pivot: its pull depends on angle or time."""
+    """Return True if an effect can push the bob towards the pivot, so that a wire may go slack.
+
+    That is possible if its radial force depends on angle or time.
+    """
     return effect.radial is not None and not {"angle", "tilt", "time"}.isdisjoint(arguments(effect.radial))
 
 
 def _taken(effect: Effect) -> set[str]:
-    """Return the argument names of an effect's torque and wind functions."""
+    """Return the names of the arguments that an effect's torque and wind functions take."""
     return {name for role in (effect.torque, effect.wind_x, effect.wind_y) if role for name in arguments(role)}
 
 
 def _heat(effect: Effect, diagnostics: Sequence[str]) -> str:
-    """Return the name of the quadrature of an effect's heat; "" if there is none."""
+    """Return the name of the quadrature (integral along a step) of an effect's heat; "" if there is none."""
     if effect.kind != "dissipative":
         return ""
     return f"heat_{effect.name}" if "heat_by_effect" in diagnostics else "heat" if "energy" in diagnostics else ""

@@ -1,8 +1,8 @@
 """Generated source that computes the observation, the angle from upright and the energy ledger from a state.
 
-Its lines read the local names ``index``, ``q``, ``turns``, ``v``, ``h``, ``side`` (in periodic scenes), the quadratures
-and, for the ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. They set local names, for a single
-environment and for a block of environments alike.
+The generated lines read the local names ``index``, ``q``, ``turns``, ``v``, ``h``, ``side`` (in periodic scenes), the
+quadratures and, for the ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. They store the results
+in local names, and serve single environments and blocks of environments.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ CALLED: tuple[Plain, ...] = (
 def motion(shape: Shape) -> list[str]:
     """Return the source lines that compute the observation and ``phi``, the angle from upright in [-pi, pi].
 
-    They use the sine of half the angle, which the gravitational potential needs too, so that it is computed only once.
+    The lines use the sine of half the angle, because the gravitational potential needs it too: it is computed only
+    once.
     """
     turned = ["tilt = q"] if shape.periodic else [
         "halves = half_turns(q)", f"tilt = max(-{RESOLVED}, min({RESOLVED}, without_half_turns(q, halves)))",
@@ -55,7 +56,10 @@ PLACE = {"r_angle": "q + 6.283185307179586*turns", "r_velocity": "v"}
 
 
 def left_out(shape: Shape) -> dict[str, str]:
-    """Return the source formulas of the rounding remainders of angle and velocity; empty if not compensated."""
+    """Return the source formulas of the rounding remainders of angle and velocity.
+
+    There are none without compensated summation.
+    """
     if not shape.compensated:
         return {}
     return {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
@@ -82,7 +86,7 @@ def balance(shape: Shape) -> dict[str, str]:
 
 
 def ledger(shape: Shape) -> dict[str, str]:
-    """Return local names and source formulas of the ledger, the heats by effect and the other diagnostics, in order."""
+    """Return local names and source formulas of all entries of ``info``: energy ledger, heats, other diagnostics."""
     values: dict[str, str] = {}
     if shape.ledger:
         values = {"r_time": "index*h", **PLACE, **balance(shape), **left_out(shape)}
@@ -91,7 +95,7 @@ def ledger(shape: Shape) -> dict[str, str]:
 
 
 def recorded(shape: Shape) -> dict[str, str]:
-    """Return local names and source formulas of a record of a run: at least motion and energies."""
+    """Return local names and source formulas of the quantities that a run records: at least motion and energies."""
     return ledger(shape) if shape.ledger else {**PLACE, **energy_of(shape), **left_out(shape), **ledger(shape)}
 
 
@@ -100,18 +104,21 @@ FOLLOWING = ("time", "energy", "energy_residual")
 
 
 def names_recorded(shape: Shape) -> tuple[str, ...]:
-    """Return the names of the entries of a record of a run."""
+    """Return the names of the quantities that a run of a batch records, without those that follow from others."""
     named = [name.removeprefix("r_") for name in recorded(shape)]
     return tuple(name for name in named if name not in FOLLOWING)
 
 
 def judged(stop: str) -> str:
-    """Write the source line that sets ``stop`` to DIVERGED if the energy residual is absurdly large, though finite."""
+    """Write the source line that stops a run as diverged if the energy residual is absurdly large, though finite.
+
+    ``stop`` is the name of the variable with the stop code, which the line sets to DIVERGED.
+    """
     nonsense = "beyond_sense(r_energy_residual, scale, initial, r_work)"
     return f"{stop} = {DIVERGED}.0 if {nonsense} & ({stop} <= {SLACK}.0) else {stop}"
 
 
 def info(shape: Shape) -> str:
-    """Write the source of ``info``, which returns the reported entries of a state as a dict by name."""
+    """Write the source of ``info``, which returns the reported quantities in a state vector as a dict by name."""
     items = ", ".join(f'"{name}": values[{i}]' for i, name in enumerate(shape.state) if i > shape.phi)
     return f"def info(values):\n    return {{{items}}}\n"

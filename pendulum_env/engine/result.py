@@ -37,8 +37,8 @@ class Rollout:
         steps, rejected: numbers of adaptive steps taken and rejected; 0 without a tolerance.
         lost_angle, lost_velocity: rounding remainders of ``angle`` and ``velocity`` with compensated summation; the
             sums angle + lost_angle and velocity + lost_velocity are more precise than doubles; else None.
-        error_estimate, velocity_error_estimate: estimated distances of ``angle`` and ``velocity`` from the exact
-            motion [rad, rad/s], arrays of their shape, with ``estimate_error``; else None. inf where no estimate is
+        error_estimate, velocity_error_estimate: estimated distances of ``angle`` and ``velocity`` from the exact motion
+            [rad, rad/s], arrays of the shape of ``angle``, with ``estimate_error``; else None. inf where no estimate is
             possible.
     """
 
@@ -63,10 +63,10 @@ class Rollout:
 
     @property
     def energy(self) -> Array:
-        """Return the kinetic plus potential energy [J], an array of the shape of ``angle``."""
+        """Return the sum of kinetic and potential energy [J], an array of the shape of ``angle``."""
         return np.asarray(self.ledger.energy)
 
     @property
     def energy_residual(self) -> Array:
-        """Return the energy that the integrator added (lost, if negative) by its error [J], an array as ``angle``."""
+        """Return the energy that the integrator's error added (took away, if negative) [J], an array as ``angle``."""
         return np.asarray(self.ledger.residual)

@@ -76,7 +76,7 @@ def rollout(
         duration: length of the run [s], rounded up to whole steps; by default that of the usual run.
         dt: the integrator's step [s]; by default that of the usual run.
         every: record one state per this many steps, and the last state.
-        control: constant share of the motor's torque, within [-1, 1].
+        control: constant motor torque, as a fraction of its largest torque, within [-1, 1].
         diagnostics: quantities to compute beside the motion: "energy", "heat_by_effect", "tension", "flow", "error"
             (as ``estimate_error``). Work and heat are computed only with one of the first two.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
@@ -97,8 +97,9 @@ def rollout(
         file: path of a ".npy" file to which a batch's records are written as they are computed; see
             :mod:`pendulum_env.engine.stream`.
         progress: True shows a progress bar for a batch; a function is called with the fraction done and a word for it.
-        warn: False turns off the warnings about a start that is likely in degrees, about an effect's formula that does
-            not hold at the speed at the bottom, about unstable steps, and about a step equation without a solution.
+        warn: False turns off the warnings about a start angle that is likely in degrees, about an effect's formula that
+            does not hold at the speed at the bottom, about unstable steps, and about an implicit equation without a
+            solution.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. Also ``careful``: True
             raises a SceneError in place of every warning before the run.
 
@@ -163,7 +164,7 @@ def _run_many(spec: RunSpec, num_threads: int | None, path: Path | None, telling
 
 
 def result_of(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
-    """Return the Rollout of a machine's recorded states.
+    """Return the Rollout of a single run, made from the recorded states of a machine.
 
     ``reason`` is the stop reason of the run, ``h`` the step [s], ``counts`` the numbers of adaptive steps taken and
     rejected.
@@ -191,7 +192,7 @@ def result_of(machine: Machine, states: Array, reason: str, h: float, counts: Ma
 
 
 def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress) -> Rollout:
-    """Simulate a batch and return its Rollout, with records in memory or mapped from the file ``path``."""
+    """Simulate a batch and return its Rollout. The records are in memory or, with ``path``, mapped from this file."""
     plan, names = runs.plan, runs.names
     time: Array = plan.marks.astype(np.float64) * plan.h
     if path is None:

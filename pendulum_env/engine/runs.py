@@ -1,4 +1,4 @@
-"""Batches of runs: they advance together in blocks, one recorded row after the other."""
+"""Batches of runs: the runs advance together in blocks, and yield their recorded states row by row (time by time)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pendulum_env.engine.streams import Streams
 Array = NDArray[np.float64]
 
 CHUNK = 2**22
-"""Largest count of recorded numbers per call of a program: some 32 MB."""
+"""Largest number of recorded numbers per call of a program: some 32 MB."""
 LEDGERS = frozenset({"energy", "heat_by_effect"})
 """Diagnostics that need work and heat."""
 WORK = 2**24
@@ -31,7 +31,8 @@ WORK = 2**24
 
 @dataclass(frozen=True)
 class RecordSchedule:
-    """Recorded steps of a run of ``steps`` steps of ``h`` [s]: the start, every ``every`` steps, and the end."""
+    """Steps at which a run of ``steps`` steps of ``h`` [s] is recorded: the start, every ``every`` steps, and the end.
+    """
 
     h: float
     steps: int
@@ -44,7 +45,7 @@ class RecordSchedule:
 
     @property
     def marks(self) -> NDArray[np.int64]:
-        """Return the number of steps taken at every recorded state."""
+        """Return the number of steps taken at every recorded state of a run, as an array."""
         marks = np.arange(0, self.steps + 1, self.every)
         return marks if marks[-1] == self.steps else np.append(marks, self.steps)
 
@@ -53,16 +54,16 @@ class Runs(Blocks):
     """A batch of runs from given initial conditions, with fixed steps.
 
     Args:
-        each: scenes and numbers of the runs.
+        each: scenes and parameter values of the runs.
         method, diagnostics, backend, num_threads, compensated: as for Blocks.
         angle, velocity: initial conditions [rad, rad/s], one per run.
         plan: steps to take and to record.
-        control: constant share of the motor's torque.
+        control: constant fraction of the motor's torque, -1 to 1.
         hold: steps per control step; the state of effects, such as gusts, changes once per control step.
         streams: random streams for the initial state of gusts.
 
     Attributes:
-        plan, scene: as given; the scene is the first run's.
+        plan, scene: the argument ``plan``, and the scene of the first run.
         names: names of the recorded quantities.
     """
 
@@ -94,7 +95,10 @@ class Runs(Blocks):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Return the stop reason of every run, "" for runs that did not stop early; complete after the last row."""
+        """Return the stop reason of every run, "" for a run that did not stop early.
+
+        The reasons are final only after :meth:`rows` has yielded the last record.
+        """
         return tuple("" if code == OK else STOP_REASONS[int(code)] for code in self.get("status").tolist())
 
     @property
@@ -103,9 +107,10 @@ class Runs(Blocks):
         return self.get("index") * self.h
 
     def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
-        """Yield the records, some rows at a time: arrays ``(rows, names, runs)``, nan after a run's end.
+        """Yield the records of all runs, some rows (recorded times) at a time, as arrays ``(rows, names, runs)``.
 
-        If ``whole``, an array for all records, is given, the yielded arrays are parts of it.
+        After a run has stopped, its records are nan. If ``whole``, an array for all records, is given, the yielded
+        arrays are views of its parts.
         """
         marks = self.plan.marks
         most = max(1, min(CHUNK // (self.size * len(self.names)), WORK // (self.size * self.plan.every)))
@@ -122,7 +127,10 @@ class Runs(Blocks):
             yield out
 
     def _record(self, out: Array, every: int) -> None:
-        """Fill ``out`` with one record per ``every`` steps, in pieces so short that Ctrl-C can interrupt them."""
+        """Fill the rows of ``out`` with one record per ``every`` steps.
+
+        The program is called for so few steps at a time that Ctrl-C can interrupt it.
+        """
         hold = (self._hold,) if self.layout.shape.remembered else ()
 
         def advance(rows: int, steps: int, into: Array) -> None:

@@ -1,8 +1,8 @@
 """Generated source of the Taylor coefficients of a scene's motion.
 
-The torque functions of the effects are called once with numbers that record all operations
+The torque functions of the effects are called once with objects that behave as numbers and record all operations
 (:mod:`integrators.steps.tracing`); the recorded operations become recurrences in straight-line code
-(:mod:`integrators.steps.recurrences`). No effect needs code of its own for this.
+(:mod:`integrators.steps.recurrences`). Effects need no code of their own for their Taylor series.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from pendulum_env.physics.effects import Effect
 RECORDED: dict[Plain, Plain] = {
     elementary.sin: sin, elementary.cos: cos, elementary.exp: exp, elementary.log: log, elementary.power: power
 }
-"""Elementary function that effects call -> its recording counterpart."""
+"""Elementary function that torques call -> the function that records its call instead of computing its value."""
 WRITTEN = {**CALLS, "sqrt": "power({}, 0.5)"}
-"""Recorded operation -> its source."""
+"""Name of a recorded operation -> its source in a generated program."""
 SINGULAR = {"log": "logarithm", "power": "power", "sqrt": "root"}
 """Functions without a Taylor series at 0, the value of the speed at every turning point -> their names in messages."""
 QUARTER = 1.5707963267948966
 
 
 class TorqueTracer:
-    """Recording numbers, by argument name, with which torque functions are called to trace their operations.
+    """Arguments for torque functions that record all operations with them, to derive the torque's Taylor series.
 
-    Time, angle and velocity vary along a step (with ``still`` only the time); all other numbers are constants.
+    Time, angle and velocity vary along a step (with ``still`` only the time); all other arguments are constants.
     """
 
     def __init__(self, periodic: bool, still: bool = False) -> None:
@@ -45,7 +45,10 @@ class TorqueTracer:
         self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v, "slip": v}
 
     def get(self, name: str) -> Traced:
-        """Return the recording number for a torque argument of this name; "angle" is measured from the bottom."""
+        """Return the recording argument that stands for a torque function's parameter ``name``.
+
+        The parameter "angle" is the angle from the bottom.
+        """
         if name not in self.named:
             if name == "speed":
                 self.named[name] = abs(self.get("velocity"))
@@ -58,20 +61,20 @@ class TorqueTracer:
         return self.named[name]
 
     def call(self, function: Plain) -> Traced:
-        """Return the recorded result of a torque function; TypeError if an operation cannot be recorded."""
+        """Return the recorded result of a torque function. Raises TypeError if an operation cannot be recorded."""
         result = self.trace.lift(_recording(function)(*(self.get(name) for name in arguments(function))))
         if result is None:
             raise TraceError("a result that is not a number cannot be recorded")
         return result
 
     def value(self, place: int) -> str:
-        """Return the source text of a recorded constant."""
+        """Return the source text of the constant that was recorded as operation number ``place``."""
         value = self.trace.operations[place].value
         return value if isinstance(value, str) else repr(float(value))
 
 
 def _recording(function: Plain) -> Plain:
-    """Return a copy of a plain function that calls recording counterparts of elementary functions."""
+    """Return a copy of a torque function that records its calls of elementary functions, such as sin."""
     if function in RECORDED:
         return RECORDED[function]
     if not isinstance(function, FunctionType):
@@ -83,7 +86,7 @@ def _recording(function: Plain) -> Plain:
 
 @cache
 def _fault(function: Plain, periodic: bool) -> str:
-    """Return the reason why a torque function has no Taylor series, or "" if it has one."""
+    """Return the reason why a torque function has no Taylor series at velocity 0, or "" if it has one."""
     tracer = TorqueTracer(periodic)
     try:
         tracer.call(function)
@@ -112,7 +115,10 @@ def untraceable(effects: Iterable[Effect], periodic: bool) -> str:
 
 
 def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str], str]:
-    """Return the source lines of the time derivative of a sum of functions at a fixed angle, and its local name."""
+    """Return the source lines of a time derivative, and the name of the variable that they set.
+
+    It is the derivative, at a fixed angle, of the sum of the given functions.
+    """
     tracer = TorqueTracer(periodic, still=True)
     total: Any = reduce(add, (tracer.call(function) for function in functions if function))
     add_twins(tracer.trace)
@@ -122,7 +128,8 @@ def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str
 
 
 def _with_one(lines: Sequence[str]) -> list[str]:
-    """Return the source lines, preceded by ``one = 1.0`` (the rate of time) if they use that name."""
+    """Return the source lines, preceded by ``one = 1.0`` (the derivative of the time by itself) if they use this name.
+    """
     return [*(["one = 1.0"] if any("one" in line for line in lines) else []), *lines]
 
 
@@ -150,7 +157,10 @@ def series(problem: Problem) -> str:
 
 
 def _rates(problem: Problem, tracer: TorqueTracer, torques: Mapping[str, Traced]) -> dict[str, Traced]:
-    """Return the recorded rate of every quadrature: the power of its effects, torque times velocity."""
+    """Return the rates of the quadratures: for work the power of the drives, for heat minus the power of the drags.
+
+    The powers are torque times velocity, as recorded expressions by name of the quadrature.
+    """
     rates: dict[str, Traced] = {}
     for name in problem.shape.quadratures:
         work = name == "work"

@@ -75,7 +75,7 @@ SINE_RANGE = "8e8"
 
 @dataclass(frozen=True)
 class Shape:
-    """Interface of a generated program: its arguments, quadratures, possible stops and reports.
+    """Interface of a generated program: its arguments, quadratures, possible stops and reported quantities.
 
     Attributes:
         parameters: names of the effects' coefficients.
@@ -84,17 +84,17 @@ class Shape:
         quadratures: names of the integrals carried along a step: work and heat per inertia.
         memory: names of the method's history, the values that a step hands to the next one beside the state.
         dry: name of the dry friction's coefficient, "" without dry friction.
-        slides: True if steps are cut at zeros of the velocity.
+        slides: True if steps are divided at zeros of the velocity, because of dry friction.
         periodic: True if the torques repeat after a whole turn.
         slack: True if a wire may go slack.
-        lenient: True if a run continues after the wire went slack.
+        lenient: True if a run continues after the wire went slack (slack="warn").
         ledger: True if the energy ledger is reported.
         by_effect: True if the heat of every effect is reported.
         adaptive: True if every step is divided as a tolerance requires.
         compensated: True if the state holds rounding remainders; see :mod:`integrators.steps.compensated`.
         watched: names of the further reported quantities; see WATCHED.
         remembered: names of the effects' state variables, advanced at the start of every control step.
-        drawn: names of those state variables that start as random whole numbers.
+        drawn: names of the effects' state variables that start as random whole numbers.
     """
 
     parameters: tuple[str, ...]
@@ -132,38 +132,47 @@ class Shape:
 
     @property
     def recorded(self) -> tuple[str, ...]:
-        """Return the names in a recorded row: STATE, the quadratures, rounding remainders, and other diagnostics."""
+        """Return the names of the recorded quantities: motion, energies, quadratures, rounding remainders, diagnostics.
+        """
         return (*STATE, *self.quadratures, *self.lost, *self.watched)
 
     @property
     def pull(self) -> tuple[str, ...]:
-        """Return the parameters needed for the pull on the suspension; empty if it is not computed."""
+        """Return the names of the parameters in the formula for the pull on the suspension.
+
+        There are none if no diagnostic or wire needs the pull.
+        """
         return PULL if self.slack or "tension" in self.watched else ()
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Return the names of all numbers of a scene that the program takes as parameters."""
+        """Return the names of all numbers of a scene that the generated program takes as parameters."""
         flow = FLOW if set(WATCHED["flow"]) & set(self.watched) else ()
         return (*self.parameters, *OWN, *self.pull, *flow)
 
     @property
     def info(self) -> tuple[str, ...]:
-        """Return the names of the entries of ``info``, reported beside observation and reward."""
+        """Return the names of the entries of an environment's ``info``, which a program computes at every control step.
+        """
         heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
         left_out = LEFT_OUT if self.compensated else ()
         return (*((*LEDGER, *left_out) if self.ledger else ()), *heats, *self.watched)
 
     @property
     def state(self) -> tuple[str, ...]:
-        """Return the names of the state's entries: recorded ones, those that continue a run, and reported ones."""
+        """Return the names of the entries of a machine's state vector.
+
+        First are the recorded quantities, then the values from which a run continues, then the reported quantities.
+        """
         return (*self.recorded, *self.kept, "phi", *self.info)
 
     @property
     def kept(self) -> tuple[str, ...]:
         """Return the names of the state's unrecorded entries: initial energy, and values from which a run continues.
 
-        These are the method's history with the control for which it holds, rounding remainders, ADAPTED in adaptive
-        runs, the effects' state variables, and the number of steps done in the present control step.
+        The values are the method's history and the control for which it was computed, rounding remainders, in adaptive
+        runs ADAPTED (next step size and step counts), the effects' state variables, and the number of steps taken in
+        the present control step.
         """
         memory = ("held", *self.memory) if self.memory else ()
         remembered = (*self.remembered, "phase") if self.remembered else ()
@@ -178,25 +187,31 @@ class Shape:
 
     @property
     def params(self) -> tuple[str, ...]:
-        """Return the names of the entries of a single run's ``params``; adaptive runs store paused steps in it."""
+        """Return the names of the entries of ``params``, the array of a program's parameters for a single run.
+
+        Adaptive runs also store in it the progress of a step in which they pause.
+        """
         more = (*TOLERANCE, *BOUND, *(f"paused_{name}" for name in self.paused)) if self.adaptive else ()
         return (*self.numbers, *(HOLD if self.remembered else ()), *more)
 
     @property
     def stale(self) -> str:
-        """Return the source of the condition for a new history: a start, or a changed control or effect state."""
+        """Return the source of the condition under which a multistep method's history is computed anew.
+
+        That is at the start of a run, and after a change of the control or of an effect's state.
+        """
         if self.remembered:
             return "True"
         return f"(index == 0.0){' | (held != control)' if 'control' in self.extra else ''}"
 
     def remember(self, span: str) -> str:
-        """Return the source line that advances the effects' state variables by a control step of ``span`` [s]."""
+        """Return the source line that advances the state variables of effects by a control step of ``span`` [s]."""
         arguments = joined(self.remembered, ("control", "first", span), self.parameters)
         return f"{joined(tuple(f'{name}1' for name in self.remembered))}, = remember({arguments})"
 
     @property
     def phi(self) -> int:
-        """Return the index of "phi", the angle from upright, in the state; the reported entries follow it."""
+        """Return the index in the state of "phi", the angle from upright; the reported quantities follow it."""
         return len(self.recorded) + len(self.kept)
 
 

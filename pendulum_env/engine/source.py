@@ -1,4 +1,4 @@
-"""Copies of the source of plain functions, and of the functions that they call, for generated programs."""
+"""Copies of the source of Python functions, and of the functions that they call, for generated programs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def arguments(function: Plain) -> tuple[str, ...]:
 
 @cache
 def text_of(function: Plain) -> str:
-    """Return the source of one function, without indentation; SourceError if it cannot be read."""
+    """Return the source of one function as text, without indentation; SourceError if it cannot be read."""
     if function.__name__ == "<lambda>":
         raise SourceError("A torque must be a function made with def, not a lambda, so that its source can be copied.")
     try:
@@ -47,17 +47,17 @@ def text_of(function: Plain) -> str:
 
 
 def called_in(text: str, functions: Iterable[Plain]) -> list[Plain]:
-    """Return those of the functions that are called by name in a source text."""
+    """Return those of the given functions that a source text calls by name."""
     names = set(_CALL.findall(text))
     return [function for function in functions if function.__name__ in names]
 
 
 def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
-    """Return the functions and all plain functions that they call, without repetition; called functions come first."""
+    """Return the functions and all Python functions that they call, each once; called functions come first."""
     ordered: list[FunctionType] = []
 
     def visit(function: Any) -> None:
-        """Append a function to the list after all functions that it calls."""
+        """Append a function to the list ``ordered`` after all functions that it calls."""
         if not isinstance(function, FunctionType) or function in ordered:
             return
         for name in function.__code__.co_names:
@@ -71,7 +71,7 @@ def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
 
 
 def check_names(text: str, coefficients: Iterable[str]) -> None:
-    """Check that no name of a coefficient has another meaning in a generated program.
+    """Check that in a generated program the names of coefficients stand for nothing but these coefficients.
 
     The name may only be an argument, or be assigned once, where arguments are unpacked. Raises SourceError otherwise,
     since the program would compute with a wrong number, and for two functions of the same name.
@@ -96,9 +96,9 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
 
 
 def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
-    """Return the module-level floats that functions use, by name.
+    """Return the module-level floats that functions use, a dict by name.
 
-    Raises SourceError if they use a global that a generated program does not have.
+    Raises SourceError if the functions use a global that a generated program does not have.
     """
     constants: dict[str, float] = {}
     for function in functions:
@@ -115,7 +115,8 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
 
 
 def copied(functions: Iterable[FunctionType]) -> str:
-    """Write the source of copies of functions without annotations, which generated programs cannot resolve."""
+    """Write the source of copies of functions, without type annotations, because programs cannot resolve their names.
+    """
     return "\n\n".join(f"@inline\n{_plain(function)}" for function in functions)
 
 

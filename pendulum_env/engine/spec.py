@@ -1,4 +1,4 @@
-"""The class :class:`RunSpec`, the checked description of a run, and the warnings before a run.
+"""The class :class:`RunSpec`, the checked description of a run, and the warnings that are given before a run.
 
 :func:`pendulum_env.rollout`, the environments, films and studies all describe their runs by a :class:`RunSpec`. To add
 a keyword to all of them, add a field with :func:`shared`; to add a warning, add a function to :data:`BEFORE`.
@@ -49,7 +49,10 @@ It returns both, and True if they were chosen by measured errors.
 
 
 def shared(default: Any, check: Callable[[Any], Any]) -> Any:
-    """Return a field of RunSpec for a keyword of every function with ``**parameters``; ``check`` validates it."""
+    """Return a field of RunSpec for a keyword that all functions with ``**parameters`` take.
+
+    ``check`` is a function that validates its value.
+    """
     return field(default=default, metadata={"shared": check})
 
 
@@ -65,19 +68,19 @@ class RunSpec:
         integrator: the method's name, as given or chosen.
         method: the integration method.
         h: the integrator's step [s].
-        each: scenes and numbers of many runs; None for one environment.
+        each: scenes and parameter values of many runs; None for one environment.
         shape: shape of a batch; () for a single run.
         start: initial angles [rad] and velocities [rad/s], arrays of one shape; None for environments.
         plan: the steps to take and to record; None for environments.
         hold: number of steps per control step.
-        control: constant share of the motor's torque; not used by environments.
+        control: constant fraction of the motor's torque, -1 to 1; not used by environments.
         diagnostics: names of the quantities computed beside the motion.
         estimate_error: True for an error estimate from a second run at half the step.
         speed_limit: |velocity| that ends a run [rad/s].
         backend, rtol, atol, compensated: as in :func:`pendulum_env.rollout`.
         seeds: seeds of the random numbers, one per run.
-        formulas: a warning about formulas that do not hold, "" if all do.
-        measured: True if method and step were chosen by measured errors.
+        formulas: a warning about effects' formulas that do not hold at the run's speeds, "" if all do.
+        measured: True if method and step were chosen by measured errors, as integrator="auto" does.
         warn: False turns off the warnings before the run and those about its stop.
         careful: True raises a SceneError in place of every warning before the run.
     """
@@ -187,7 +190,8 @@ class RunSpec:
             scene, damping, parameters, speed_limit: as in gym.make; in a vector, parameters and speed_limit may also be
                 sequences with one value per environment.
             dt: control step [s].
-            choose: function that returns method and substeps for the scenes; it is called after their checks.
+            choose: function that returns method and substeps for the scenes; it is called after the scenes were
+                checked.
             size: number of environments in a vector.
             diagnostics, backend, rtol, atol, compensated: as in gym.make.
 
@@ -216,13 +220,17 @@ class RunSpec:
 
     @classmethod
     def of_machine(cls, machine: Machine, **options: Any) -> RunSpec:
-        """Return the checked description of a run of a machine; ``options`` are other keywords of :meth:`of`."""
+        """Return the checked description of a run with a machine's scene, method and settings.
+
+        ``options`` are other keywords of :meth:`of`.
+        """
         given: dict[str, Any] = {**machine.tolerance, **options}
         return cls.of(machine.scene, machine.method, backend=machine.backend, compensated=machine.compensated,
                       diagnostics=machine.diagnostics, substeps=machine.hold, **given)
 
     def with_method(self, method: Method) -> RunSpec:
-        """Return a copy of this description with another method, marked as not chosen by measured errors."""
+        """Return a copy of this description with another method, without the mark ``measured`` of an automatic choice.
+        """
         return replace(self, integrator=method.name, method=method, measured=False)
 
     def one(self, place: int) -> RunSpec:
@@ -242,7 +250,7 @@ class RunSpec:
                     self.hold)
 
     def runs(self, num_threads: int | None = None) -> Runs:
-        """Return the Runs that simulate a batch of a known length."""
+        """Return the Runs (simulator of a batch) for runs of a known length."""
         assert self.each is not None
         assert self.plan is not None
         assert self.start is not None
@@ -256,7 +264,7 @@ class RunSpec:
         )
 
     def batch(self, size: int, task: Any, most: float, num_threads: int | None = None) -> Batch:
-        """Return the Batch for a vector of ``size`` environments with episodes of at most ``most`` control steps."""
+        """Return the Batch that simulates ``size`` environments with episodes of at most ``most`` control steps."""
         assert self.each is not None
         kind = CertifiedBatch if self.estimate_error else Batch
         return kind(
@@ -268,20 +276,24 @@ class RunSpec:
 
     @property
     def numbers(self) -> Mapping[str, Any]:
-        """Return the scene's numbers by name; in a batch, those that differ between runs are arrays."""
+        """Return the scene's parameters by name; in a batch, those that differ between runs are arrays."""
         return self.scene.coefficients if self.each is None else self.each.numbers
 
     def tell(self, looks: Iterable[Callable[[RunSpec], Iterator[str]]] | None = None) -> None:
-        """Emit the warnings that belong before a run: those of ``looks``, by default :data:`BEFORE`.
+        """Emit all warnings that are known before a run, such as that of unstable steps.
 
-        Raises SceneError in place of the first warning if the run is ``careful``.
+        ``looks`` are the functions that yield the warnings, by default :data:`BEFORE`. If the run has ``careful=True``,
+        a SceneError is raised in place of the first warning.
         """
         if self.warn or self.careful:
             for look in BEFORE if looks is None else looks:
                 self._say(look(self))
 
     def _say(self, sentences: Iterable[str]) -> None:
-        """Warn with these sentences; SceneError with the first one if the run is ``careful``."""
+        """Emit every text in ``sentences`` as a warning.
+
+        If the run has ``careful=True``, a SceneError with the first of these texts is raised instead.
+        """
         for sentence in sentences:
             if self.careful:
                 raise SceneError(sentence)
@@ -301,10 +313,13 @@ class RunSpec:
         """Warn that the wire went slack after ``steps`` steps; do nothing for 0 steps."""
         if steps:
             warn(f"The wire of the scene '{self.scene.name}' goes slack at {steps * self.h:g} s; the run "
-                 "continues as with a rod, which can push, because slack='warn'.")
+                 "continues as if the bob hung on a rod, which can push, because slack='warn'.")
 
     def tell_of_stop(self, reason: str, state: Sequence[float], control: float | None = None) -> bool:
-        """Warn, and return True, if a run stopped because a step failed; see :func:`limits.warn_of_stop`."""
+        """Warn if a run stopped because the equation of an implicit step was not solved or a tolerance not met.
+
+        Return True if there was such a warning. See :func:`limits.warn_of_stop`.
+        """
         share = self.control if control is None else control
         return self.warn and limits.warn_of_stop(self.method, self.scene, reason, self.h, state, share)
 
@@ -312,17 +327,19 @@ class RunSpec:
         self, reasons: Iterable[tuple[int, str]], state_of: Callable[[int], Sequence[float]],
         control_of: Callable[[int], float] | None = None,
     ) -> bool:
-        """Warn, and return True, if a run of a batch stopped because a step failed.
+        """Warn if a run of a batch stopped because the equation of an implicit step was not solved.
 
-        ``reasons`` are pairs of index and stop reason; ``state_of`` and ``control_of`` return a run's last state and
-        control by index. See :func:`limits.warn_of_stops`.
+        Return True if there was such a warning. ``reasons`` are pairs of a run's index and its stop reason;
+        ``state_of`` and ``control_of`` return the last state and the control of the run with an index. See
+        :func:`limits.warn_of_stops`.
         """
         assert self.each is not None
         return self.warn and limits.warn_of_stops(self.method, reasons, self.h, self.each.of, state_of,
                                                   control_of or (lambda _: self.control))
 
     def tell_end(self, machine: Machine, state: Sequence[float], reason: str) -> None:
-        """Emit the warnings that belong to the end of a run: a failed step, and a slack wire."""
+        """Emit the warnings that are known at the end of a run: of a step that failed, and of a wire that went slack.
+        """
         if reason:
             self.tell_of_stop(reason, state)
         self.tell_of_slack(int(state[machine.kept["slackened"]]) if "slackened" in machine.kept else 0)
@@ -333,13 +350,19 @@ SHARED: Mapping[str, Field[Any]] = {entry.name: entry for entry in fields(RunSpe
 
 
 def parted(parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the scene's parameters, and separately the shared keywords, checked and with defaults."""
+    """Separate keyword arguments into a scene's parameters and the keywords that all runs share, such as ``warn``.
+
+    The shared keywords are checked and complete, with defaults where they are missing.
+    """
     own = {name: entry.metadata["shared"](parameters.get(name, entry.default)) for name, entry in SHARED.items()}
     return {name: value for name, value in parameters.items() if name not in SHARED}, own
 
 
 def scene_and_shared(scene: SceneLike, damping: Damping, parameters: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
-    """Return the scene with these parameters, and separately the shared keywords among the parameters."""
+    """Return the scene with its parameters set, and the keywords that all runs share, such as ``warn``.
+
+    Both are taken from ``parameters``; ``damping`` is applied to the scene first.
+    """
     given, own = parted(parameters)
     return build_scene(scene, damping, given), own
 
@@ -348,7 +371,7 @@ def scene_and_shared(scene: SceneLike, damping: Damping, parameters: Mapping[str
 
 
 def far_away(angle: Array) -> Iterator[str]:
-    """Yield a warning if an initial angle [rad] is more than TURNS turns from the bottom, and so likely in degrees."""
+    """Yield a warning if an initial angle [rad] is more than two turns from the bottom, and so likely in degrees."""
     if np.abs(angle).max() > TURNS * math.tau:
         far = float(angle.flat[np.argmax(np.abs(angle))])
         yield (f"Angles are in radians: an initial angle of {far:g} rad is {far / math.tau:.3g} turns from the bottom; "
@@ -395,32 +418,36 @@ def long_steps(spec: RunSpec) -> Iterator[str]:
 
 
 def long_for_drives(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning for every drive whose phase advances by more than RESOLVED in one step."""
+    """Yield a warning for every drive whose phase advances by more than 0.5 rad in one step."""
     if spec.rtol is not None or spec.measured:
         return
     for effect in spec.scene.effects:
         phase = spec.h * float(np.max(np.abs(spec.numbers[effect.beat]))) if effect.beat else 0.0
         if phase > RESOLVED:
             yield (
-                f"A step of {spec.h:g} s takes {phase:.2g} rad of the phase of {effect.name}; its motion needs steps "
-                f"of {starts.at_most(spec.h * RESOLVED / phase)} s or less "
+                f"A step of {spec.h:g} s covers {phase:.2g} rad of the phase of {effect.name}, too much to resolve its "
+                f"motion; take steps of {starts.at_most(spec.h * RESOLVED / phase)} s or less "
                 f"({math.ceil(phase / RESOLVED)} times as many substeps)."
             )
 
 
 def restarts(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if a multistep method loses its history too often: at control steps of too few substeps."""
+    """Yield a warning if control steps have so few substeps that a multistep method loses its history too often.
+
+    The method starts anew after every change of control.
+    """
     method = spec.method
     if spec.plan is None and method.begun_by and spec.hold < starts.fewest_substeps(method, spec.scene):
         yield (
-            f"{method.name} restarts at every change of control with {method.past} step{'s' * (method.past > 1)} of "
-            f"{method.begun_by.name} {'forwards' if method.forwards else 'backwards'}, but a control step has "
-            f"only {spec.hold}: take substeps={starts.ENOUGH * method.past} or more, or a one-step method."
+            f"{method.name} restarts at every change of control, by {method.past} step{'s' * (method.past > 1)} of "
+            f"{method.begun_by.name} {'forwards' if method.forwards else 'backwards'} in time, but a control step has "
+            f"only {spec.hold} substep{'s' * (spec.hold > 1)}; take substeps={starts.ENOUGH * method.past} or more, or "
+            "a one-step method."
         )
 
 
 def unused_control(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if a control is given in a scene without a motor."""
+    """Yield a warning if a motor torque (``control``) is requested in a scene without a motor."""
     if spec.control and not any(effect.controlled for effect in spec.scene.effects):
         yield (f"The scene '{spec.scene.name}' has no motor, so that control={spec.control:g} does nothing; leave it "
                "out, or add a motor, as in the scene 'lab'.")

@@ -37,7 +37,7 @@ LARGEST_VELOCITY = 1e9
 def checked_steps(duration: float, h: float) -> int:
     """Return the number of steps of ``h`` [s] in a run of ``duration`` [s], rounded up.
 
-    Raises SceneError for more than MOST_STEPS steps.
+    Raises SceneError for more steps than a run may have (MOST_STEPS).
     """
     count = duration / h if h > 0.0 else math.inf
     if not count <= MOST_STEPS:
@@ -49,14 +49,17 @@ def checked_steps(duration: float, h: float) -> int:
 
 
 def check_count(count: int) -> None:
-    """Raise SceneError if a call would record more than MOST_ROWS states."""
+    """Raise SceneError if a call would record more than 100 million states (MOST_ROWS) of all its runs."""
     if count > MOST_ROWS:
         most = f"at most {MOST_ROWS}; raise every, shorten the run, or give a file."
         raise SceneError(f"{count} states are too many to record, {most}")
 
 
 def checked_control(control: Any, name: str = "control") -> float:
-    """Return the control as a float: the share of the motor's torque, from -1 to 1; SceneError for any other value."""
+    """Return the control (motor torque as a fraction of its largest torque) as a float from -1 to 1.
+
+    Raises SceneError for any other value.
+    """
     share = number(control, name)
     if abs(share) > 1.0:
         raise SceneError(f"{name} must be between -1 and 1, not {share!r}.")
@@ -64,10 +67,10 @@ def checked_control(control: Any, name: str = "control") -> float:
 
 
 def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[Array, Array]:
-    """Return the initial angles [rad] and velocities [rad/s] as two arrays of one shape, ``()`` for two numbers.
+    """Return the initial angles [rad] and velocities [rad/s] as two arrays of one shape; ``()`` for two numbers.
 
-    Raises SceneError for values that are not finite numbers or exceed LARGEST_ANGLE or LARGEST_VELOCITY, for shapes
-    that do not fit together, and for an energy that is not finite.
+    Raises SceneError for values that are not finite numbers or exceed the limits LARGEST_ANGLE and LARGEST_VELOCITY,
+    for shapes that do not fit together, and for an energy that is not finite.
     """
     q0, v0 = _start(angle, "angle", "rad"), _start(velocity, "velocity", "rad/s")
     try:
@@ -94,7 +97,7 @@ def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[M
 
 
 def listed_methods(integrators: Any) -> tuple[Any, ...]:
-    """Return a tuple of method names or Methods from a sequence, a comma-separated text or the keys of a dict.
+    """Return a tuple of method names or Methods from a sequence, a comma-separated text, or the keys of a dict.
 
     Raises MethodError for any other value.
     """
@@ -119,7 +122,8 @@ def none_twice(integrators: Iterable[Method]) -> list[Method]:
 
 
 def checked_seeds(seed: Any, size: int) -> Sequence[int]:
-    """Return ``size`` consecutive seeds from ``seed`` on; SceneError unless all are whole numbers of 128 bits."""
+    """Return the ``size`` consecutive seeds that begin with ``seed``; SceneError unless all are from 0 to 2**128 - 1.
+    """
     if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= MOST_SEED - size + 1:
         raise SceneError(f"seed must be a whole number from 0 to 2**128 - {size}, not {shown(seed)}.")
     return range(int(seed), int(seed) + size)
@@ -148,7 +152,10 @@ def batch_shape(angle: Any, velocity: Any, parameters: Mapping[str, Any]) -> tup
 
 
 def flat(value: Any, name: str, shape: tuple[int, ...]) -> Any:
-    """Return a parameter's values for all runs of a batch as a flat array, or a single value unchanged."""
+    """Return a parameter's values for all runs of a batch as a flat array.
+
+    A single value for all runs is returned unchanged.
+    """
     return value if name in WHOLE or np.ndim(value) == 0 else np.broadcast_to(np.asarray(value), shape).ravel()
 
 
@@ -180,15 +187,16 @@ def _start(value: ArrayLike, name: str, unit: str) -> Array:
 
 
 def at_most(value: float) -> str:
-    """Return a positive number as text with two significant digits, rounded down."""
+    """Return a positive number as text with two significant digits, rounded down so that it is safe as an upper limit.
+    """
     unit = 10.0 ** (math.floor(math.log10(value)) - 1) if value > 1e-300 else 0.0
     return f"{math.floor(value / unit) * unit:.2g}" if unit else f"{value:.2g}"
 
 
 def restarting(scene: Scene) -> bool:
-    """Return True if a multistep method must rebuild its history at every control step.
+    """Return True if a multistep method must rebuild its history of past steps at every control step.
 
-    It must where the control or the internal state of an effect, such as gusts, may change from one control step to
+    That is so where the control or the internal state of an effect, such as gusts, may change from one control step to
     the next.
     """
     return any(effect.controlled or effect.memory for effect in scene.effects)
@@ -197,6 +205,6 @@ def restarting(scene: Scene) -> bool:
 def fewest_substeps(method: Method, scene: Scene) -> int:
     """Return the smallest number of substeps per control step at which a multistep method is worthwhile.
 
-    It is 1 for one-step methods, and for scenes in which the method keeps its history between control steps.
+    The number is 1 for one-step methods, and for scenes in which the method keeps its history between control steps.
     """
     return ENOUGH * method.past if method.begun_by and restarting(scene) else 1

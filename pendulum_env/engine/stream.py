@@ -21,17 +21,18 @@ from pendulum_env.common.replacing import OutputError, replacing
 
 
 class Stream:
-    """A file of records, open for writing, which is a valid file at any time, even if the process is killed.
+    """A file of a batch's records, open for writing, which is a valid file at any time, even if the process is killed.
 
-    It then holds the records appended so far. Bytes after the number of records in its header are not part of it.
+    A killed process leaves a file with the records appended so far. The number of records is in the file's header;
+    bytes after these records are not part of the array.
 
     Args:
         path: path that ends in ".npy"; an existing file is replaced.
         names: names of the recorded quantities.
         shape: shape of the batch of runs.
-        facts: provenance, for the JSON file.
+        facts: scene, method and version, for the JSON file beside the records.
 
-    Raises OutputError if the file cannot be written, also later, as on a full disk.
+    Raises OutputError if the file cannot be written, also during a later write, for example to a full disk.
     """
 
     def __init__(self, path: Path, names: Sequence[str], shape: tuple[int, ...], facts: Mapping[str, Any]) -> None:
@@ -64,7 +65,7 @@ class Stream:
 
     @contextmanager
     def _named_errors(self) -> Iterator[None]:
-        """Return a context that turns an OSError into an OutputError with the file's name."""
+        """Return a context manager that turns an OSError into an OutputError with the file's name."""
         try:
             yield
         except OutputError:
@@ -73,18 +74,18 @@ class Stream:
             raise OutputError(f"The file {self.path} cannot be written: {error.strerror or error}.") from None
 
     def _head(self, file: BinaryIO | FileIO) -> None:
-        """Write the header with the present number of records; NumPy reserves space in it for this number."""
+        """Write the file's header with the present number of records, for which NumPy leaves space."""
         described = {"descr": np.lib.format.dtype_to_descr(self._type), "fortran_order": False, "shape": (self._count,)}
         file.seek(0)
         np.lib.format.write_array_header_2_0(file, described)
         file.flush()
 
     def __enter__(self) -> Stream:
-        """Return the open file itself."""
+        """Return this open file, at the start of a ``with`` block."""
         return self
 
     def __exit__(self, *reason: object) -> None:
-        """Close the file."""
+        """Close the file of records, at the end of a ``with`` block."""
         with self._named_errors():
             self._file.close()
 

@@ -50,7 +50,7 @@ class Streams:
     """Independent random streams, one per environment.
 
     Args:
-        seeds: one whole number from 0 to MOST_SEED per stream; an array is possible if all are below 2**64.
+        seeds: one whole number from 0 to 2**128 - 1 per stream, as a sequence or, if all are below 2**64, as an array.
     """
 
     def __init__(self, seeds: Seeds) -> None:
@@ -97,7 +97,7 @@ def _seed_sequence(seeds: Seeds) -> list[Words]:
         shift = np.uint32(16)
 
         def hashed(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
-            """Return the SeedSequence hash of 32-bit words and advance its constant."""
+            """Return the hash of 32-bit words as in NumPy's SeedSequence, and advance the hash's constant."""
             nonlocal constant
             value = value ^ constant
             constant = constant * np.uint32(0x931E8875)

@@ -1,4 +1,7 @@
-"""Generated source of the sub-flows (kicks and drag flows) of splitting methods, with their work and heat."""
+"""Generated source of the sub-flows (kicks and drag flows) of splitting methods, with their work and heat.
+
+A kick changes the velocity by a torque at a fixed angle; a drag flow is the exact solution for drag alone.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,10 @@ Hooks = dict[str, tuple[str, ...]]
 
 
 def sub_flows(problem: Problem, called: Collection[str]) -> tuple[list[str], Hooks]:
-    """Return the source of the sub-flows that a step calls, and the quadratures that they add to.
+    """Return the source of the sub-flows (kick, drag) that a step calls, and the quadratures that each of them changes.
 
-    A kick that adds to no quadrature, and drag in a scene without any, is written out in the step instead.
+    A kick that changes no quadrature, and drag in a scene without quadratures, is written directly into the step
+    instead.
     """
     riding = bool(problem.shape.quadratures)
     if "gradient_kick" in called:
@@ -36,7 +40,10 @@ def sub_flows(problem: Problem, called: Collection[str]) -> tuple[list[str], Hoo
 
 
 def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
-    """Write the source of ``kick`` or ``push``: the flow of ``v' = a``, with dry friction, work and heat."""
+    """Write the source of the kick: the exact solution of ``v' = a`` at a fixed angle, with work and heat.
+
+    Dry friction is part of the kick, and so is the heat of drag if ``name`` is "push" instead of "kick".
+    """
     shape = problem.shape
     if shape.dry:
         lines = [f"v1, path, length = dry_glide(v, a, {shape.dry}, h)"]
@@ -64,11 +71,12 @@ def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
 
 
 def stored(problem: Problem) -> tuple[str, Hooks] | None:
-    """Write the source of ``store`` and its ``kick``, for splittings with velocity-free forces; None for others.
+    """Write the source of ``store`` and ``kick``, by which splitting methods compute the work of drives accurately.
 
-    Such methods keep their order only for quantities that a kick changes by an amount independent of the velocity. The
-    work of the drives is computed as such: with torque = -dU/dq, work = -[U] + integral of dU/dt over the time, where
-    U(q) - U(start of the step) serves as U.
+    Methods for forces without velocity keep their order only for quantities that a kick changes by an amount
+    independent of the velocity. The work of the drives is computed in such a form: with torque = -dU/dq, work = -[U] +
+    integral of dU/dt over the time, where ``store`` is U, and U(q) - U(start of the step) serves in the kick. The
+    result is None if the method does not need this form or a drive does not have it.
     """
     stores = [effect.store for effect in problem.drives if effect.store]
     if "velocity_free" not in problem.method.needs or "work" not in problem.shape.quadratures:
@@ -88,7 +96,8 @@ def stored(problem: Problem) -> tuple[str, Hooks] | None:
 
 
 def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
-    """Write the source of the plain kick and the kick with the gradient of the force, for methods that use both."""
+    """Write the source of two kicks, for methods that use both: the plain one, and the one with the force's gradient.
+    """
     plain, kicks = kick(problem, "kick")
     drive = problem.sum_of(problem.drives, "torque")
     by_angle = problem.sum_of(problem.drives, "by_angle")
@@ -111,18 +120,23 @@ def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
 
 
 def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
-    """Write the source of the exact flow of the drags (a symmetric composition of several); name its quadratures."""
+    """Write the source of the exact solution for the drags alone; return it with the quadratures that it changes.
+
+    Several drags are composed symmetrically.
+    """
     halves = [(effect, "0.5*h") for effect in problem.drags[:-1]]
     lines, sums = air.motion(problem), []
 
     def add(name: str, value: str) -> None:
-        """Add a term to the increment of a quadrature in the generated lines."""
+        """Add the term ``value`` to the increment of the quadrature ``name`` in the generated lines."""
         lines.append(f"d_{name} = {f'd_{name} + ' if name in sums else ''}{value}")
         sums.append(name)
 
     for effect, duration in (*halves, (problem.drags[-1], "h"), *reversed(halves)):
         if effect.flow is None:
-            raise NotImplementedError(f"{effect.name} has no exact flow for splitting methods.")
+            raise NotImplementedError(
+                f"{effect.name} has no exact flow, which a splitting method needs; use another method."
+            )
         heat = problem.heat_of(effect)
         if problem.windy and slipping(effect):
             lines += air.faded(problem, effect, duration)

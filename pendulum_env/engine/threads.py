@@ -1,4 +1,4 @@
-"""Work spread over several threads: functions that release Python's interpreter lock, called on ranges of blocks."""
+"""Division of work over several threads, which run functions without Python's interpreter lock on ranges of blocks."""
 
 from __future__ import annotations
 
@@ -12,29 +12,30 @@ from itertools import pairwise
 MOST_THREADS = 1024
 """Largest number of threads that can be requested."""
 LARGE = 0.8
-"""Fraction of the blocks that is divided into one large piece per thread; the rest is divided into small pieces."""
+"""Fraction of the blocks that is divided into one large range per thread; the rest is divided into small ranges."""
 BLOCKS_EACH = 16
 """Minimum number of blocks per thread: handing work to a thread costs as much as some 2000 steps."""
 
 
 def cores() -> int:
-    """Return the number of processors that this process may use."""
+    """Return the number of processor cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def usual(blocks: int) -> int:
-    """Return the default number of threads for ``blocks`` blocks: one for few blocks, all cores for many."""
+    """Return the default number of threads for ``blocks`` blocks of environments: one for few, all cores for many."""
     return max(1, min(cores(), blocks // BLOCKS_EACH))
 
 
 def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, most: int) -> None:
-    """Call ``work(thread, first, last)`` over all blocks in ``threads`` threads, the calling thread included.
+    """Call ``work(thread, first, last)`` in ``threads`` threads, until all blocks of environments are done.
 
-    Every thread works on one large piece and then takes small ones, because waking a thread takes as long as some
-    thousand steps and a thread that wakes late then leaves more to the others. No piece has more than ``most`` blocks.
-    If the calling thread is interrupted, the others finish their current pieces and take no more.
+    The arguments first and last are a range of blocks. The calling thread is one of the threads. Every thread works on
+    one large range and then takes small ones: waking a thread takes as long as some thousand steps, and the threads
+    that are awake then take more of the small ranges. No range has more than ``most`` blocks. If the calling thread is
+    interrupted, the others finish their present ranges and take no more.
     """
     count = max(1, min(threads, blocks))
     if count == 1 and blocks <= most:
@@ -46,7 +47,7 @@ def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, mos
     left = deque((start, min(start + most, end)) for first, end in pairwise(ends) for start in range(first, end, most))
 
     def take(thread: int) -> None:
-        """Call ``work`` on ranges of blocks until no range is left."""
+        """Call ``work`` on ranges of blocks, one after the other, until no range is left."""
         while left:
             try:
                 piece = left.popleft()
@@ -69,5 +70,5 @@ def spread(work: Callable[[int, int, int], None], blocks: int, threads: int, mos
 
 @lru_cache(maxsize=8)
 def pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """Return the thread pool of this process; a forked process inherits no threads and gets its own pool."""
+    """Return this process's pool of ``threads`` threads. A forked process inherits no threads and gets its own pool."""
     return ThreadPoolExecutor(threads, thread_name_prefix="lab-pendulum")

@@ -22,9 +22,9 @@ FASTER = tuple(1e-6 * 4.0**k for k in range(21))
 def beyond(scene: Scene, speed: float, control: bool) -> str:
     """Return the names of effects with formulas that do not hold at this speed of the bob [m/s], with reasons.
 
-    The text is "" if all formulas hold, and at rest. If a drive or a wind acts, or may act with ``control``, the bob
-    may get faster: then only formulas that hold at no higher speed either are named. The speed of the wind does not
-    count.
+    The text is "" if all formulas hold, and for speed 0. If a drive or a wind acts, or may act with ``control``, the
+    bob may get faster: then a formula is named only if it holds at no higher speed either. The speed of the wind does
+    not count.
     """
     pushed = any(effect.kind == "medium" or (effect.kind == "drive" and (control or not effect.controlled))
                  for effect in scene.effects)
@@ -39,12 +39,13 @@ def beyond(scene: Scene, speed: float, control: bool) -> str:
 class Validity:
     """Check of the formulas in the scenes of runs; ``warning`` names those that do not hold in the first such run.
 
-    ``warning`` is "" as long as all formulas hold.
+    A formula here is that of an effect, such as a drag law, which holds up to some speed. ``warning`` is "" as long as
+    all formulas hold.
 
     Args:
-        size, what: number of runs, and the word for one run in messages.
+        size, what: number of runs, and the word for one run in messages, such as "run" or "environment".
         angle, velocity: initial conditions [rad, rad/s], arrays of ``size``; None for those of each scene's usual run.
-        control: False if no control acts.
+        control: False if no motor torque acts.
     """
 
     def __init__(
@@ -55,13 +56,17 @@ class Validity:
         self._angle, self._velocity, self.warning = angle, velocity, ""
 
     def clear(self, scene: Scene, places: NDArray[np.intp]) -> bool:
-        """Return True if all formulas hold in the runs ``places``, given together as one scene of Many numbers."""
+        """Return True if the formulas of all effects hold in the runs ``places``.
+
+        The runs are given as one scene, in which parameters that differ are Many numbers (one value per run).
+        """
         if self.warning or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return True
         return not beyond(scene, Many(self._speeds(scene, places)), self._control)  # type: ignore[arg-type]
 
     def look(self, scene: Scene, places: Sequence[int]) -> None:
-        """Check the formulas for the runs ``places`` of one scene, and set ``warning`` if a formula does not hold."""
+        """Check the effects' formulas for the runs ``places`` of one scene, and set ``warning`` if one does not hold.
+        """
         if self.warning or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return
         speeds = self._speeds(scene, np.asarray(places))
@@ -81,7 +86,10 @@ class Validity:
         )
 
     def _speeds(self, scene: Scene, places: NDArray[np.intp], slowed: bool = False) -> Array:
-        """Return upper bounds of the bob's speed [m/s] without losses or, with ``slowed``, up to the terminal speed."""
+        """Return upper bounds of the bob's speed [m/s] in the runs ``places``, without losses.
+
+        With ``slowed`` they are bounded by the terminal speed, at which drag balances gravity.
+        """
         angle = np.full(len(places), scene.run.angle) if self._angle is None else self._angle[places]
         velocity = np.full(len(places), scene.run.velocity) if self._velocity is None else self._velocity[places]
         start = np.abs(velocity * plain(scene.body.length))

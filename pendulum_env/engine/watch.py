@@ -1,4 +1,5 @@
-"""Generated source of the diagnostics "tension" (pull on the suspension) and "flow" (numbers of the bob's flow)."""
+"""Generated source of the diagnostics "tension" (pull of the suspension on the bob) and "flow" (Reynolds number etc.).
+"""
 
 from __future__ import annotations
 
@@ -16,12 +17,12 @@ NODES = 8
 
 
 def numbers(scene: Scene) -> dict[str, float]:
-    """Return a scene's values of PULL and FLOW in :mod:`pendulum_env.engine.shape`.
+    """Return a scene's numbers for the formulas of the pull on the suspension and of the flow past the bob.
 
-    Values that need a period are 0 in a scene without gravity.
-
-    ``reynolds_rate`` is the Reynolds number over the bob's relative velocity [s], ``stroke_rate`` the
-    Keulegan-Carpenter number over its velocity at the bottom [s], ``natural_rate`` the frequency omega0 [1/s].
+    They are the parameters PULL and FLOW of :mod:`pendulum_env.engine.shape`. Values that need a period are 0 in a
+    scene without gravity. ``reynolds_rate`` is the ratio of Reynolds number and relative angular velocity [s],
+    ``stroke_rate`` that of Keulegan-Carpenter number and angular velocity at the bottom [s], ``natural_rate`` the
+    frequency omega0 [1/s].
     """
     body, omega0 = scene.body, natural_rate(scene)
     reach = body.length * body.length / scene.inertia
@@ -36,7 +37,11 @@ def numbers(scene: Scene) -> dict[str, float]:
 
 
 def tension(problem: Problem) -> str:
-    """Write the source of the pull on the suspension over I/L: ``T = M L v² + W g cos(theta) + ...`` [1/s²]."""
+    """Write the source of ``tension``, the pull T on the suspension divided by I/L [1/s²].
+
+    ``T = M L v² + W g cos(theta) + ...``, where I is the moment of inertia, L the length, M the bob's mass with the
+    medium that moves along, and W its mass less that of the displaced medium.
+    """
     pulls = ["swing_pull*v*v", *(problem.call(e.radial) for e in problem.effects if e.radial)]
     pulls += [problem.call(e.torque, slip="(-across)") for e in problem.drags if problem.windy and e.at_bob and
               e.torque and slipping(e)]
@@ -45,9 +50,9 @@ def tension(problem: Problem) -> str:
 
 
 def flow(problem: Problem) -> list[str]:
-    """Write the source of the bob's relative speed, its speed at the bottom, and the quality factor.
+    """Write the source of the bob's relative speed, of its speed at the bottom, and of the quality factor.
 
-    The quality factor is that of a harmonic swing with the speed at the bottom.
+    The quality factor is that of a harmonic swing that passes the bottom with this speed.
     """
     shape = problem.shape
     speed = "speed" if problem.windy else "abs(v)"
@@ -70,7 +75,7 @@ def flow(problem: Problem) -> list[str]:
 
 
 def values(shape: Shape) -> dict[str, str]:
-    """Return the source formulas of the program's diagnostics beside motion and ledger, by name."""
+    """Return the source formulas of the diagnostics "tension" and "flow" by name of the reported quantity."""
     bottom = f"bottom_speed({joined(('q', 'v'), shape.place)})"
     known = {
         "tension": f"pull_scale*tension({joined(('index*h', 'q', 'v'), shape.extra, shape.pull[:2])})",

@@ -1,7 +1,7 @@
-"""Angles stored relative to the nearer of bottom and top, so that angles near either keep their last bits.
+"""Angles stored relative to the nearer of bottom and top, so that angles near bottom or top keep their last bits.
 
-``theta = tilt + 2 pi turns`` with whole and half turns: near the bottom ``turns`` is whole, near the top it ends in
-one half. ``side`` is +1 below the horizontal and -1 above, so that ``sin(theta) = side sin(tilt)`` and
+``theta = tilt + 2 pi turns``, where ``turns`` is a multiple of one half: it is whole near the bottom, and ends in .5
+near the top. ``side`` is +1 below the horizontal and -1 above, so that ``sin(theta) = side sin(tilt)`` and
 ``cos(theta) = side cos(tilt)``.
 """
 
@@ -35,5 +35,8 @@ def left_out(angle: Any, tilt: Any, lost: Any, turns: Any) -> Any:
 
 
 def side_of(turns: float) -> float:
-    """Return +1.0 for a whole number of turns and -1.0 for whole turns plus one half; for less than 2**50 turns."""
+    """Return ``side``: +1.0 if ``turns`` is whole (bob below the horizontal), -1.0 if it ends in .5 (above).
+
+    The result is exact for less than 2**50 turns.
+    """
     return 1.0 - 4.0 * abs(turns - ((turns + 6755399441055744.0) - 6755399441055744.0))

@@ -1,4 +1,4 @@
-"""Rendering of a vector of environments: a frame for each, or one picture with tiles."""
+"""Rendering of a vector of environments: one frame per environment, or one picture in which they are tiles."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ Places = NDArray[np.intp]
 
 
 class Cameras:
-    """Renderer of a vector environment, which records the motor's torques and the past that its panels show."""
+    """Renderer of a vector environment.
+
+    It records the motor's torques and the earlier states that panels such as "history" show.
+    """
 
     def __init__(self, batch: Batch, spec: RunSpec, settings: Settings) -> None:
         self._batch, self._spec, self._made = batch, spec, settings
@@ -27,10 +30,10 @@ class Cameras:
         self._cameras: dict[int, Camera] = {}
 
     def keep(self, shares: Any, begun: Places, info: NDArray[np.float64]) -> None:
-        """Record the end of a step for later frames.
+        """Record the states of all environments after a step, for later frames.
 
-        ``shares`` are the fractions of the motor's torque, None for those of the step before. ``begun`` are the indices
-        of environments in which an episode has just begun.
+        ``shares`` are the actions, fractions of the motor's torque; None leaves those of the step before. ``begun`` are
+        the indices of environments in which an episode has just begun.
         """
         if shares is not None:
             self._shares = np.clip(np.ravel(shares).astype(np.float64), -1.0, 1.0)
@@ -41,7 +44,7 @@ class Cameras:
         self._reel.cut(begun)
 
     def frame(self, place: int) -> NDArray[np.uint8]:
-        """Return the frame of one environment."""
+        """Return the picture of one environment, the one with index ``place``."""
         return self._camera(place).frame(*self._shown(place))
 
     def tiles(self, count: int, columns: int | None) -> NDArray[np.uint8]:
@@ -60,7 +63,7 @@ class Cameras:
         return self._cameras[place]
 
     def _shown(self, place: int) -> tuple[Any, ...]:
-        """Return the arguments of a camera for one environment: state, motor share, trail and past."""
+        """Return what the camera draws for one environment: state, fraction of motor torque, trail, and past states."""
         machine = self._camera(place).machine
         state = machine.array(self._batch.state(place, machine.names))
         machine.advance(state, 0.0, self._batch.h, 0)

@@ -109,9 +109,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - `accuracy`: with "auto", the largest error of the angle at any of an episode's 500 control steps [rad], from the
       scene's usual start or a task's. The cheapest method and substeps with this accuracy are measured once per scene,
       in seconds, and stored in the cache folder.
-      `env.unwrapped.integrator` is the method's name; its `.why` gives the reason and the limits of the promise, which
-      a warning gives too. The accuracy holds for given sequences of actions: a policy that holds the bob upright
-      hides errors that grow as exp(omega0 t). See :class:`pendulum_env.auto.choice.Choice`.
+      `env.unwrapped.integrator` is the method's name; its `.why` gives the reasons for the choice and the cases in
+      which the accuracy is not guaranteed, and a warning names these cases, too. The accuracy holds for given
+      sequences of actions: a policy that holds the bob upright hides errors that grow as exp(omega0 t). See
+      :class:`pendulum_env.auto.choice.Choice`.
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
@@ -255,7 +256,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observation, reward, code != 0, False, info
 
     def _info(self, values: list[float]) -> dict[str, Any]:
-        """Return Gymnasium's info dict for a state of the simulation."""
+        """Return Gymnasium's info dict for the numbers of a simulation's state."""
         info: dict[str, Any] = self._machine.info(values)
         if "quality_factor" in info:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
@@ -269,7 +270,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._spec.tell_of_stop(STOP_REASONS[code], state, self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
-        """Take integration steps; return the observation, the code of the stop reason, and the state's numbers."""
+        """Take integration steps; return the observation, the code of the stop reason, and the numbers in the state."""
         machine, state = self._machine, self._state
         seen = UNSEEN.copy()
         run = machine.direct if steps <= FEW else machine.run
@@ -293,7 +294,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._camera.frame(self._state, self._share, self._reel.trail or (), self._reel.past_of())
 
     def get_state(self) -> dict[str, Any]:
-        """Return the complete state of the environment, from which ``set_state`` resumes bit for bit."""
+        """Return the complete state of the environment as a dict, from which ``set_state`` resumes bit for bit."""
         return {
             "made_for": self._made_for,
             "state": None if self._state is None else [float(value) for value in self._state],
@@ -303,7 +304,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         }
 
     def set_state(self, saved: Mapping[str, Any]) -> None:
-        """Restore a state of ``get_state`` from an environment with equal scene, method and step.
+        """Restore a state that ``get_state`` returned in an environment with equal scene, method and step.
 
         Raises SceneError, and changes nothing, for any other state.
         """
@@ -315,13 +316,13 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._reel.restore(trail, past, seen)
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Set the attributes of a copy or a pickle, and let its window show this environment."""
+        """Set the attributes of a copied or unpickled environment, and let its window show this copy."""
         vars(self).update(state)
         if self.window is not None:
             self.window.show(self._shown())
 
     def close(self) -> None:
-        """Close the window, if there is one."""
+        """Close the environment's window, if there is one."""
         if self.window is not None:
             self.window.close()
 
@@ -343,11 +344,14 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._start(*one_start(self._spec, angle, velocity))
 
     def _another(self, by: int) -> Machine | None:
-        """Return the simulation with the integrator ``by`` places later in the list; None if no other fits."""
+        """Return the simulation (machine) with the integrator ``by`` places later in the list.
+
+        The list holds the integrators that fit the scene; None if no other fits.
+        """
         return following(self._machine, by)
 
     def _take(self, machine: Machine) -> None:
-        """Continue the simulation from the present state with another integrator, given by its machine."""
+        """Continue the simulation from the present state with the integrator of another machine (simulator)."""
         assert self._camera is not None
         other = self._spec.with_method(machine.method)
         other.tell(OF_METHOD)
@@ -368,7 +372,7 @@ LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
 
 
 def one_start(spec: RunSpec, angle: Any, velocity: Any) -> tuple[float, float]:
-    """Check an episode's start angle [rad] and velocity [rad/s], and return them; SceneError for invalid ones."""
+    """Check the angle [rad] and velocity [rad/s] from which an episode starts; return them, or raise SceneError."""
     start = number(angle, "angle", unit="rad"), number(velocity, "velocity", unit="rad/s")
     spec.tell_of_start(*start)
     return start

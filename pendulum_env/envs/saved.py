@@ -21,7 +21,7 @@ COUNTS = ("index", "taken", "rejected", "slackened", "phase")
 MOST_COUNT = 2.0**53
 """Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
-"""Largest number of full turns in a state, from which a half turn can still be told; see ``engine.wrap``."""
+"""Largest number of full turns in a saved state; beyond, floats cannot represent half turns."""
 MOST_WORD = 4294967086.0
 """Largest random whole number in a state with gusts; see :mod:`pendulum_env.physics.random`."""
 PCG = ("PCG64", "PCG64DXSM")
@@ -31,12 +31,12 @@ PCG = ("PCG64", "PCG64DXSM")
 def checked_state(
     saved: Mapping[str, Any], made_for: Mapping[str, Any], machine: Machine
 ) -> tuple[list[float] | None, float, list[float]]:
-    """Check a saved state of ``get_state``, and return its state, action and trail.
+    """Check a state that ``get_state`` saved; return its numbers, the last action, and the trail behind the bob.
 
     Args:
         saved: saved state that is to be restored.
         made_for: scene, integrator and step of the environment that restores it.
-        machine: machine of that environment.
+        machine: simulator of the environment that restores the state.
 
     Raises SceneError if it is not the state of an environment with this scene, integrator and step.
     """
@@ -62,14 +62,14 @@ def checked_state(
     except ArithmeticError:
         valid = False
     if not valid:
-        raise SceneError("No run reaches the state to restore: some numbers computed from it are not finite.")
+        raise SceneError("The state to restore is not that of a run: some numbers computed from it are not finite.")
     return values, share, trail
 
 
 def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
-    """Check the saved state of a random generator of the kind of ``own``, and return it.
+    """Check the saved state of a NumPy random generator, and return it.
 
-    Raises SceneError for an invalid state.
+    It must be of the same kind as the environment's generator ``own``. Raises SceneError for an invalid state.
     """
     name = type(own).__name__
     if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
@@ -78,7 +78,7 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
     if name in PCG:
         words = saved.get("state")
         if not isinstance(words, Mapping):
-            raise SceneError(f"The state in random must be a dict with state and inc, not {shown(words)}.")
+            raise SceneError(f"state in random must be a dict with the numbers state and inc, not {shown(words)}.")
         large = {key: whole_number(words.get(key), f"{key} in random", 2**128 - 1, 0) for key in ("state", "inc")}
         if not large["inc"] % 2:
             raise SceneError(f"inc in random must be odd, not {large['inc']}.")
@@ -93,7 +93,7 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
 
 
 def _same(theirs: Any, own: Any) -> bool:
-    """Return True if two values are equal, and False where they cannot be compared, for example arrays."""
+    """Return True if two values are equal, and False if not or if the comparison fails, as it does for arrays."""
     try:
         return bool(theirs == own)
     except (TypeError, ValueError):
@@ -109,12 +109,15 @@ def _numbers(values: Any, names: Sequence[str]) -> list[float]:
                 for name, value in zip(names, values, strict=True)]
     except (TypeError, SceneError):
         raise SceneError(
-            f"A state of this environment has {len(names)} finite numbers, not {shown(values)}."
+            f"A state to restore in this environment must have {len(names)} finite numbers, not {shown(values)}."
         ) from None
 
 
 def _check_ranges(values: Sequence[float], machine: Machine) -> None:
-    """Raise SceneError for numbers of a saved state that no run reaches; numbers computed anew are not checked."""
+    """Raise SceneError if a saved state contains numbers that no run reaches, such as an angle out of range.
+
+    Numbers that the program computes anew from the others are not checked.
+    """
     names = machine.names
     halves = (0, names.index("half_index")) if "half_index" in names else (0,)
     for first in halves:
@@ -129,7 +132,9 @@ def _check_ranges(values: Sequence[float], machine: Machine) -> None:
             name, value = names[place], values[first + place]
             most = MOST_WORD if name in machine.drawn else machine.hold - 1 if name == "phase" else MOST_COUNT
             if (name in COUNTS or name in machine.drawn) and not (0.0 <= value <= most and value % 1.0 == 0.0):
-                raise SceneError(f"{name} in a state to restore must be a whole number to {most:g}, not {value!r}.")
+                raise SceneError(
+                    f"{name} in a state to restore must be a whole number from 0 to {most:g}, not {value!r}."
+                )
     if values[halves[-1] + INDEX] > len(halves) * values[INDEX]:
         raise SceneError("half_index in a state to restore must be at most twice index.")
 
@@ -141,10 +146,11 @@ def _within(value: float, name: str, most: float, unit: str = "") -> float:
 
 
 def _endless(name: str) -> bool:
-    """Return True for the numbers that may be inf: a quality factor (no losses) and an unknown error estimate."""
+    """Return True for the names of quantities that may be inf: a quality factor (no losses), an unknown error estimate.
+    """
     return name in ("quality_factor", "error_estimate")
 
 
 def _possible(name: str, value: float) -> bool:
-    """Return True if a state may contain this value under this name: a finite number, or inf where allowed."""
+    """Return True if the quantity ``name`` of a state may have this value: any finite number, or inf where allowed."""
     return math.isfinite(value) or (_endless(name) and value == math.inf)

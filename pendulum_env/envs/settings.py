@@ -33,8 +33,8 @@ class Settings:
     Attributes:
         dt: control step [s]; ``h``: the integrator's step [s].
         substeps: number of integrator steps in a control step.
-        task: reward, start and endings.
-        render_mode, render_size, look: mode, frame size [px] and panels of ``render``.
+        task: the task, which defines reward, start and end of an episode.
+        render_mode, render_size, look: mode of ``render``, its frame size [px], and its theme and panels.
         many: True for a vector environment.
     """
 
@@ -61,7 +61,7 @@ def checked_settings(
     dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any, render_theme: Any, render_panels: Any,
     diagnostics: Sequence[str], many: bool = False,
 ) -> Settings:
-    """Check the settings of an environment, or of a vector (``many``), and return them.
+    """Check the settings of an environment, or with ``many`` of a vector of environments, and return them.
 
     Raises SceneError for an invalid setting.
     """
@@ -84,10 +84,10 @@ def settled(
     made: Settings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, accuracy: Any, steps: int | None,
     compensated: bool, rtol: Any = None, atol: Any = None,
 ) -> tuple[str | Method, int, bool]:
-    """Return the method, the substeps, and True if ``integrator="auto"`` has chosen them.
+    """Return an environment's method and substeps, and True if ``integrator="auto"`` has chosen them.
 
-    ``steps`` is the number of control steps of an episode, None for the usual number. Raises AccuracyError where no
-    choice keeps the accuracy.
+    ``steps`` is the number of control steps of an episode, None for the usual number. Raises AccuracyError if no
+    method reaches the accuracy.
     """
     if accuracy is None and not (isinstance(integrator, str) and integrator == "auto"):
         return integrator, made.substeps, False
@@ -100,7 +100,7 @@ def settled(
 
 
 def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None:
-    """Return the start angle and velocity from the options of ``reset``, None where the task draws them at random.
+    """Return the start angle and velocity from the options of ``reset``; None if the task draws them at random.
 
     A number that the options leave out is taken from the scene's usual run. Raises SceneError for unknown options.
     """
@@ -127,7 +127,10 @@ def action_space() -> Any:
 
 
 def batched(space: Any, size: int) -> Any:
-    """Return the space of ``size`` environments, whose bounds share the memory of one environment's."""
+    """Return the space of ``size`` environments.
+
+    Its bounds take no memory of their own, but are views of one environment's.
+    """
     batch = batch_space(space, size)
     for name in ("low", "high", "bounded_below", "bounded_above"):
         setattr(batch, name, np.broadcast_to(getattr(space, name), (size, *space.shape)))

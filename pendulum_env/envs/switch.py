@@ -20,9 +20,9 @@ HALF = "half_"
 
 
 def following(machine: Machine, by: int) -> Machine | None:
-    """Return the simulation of another method that fits the scene and options, ``by`` places later in their list.
+    """Return a simulation (machine) with another method, ``by`` places later in the list of methods that fit the scene.
 
-    The result is None if no other method fits.
+    Methods that do not support the machine's tolerance or compensation are skipped. None if no other method fits.
     """
     names = list(fitting(machine.scene))
     if machine.method.name not in names:
@@ -41,7 +41,7 @@ def following(machine: Machine, by: int) -> Machine | None:
 
 
 def carried(old: Machine, values: Sequence[float], new: Machine, share: float, h: float) -> Any:
-    """Convert the state of a simulation with one method exactly to the form that another method needs.
+    """Convert the state of a simulation with one method to the form that another method needs, without rounding.
 
     Energies, work and heat are carried over. The history of a multistep method begins at this state. An error estimate
     is inf from then on, because no estimate exists for a mixture of two methods.
@@ -49,7 +49,7 @@ def carried(old: Machine, values: Sequence[float], new: Machine, share: float, h
     Args:
         old, values: simulation (machine) that has run so far, and its complete state.
         new: simulation with the new method, for the same scene and diagnostics.
-        share: fraction of the motor's torque with which a history begins.
+        share: fraction of the motor's torque with which the history of a multistep method is computed.
         h: step [s].
     """
     known = dict(zip(reversed(old.names), reversed(values), strict=True))
@@ -64,7 +64,10 @@ def carried(old: Machine, values: Sequence[float], new: Machine, share: float, h
 
 
 def _begin(machine: Machine, state: Any, prefix: str, share: float, h: float) -> None:
-    """Begin a multistep method's history in a state, with the function of its program that does so at a start."""
+    """Write the first history of a multistep method into a state, computed as at the start of a run.
+
+    ``prefix`` is "" for the run and "half_" for a second run at half the step.
+    """
     code = program(machine.scene, machine.method, reported(machine.diagnostics), bool(machine.tolerance),
                    machine.compensated)
     shape = code.shape

@@ -47,7 +47,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     """Vector environment of ``num_envs`` pendulums, advanced together by compiled loops.
 
     ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives
-    the same bits as the single environment seeded ``s + i``, through resets and for every number of threads.
+    the same bits as the single environment seeded ``s + i``, also after resets and for any number of threads.
 
     Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
 
@@ -57,7 +57,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
       and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default one thread per core for many environments, and one thread for few.
-    - ``copy``: False reuses the arrays that ``step`` returned before.
+    - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
     ``reset(options=...)`` takes "angle" and "velocity", numbers or arrays of ``num_envs``, and "reset_mask".
 
@@ -232,7 +232,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return self._camera
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the attributes for a copy or a pickle, without the cached infos, which share this object's arrays."""
+        """Return the attributes for a copy or a pickle, without the cached infos, which share arrays with this object.
+        """
         return {**vars(self), "_told": None}
 
     # --- parts --------------------------------------------------------------------------------------------------
@@ -241,7 +242,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return self._batch.results() if self._reused is None else self._reused
 
     def _infos_of_all(self, results: Results) -> Infos:
-        """Return the infos of a step in a new dict; with ``copy=False`` its arrays are those of earlier steps."""
+        """Return the infos of a step in a new dict. With ``copy=False`` the arrays in it are reused by the next step.
+        """
         if self._reused is None or "quality_factor" in self._names:
             return self._infos(results.info, self._everyone.copy())
         if self._told is None:
@@ -258,7 +260,10 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return infos
 
     def _reasons(self, ended: Places, action: NDArray[Any]) -> Infos:
-        """Return infos with the reasons why episodes ended; warn once where an implicit equation was not solved."""
+        """Return Gymnasium's infos with the stop reasons of the episodes that ended.
+
+        Warn once if an episode ended because an implicit equation was not solved.
+        """
         if not ended.size:
             return {}
         names = [STOP_REASONS[code] for code in self._batch.status(ended).tolist()]
@@ -269,7 +274,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return marked("stop_reason", ended, names, self.num_envs)
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
-        """Return infos with the last observations and infos of episodes that restart in the same step."""
+        """Return Gymnasium's infos with the last observations and infos of episodes that restart in the same step."""
         infos: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
         shown = infos["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
@@ -304,12 +309,12 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return self._streams
 
     def _drawn_for(self, which: Places) -> dict[str, Array]:
-        """Return the random numbers with which effects start new episodes in the environments ``which``."""
+        """Return the random initial values of effects' state variables, such as gusts, for environments ``which``."""
         return self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}
 
 
 def autoreset_mode_of(mode: Any) -> AutoresetMode:
-    """Return Gymnasium's autoreset mode of a value or name; raises SceneError for an unknown one."""
+    """Return Gymnasium's autoreset mode for a mode or its name; raises SceneError for an unknown name."""
     names = [entry.value for entry in AutoresetMode]
     if isinstance(mode, AutoresetMode):
         return mode
@@ -317,7 +322,7 @@ def autoreset_mode_of(mode: Any) -> AutoresetMode:
 
 
 def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:
-    """Check the mask of environments to reset, and return it.
+    """Check ``reset_mask``, the array of booleans that marks environments to reset, and return it.
 
     Raises SceneError for another type or shape, or a mask without True.
     """
@@ -370,7 +375,10 @@ def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None]
 
 
 def marked(name: str, places: NDArray[np.intp], values: Iterable[Any], size: int) -> dict[str, NDArray[Any]]:
-    """Return an entry of infos that only the environments ``places`` have, as an object array, and its mask."""
+    """Return an entry of Gymnasium's infos that only some environments have, with the mask that marks them.
+
+    ``values`` are the entry's values for the environments with the indices ``places``; the others have None.
+    """
     entry, mask = np.full(size, None, dtype=object), np.zeros(size, dtype=np.bool_)
     for place, value in zip(places.tolist(), values, strict=True):
         entry[place] = value

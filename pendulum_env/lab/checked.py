@@ -65,13 +65,14 @@ def series_of(series: Any) -> tuple[FloatArray, FloatArray]:
 
 
 def gaps_of(time: FloatArray, least: float = 0.0) -> NDArray[np.intp]:
-    """Return the indices of the readings before a gap: a step longer than GAP median steps and than ``least`` [s]."""
+    """Return the indices of the readings before a gap: a time step above 5 (GAP) median steps and above ``least`` [s].
+    """
     steps = np.diff(time)
     return np.flatnonzero(steps > max(GAP * float(np.median(steps)), least)) if len(steps) else np.empty(0, np.intp)
 
 
 def count(n: Any, what: str) -> int | None:
-    """Check that ``n`` is None (for all) or a whole number from 1, and return it; ``what`` names the counted things."""
+    """Check and return ``n``, the number of things to use, None for all; error messages call the things ``what``."""
     try:
         return None if n is None else whole_number(n, "n")
     except SceneError:
@@ -79,7 +80,8 @@ def count(n: Any, what: str) -> int | None:
 
 
 def known(value: Any, name: str, allowed: Iterable[str]) -> str:
-    """Return a word if it is one of those allowed; RecordingError with the nearest one for any other."""
+    """Return a word if it is one of the allowed ones; RecordingError, which suggests the nearest word, for any other.
+    """
     words = list(allowed)
     if isinstance(value, str) and value in words:
         return value

@@ -35,7 +35,7 @@ class ColumnLayout(NamedTuple):
 
     @property
     def track(self) -> bool:
-        """True if the columns hold the x and y of a track, False if they hold an angle."""
+        """True if the columns hold the x and y of a track, as of a filmed bob; False if they hold an angle."""
         return len(self.values) == 2
 
     @property
@@ -46,8 +46,8 @@ class ColumnLayout(NamedTuple):
 
 
 def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
-    """Return the columns to read: those that ``columns`` selects or, if it is None, those that the header names, or the
-    first ones.
+    """Return the columns of a recording's file to read. They are those that ``columns`` selects, else those that the
+    header names, else the first ones.
 
     ``timed``: True if a rate is given, so that no time column is needed.
 
@@ -80,7 +80,7 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
 
 
 def _named(titles: list[str], timed: bool) -> ColumnLayout:
-    """Return the columns that the header names; without such names, the first two columns are time and angle."""
+    """Return the columns of time and angle, or time, x and y, that the header's titles name; else the first two."""
     width = len(titles)
     if width == 1:
         return ColumnLayout(None, (0,), [])
@@ -101,7 +101,7 @@ def _named(titles: list[str], timed: bool) -> ColumnLayout:
 
 
 def _track(titles: list[str], timed: bool) -> ColumnLayout | None:
-    """Return the columns that the header names time, x and y; None if it does not name them."""
+    """Return the columns that the header's titles name time, x and y; None if the titles do not."""
     xs, ys = ([i for i, title in enumerate(titles) if form.search(title) and not _RATE_OF_CHANGE.search(title)]
               for form in (_X, _Y))
     if len(xs) != 1 or len(ys) != 1 or xs == ys:
@@ -117,7 +117,8 @@ def _track(titles: list[str], timed: bool) -> ColumnLayout | None:
 
 
 def _first_of_track(table: TextTable, timed: bool) -> ColumnLayout:
-    """Return the first three columns as time, x and y; of a file with two columns and a given rate, x and y."""
+    """Return the first three columns as time, x and y of a track; of a file with two columns and a given rate, x and y.
+    """
     if table.width >= 3:
         return ColumnLayout(0, (1, 2), [])
     if table.width == 2 and timed:
@@ -126,7 +127,7 @@ def _first_of_track(table: TextTable, timed: bool) -> ColumnLayout:
 
 
 def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) -> ColumnLayout:
-    """Return the columns that the caller selects by name, or by number from 1."""
+    """Return the columns of a recording's file that the caller selects by name, or by number from 1."""
     given = list(columns) if isinstance(columns, Sequence) and not isinstance(columns, (str, bytes)) else []
     if not 1 <= len(given) <= 3:
         allowed = f"{TRACK!r}, or names or numbers of (time, angle), (time, x, y) or, with rate=, (angle,)"

@@ -32,13 +32,13 @@ class Cycles:
 
     @property
     def spread(self) -> float:
-        """Largest relative deviation of a cycle's corrected period from the mean of all cycles."""
+        """Largest relative deviation of a cycle's period, corrected to small amplitude, from the mean of all cycles."""
         mean = float(self.period.mean())
         return float(np.abs(self.period - mean).max()) / mean
 
     @property
     def drift(self) -> Measurement:
-        """Change of the corrected period from the first cycle to the last, by a fitted straight line [s].
+        """Change of the period, corrected to small amplitude, from the first cycle to the last, by a straight line [s].
 
         For fewer than three cycles the value is 0 with an infinite error.
         """

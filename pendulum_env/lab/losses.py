@@ -96,12 +96,13 @@ def losses(points: TurningPoints) -> Losses:
 
 
 def percent(part: Measurement) -> str:
-    """Return a share and its standard error as text in per cent."""
+    """Return a share and its standard error, a :class:`Measurement`, as text in per cent."""
     return str(Measurement(100.0 * part.value, 100.0 * part.error, "%"))
 
 
 def powers(amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the functions of the amplitude that become 1, A and A² at small angles; see :func:`losses`."""
+    """Return the functions of the amplitude that replace 1, A and A² in the loss at large angles; see :func:`losses`.
+    """
     from scipy.special import ellipe, ellipk
 
     sine, m = np.sin(amplitude), np.sin(0.5 * amplitude) ** 2
@@ -111,7 +112,7 @@ def powers(amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _shares(terms: NDArray[np.float64], covariance: NDArray[np.float64], amplitude: float) -> dict[str, Measurement]:
-    """Return the share of each term in the loss at an amplitude [rad], with first-order errors of at most 1."""
+    """Return the share of every term in the loss at an amplitude [rad], with first-order errors of at most 1."""
     parts = np.array([float(law[0]) for law in powers(np.array([amplitude]))])
     total = float(parts @ terms)
     if total <= 0.0:

@@ -54,7 +54,7 @@ def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> Float
 
 
 def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
-    """Return the times [s] of the upward zero crossings, and their standard errors [s] per rad of reading noise."""
+    """Return the times [s] of the upward zero crossings of an angle, and their errors [s] per rad of reading noise."""
     side = np.where(angle > level, 1, np.where(angle < -level, -1, 0))
     decided = np.flatnonzero(side)
     up = np.flatnonzero((side[decided[:-1]] < 0) & (side[decided[1:]] > 0))
@@ -106,7 +106,7 @@ def period(series: AngleSeries, n: int | None = None) -> Measurement:
 
 
 def _cycles(times: FloatArray, gaps: FloatArray, n: int | None) -> NDArray[np.intp]:
-    """Return the number of oscillations from the first zero crossing to every crossing, whole numbers.
+    """Return, for every upward zero crossing, the number of oscillations since the first one, whole numbers.
 
     Successive crossings are one oscillation apart. Across a gap, the median of the nearest periods gives the number.
 

@@ -36,7 +36,7 @@ def quantum_level(angle: ArrayLike) -> float:
 
 
 def _grid(steps: FloatArray, quantum: float) -> float:
-    """Return the value near ``quantum`` of which at least nine in ten ``steps`` are multiples; 0 if there is none."""
+    """Return the value near ``quantum`` of which at least nine in ten ``steps`` of a sensor are multiples, or 0."""
     for _ in range(3):
         near = steps[steps < _MOST_QUANTA * quantum]
         multiples = np.round(near / quantum)
@@ -61,7 +61,7 @@ def scatter_level(time: ArrayLike, angle: ArrayLike) -> float:
 
 
 def off_neighbours(time: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return the distances [rad] of readings from the cubic through their two neighbours on either side.
+    """Return the distances [rad] of readings from the cubic through their four neighbours, two on either side.
 
     They are scaled so that their standard deviation is that of a single reading if readings are independent. The first
     two and the last two readings have no distance.

@@ -33,7 +33,7 @@ _WORDS: dict[str, Iterable[str]] = {
 
 
 class ReadOptions(NamedTuple):
-    """Settings of ``Recording.read`` that the caller gave; None stands for those to infer from the file."""
+    """Settings of ``Recording.read`` that the caller gave; a setting that is None is inferred from the file."""
 
     unit: str | None = None
     rate: float | None = None
@@ -46,9 +46,9 @@ class ReadOptions(NamedTuple):
     time_unit: str | None = None
 
     def checked(self) -> ReadOptions:
-        """Return the settings with rate and scale as floats; RecordingError for an invalid value.
+        """Return the settings after a check, with rate and scale as floats; RecordingError for an invalid value.
 
-        Columns and pivot are checked where they are used.
+        The settings for columns and pivot are checked later, where they are used.
         """
         for name, allowed in _WORDS.items():
             if getattr(self, name) is not None:
@@ -141,7 +141,7 @@ def _times(
 
 
 def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
-    """Remove the rows that lack a number or repeat a time, and return times, values and notes.
+    """Remove the rows of a recording that lack a number or repeat a time; return times, values and notes.
 
     Raises RecordingError if a time is earlier than the one before, or if most rows repeat a time.
     """
@@ -165,8 +165,7 @@ def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple
 
 
 def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str | None) -> tuple[str, str]:
-    """Return the unit of a file's angle, "deg" or "rad", and the reason for it; ``given``: the caller's unit, or None.
-    """
+    """Return the unit of a file's angle, "deg" or "rad", and the reason; ``given`` is the caller's unit, or None."""
     if given is not None:
         return given, "as given"
     written = table.unit(layout.values[0])
@@ -184,7 +183,8 @@ def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str 
 
 
 def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:
-    """Return a note that lists the first gaps in the times, or none without gaps."""
+    """Return a list with a note on the first gaps in the times of a recording, or an empty list if there are no gaps.
+    """
     if not len(gaps):
         return []
     first = [f"{time[at + 1] - time[at]:.3g} s after {time[at]:.6g} s" for at in gaps[:_SHOWN]]
@@ -193,7 +193,8 @@ def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:
 
 
 def _unwrapped(angle: FloatArray, gaps: NDArray[np.intp], by_track: bool) -> tuple[FloatArray, list[str]]:
-    """Return the angle without the jumps of a sensor that reads within one turn, and notes on the jumps."""
+    """Return the angle with full turns added where a sensor that reads within one turn jumps, and notes on the jumps.
+    """
     jumps = np.flatnonzero(np.abs(np.diff(angle)) > math.pi)
     within = np.setdiff1d(jumps, gaps)
     if not len(jumps):
@@ -210,5 +211,5 @@ def _unwrapped(angle: FloatArray, gaps: NDArray[np.intp], by_track: bool) -> tup
 
 
 def _dropped(lines: NDArray[np.int_], why: str) -> list[str]:
-    """Return a note on dropped lines of the file, or none if no line was dropped."""
+    """Return a list with a note on the dropped lines of a recording's file and the reason, or an empty list."""
     return [f"dropped: {len(lines)} lines {why} (the first: line {lines[0]})"] if len(lines) else []

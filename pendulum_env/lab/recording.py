@@ -154,7 +154,7 @@ class Recording:
         return self.text
 
     def _suggestions(self) -> list[str]:
-        """Return the notes that :meth:`released` and :meth:`centred` would add to this recording."""
+        """Return notes on the release and equilibrium that :meth:`released` and :meth:`centred` would use."""
         try:
             centred = self.released().centred()
         except RecordingError as error:
@@ -240,7 +240,7 @@ class Recording:
         return all_turning_points(self)
 
     def _free(self) -> int | None:
-        """Return the index in ``turning.extremes`` of the reading where the free swing starts; None if nothing swings.
+        """Return the index in ``turning.extremes`` of the reading where the free swing starts; None without any swing.
         """
         index = extremes(self.time, self.angle)
         size = np.abs(np.diff(self.angle[index]))

@@ -118,7 +118,7 @@ class VirtualSensor(Checked):
 
 
 def text_of_recording(recording: Recording, form: str, rate: float, facts: Mapping[str, str]) -> str:
-    """Return the text file of a simulated recording, with the named ``facts`` as comments in its first lines.
+    """Return the text of the file of a simulated recording, with the named ``facts`` as comments in its first lines.
 
     ``form`` is "sensor", "csv" or "encoder", as in :meth:`VirtualSensor.write`; ``rate`` is the sampling rate [Hz].
     """
@@ -127,7 +127,7 @@ def text_of_recording(recording: Recording, form: str, rate: float, facts: Mappi
 
 
 def _stamped(separator: str) -> Callable[[Recording, float], list[str]]:
-    """Return a function that lists the lines of a recording's file with a column of times and one of angles."""
+    """Return a function that lists the lines of a recording's file, times and angles in columns, from a recording."""
     def lines(recording: Recording, rate: float) -> list[str]:
         rows = zip(recording.time.tolist(), np.degrees(recording.angle).tolist(), strict=True)
         title = separator.join(("Time (s)", "Angle (deg)"))

@@ -44,7 +44,7 @@ class LabSheet:
         period: mean period [s].
         points: turning points, one amplitude per half swing.
         decay: damping rate gamma of theta ~ exp(-gamma t/2) from all amplitudes [1/s].
-        first_decay: the damping rate from the first READ amplitudes [1/s].
+        first_decay: the damping rate from the first 6 (READ) amplitudes [1/s].
         cycles: the period of every cycle, corrected to small amplitude.
         losses: constant, linear and quadratic parts of the loss per half swing; None for too few amplitudes.
     """
@@ -112,7 +112,7 @@ class LabSheet:
 
     @property
     def table(self) -> Table:
-        """Table of the lab sheet: one row per quantity, with its value, standard error and method of measurement."""
+        """Table of the lab sheet: one row per measured quantity, with value, standard error and method."""
         from pendulum_env.common.tables import Table
 
         size, swings = np.degrees(self.points.amplitude), len(self.points.amplitude)
@@ -143,21 +143,23 @@ class LabSheet:
 
     @property
     def text(self) -> str:
-        """Summary of the lab sheet in a few sentences."""
+        """Summary of the lab sheet, the quantities measured on a free swing, in a few sentences."""
         lines = [
             f"{self.recording.source}: {self.oscillations} oscillations of {self.period}; at small amplitude "
             f"{self.small_period}, the period of a point pendulum of length {self.length} at "
             f"g = {self.scene.gravity:g} m/s²."
         ]
         if self.cycles.left_out:
-            lines.append(f"T0 leaves out {self.cycles.left_out} of the cycles, in which readings are missing.")
+            lines.append(f"T0 leaves out {self.cycles.left_out} of the cycles, because readings are missing in them.")
         if self.losses is not None:
             lines.append(f"From the envelope, {self.losses.text}.")
         first, all_of = self.first_decay, self.decay
         if abs(first.value - all_of.value) > 3.0 * math.hypot(first.error, all_of.error):
-            lines.append(f"The decay is not exponential: gamma is {first} at first and {all_of} over all.")
+            lines.append(f"The decay is not exponential: the damping rate gamma is {first} from the first {READ} "
+                         f"amplitudes and {all_of} from all.")
         if self.reynolds is not None:
-            lines.append(f"Reynolds number {self.reynolds[0]:.0f} at first: {regime(self.reynolds[0])}.")
+            lines.append(f"Reynolds number {self.reynolds[0]:.0f} of the bob in the first half swing: "
+                         f"{regime(self.reynolds[0])}.")
         return "\n".join(lines)
 
 
@@ -202,9 +204,10 @@ def measure(
 
 
 def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, known: Mapping[str, Any]) -> Scene:
-    """Return the scene of a recording with its ``known`` parameters; None: an undamped pendulum in air of 20 °C.
+    """Return the pendulum of a recording as a scene with its ``known`` parameters.
 
-    For None, a known radius makes the bob one of finite size. Raises SceneError for an invalid scene or parameter.
+    A ``scene`` of None stands for an undamped pendulum in air of 20 °C, with a bob of finite size if the radius is
+    known. Raises SceneError for an invalid scene or parameter.
     """
     if scene is not None:
         return find_scene(scene).replace(**known)

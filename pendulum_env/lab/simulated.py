@@ -55,5 +55,5 @@ def simulated_text() -> str:
 
 
 def keywords(values: Mapping[str, object]) -> str:
-    """Return named values as the keyword arguments of a call, such as ``angle=0.6, dt=0.005``."""
+    """Return named values as the text of a call's keyword arguments, such as ``angle=0.6, dt=0.005``."""
     return ", ".join(f"{name}={value!r}" for name, value in values.items())

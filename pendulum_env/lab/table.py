@@ -75,7 +75,7 @@ class TextTable:
         self.notes += [f"separator: {SEPARATORS[self.separator]}"] if self.width > 1 else []
 
     def error(self, number: int, expected: str, found: str) -> RecordingError:
-        """Return a RecordingError for a faulty line, with its number, the expected content and its text."""
+        """Return a RecordingError for a faulty line of a file: its number, the expected content and its text."""
         found = found.strip()[:60]
         return RecordingError(f"{self.name}: line {number}: expected {expected}, found {found!r}")
 
@@ -101,9 +101,9 @@ class TextTable:
         return next((rate for rate in given if 0 < rate < math.inf), None)
 
     def unit(self, column: int) -> str | None:
-        """Return the angle unit "deg" or "rad" of a column, from its title, other header lines or comments.
+        """Return the unit of a column of angles, "deg" or "rad", from its title, other header lines or comments.
 
-        The first of these that names exactly one unit decides; None if there is no such line.
+        The first of these places that names exactly one unit decides; None if there is no such place.
         """
         spread = {line for line in self.header if self._fields_of(line)}
         for lines in (self.titles[column], [line for line in self.header if line not in spread], self.comments):
@@ -113,9 +113,10 @@ class TextTable:
         return None
 
     def values(self, columns: tuple[int, ...], expected: str) -> tuple[FloatArray, list[str]]:
-        """Return the numbers in these columns, NaN where one is missing, and a note if there are decimal commas.
+        """Return the numbers in the given columns, NaN where one is missing, and a note if there are decimal commas.
 
-        Raises RecordingError for the first line without numbers in these columns; ``expected`` describes them.
+        Raises RecordingError for the first line without numbers in these columns; ``expected`` describes the numbers in
+        the message.
         """
         values, last = np.empty((len(self.rows), len(columns))), max(columns)
         commas = 0
@@ -137,7 +138,7 @@ class TextTable:
         return math.nan if text.lower() in _MISSING else None
 
     def _separator(self, line: str, marks: list[str]) -> str:
-        """Return the first separator that splits the line into numbers, or "" if the line is not a row of numbers."""
+        """Return the first separator that splits a line into numbers, or "" if the line is not a row of numbers."""
         for mark in marks:
             if mark == " " or mark in line or len(marks) == 1:
                 numbers = [self.number(text) for text in split(line, mark)]
@@ -146,7 +147,7 @@ class TextTable:
         return ""
 
     def _fields_of(self, line: str) -> list[str] | None:
-        """Return the fields of a header line if it has one field for each column, else None."""
+        """Return the fields of a header line if it has one field for each column of the file, else None."""
         marks = (self.separator, *(mark for mark in SEPARATORS if mark != " "))
         splits = [split(line, mark) for mark in marks]
         splits += [re.split(form, line.strip()) for form in _BETWEEN_TITLES] if self.separator == " " else []
@@ -155,7 +156,8 @@ class TextTable:
     def _pairs_above(self) -> list[tuple[str, str]]:
         """Remove a first row of several values above rows of one value, and return these values with their names.
 
-        Such a row, below a header line of names, is part of the header and not a reading.
+        Such a row, below a header line of names, is part of the header, with settings such as the rate, and not a
+        reading.
         """
         first = trimmed(self.rows[0][1])
         if len(first) == 1:
@@ -173,7 +175,8 @@ def _rate_of(match: re.Match[str]) -> float:
 
 
 def split(line: str, mark: str, trim: bool = True) -> list[str]:
-    """Split a line at a separator and return its fields; ``trim`` removes empty fields at the end, see :func:`trimmed`.
+    """Split a line at a separator and return its fields; ``trim`` removes empty fields at the end, but leaves at least
+    two.
     """
     quoted = '"' in line and mark != " "
     parts = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
@@ -182,7 +185,7 @@ def split(line: str, mark: str, trim: bool = True) -> list[str]:
 
 
 def trimmed(fields: list[str]) -> list[str]:
-    """Return the fields without the empty ones at the end of a line, but at least the first two of them."""
+    """Return the fields of a line without the empty ones at its end, but at least the first two of them."""
     count = len(fields)
     while count > 2 and not fields[count - 1]:
         count -= 1

@@ -132,7 +132,8 @@ def _upward(away: FloatArray) -> float:
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> FloatArray:
-    """Return the x and y of a track as the two rows of an array; RecordingError unless they are valid."""
+    """Return the x and y of a track as the two rows of an array; RecordingError unless they are finite and at least 4.
+    """
     across, along = numbers(x, "x"), numbers(y, "y")
     if across.ndim != 1 or across.shape != along.shape or len(across) < 4:
         shapes = f"{across.shape} and {along.shape}"
@@ -144,7 +145,7 @@ def _points(x: ArrayLike, y: ArrayLike) -> FloatArray:
 
 
 def _checked_pivot(pivot: Any) -> FloatArray:
-    """Return the pivot as an array (x, y); RecordingError unless it is two finite numbers."""
+    """Return the pivot of a track as an array (x, y); RecordingError unless it is two finite numbers."""
     try:
         centre = numbers(pivot, "pivot")
     except RecordingError:

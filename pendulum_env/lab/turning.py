@@ -89,7 +89,7 @@ def turning_points(series: AngleSeries) -> TurningPoints:
 
 
 def all_turning_points(series: AngleSeries) -> TurningPoints:
-    """Return a turning point for every one of the ``extremes`` but the first.
+    """Return a turning point for every extreme reading of a swing, see :func:`extremes`, but the first.
 
     If a gap covers part of the arc around a turning point, the result is the bare reading with an infinite error.
     """

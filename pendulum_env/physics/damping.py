@@ -50,18 +50,19 @@ def build_scene(
             twice = f"by damping={shown(damping)} and by {name}={shown(changes[name])}"
             raise SceneError(f"{name} is given twice, {twice}.")
         if name in removed and name not in remaining:
-            raise SceneError(f"{name} belongs to {removed[name]}, which damping={shown(damping)} leaves out.")
+            raise SceneError(f"{name} belongs to {removed[name]}, which damping={shown(damping)} leaves out; "
+                             "leave out the parameter too, or add that damping.")
     return base.replace(effects=effects, **changes)
 
 
 def _names(effects: Iterable[Effect]) -> set[str]:
-    """Return every name for a parameter of these effects, both ``name`` and ``effect.name``."""
+    """Return all names by which the parameters of the given effects can be set, ``name`` and ``effect.name``."""
     names = ([f.name for f in fields(effect)] for effect in effects)  # type: ignore[arg-type]
     return {name for effect, own in zip(effects, names, strict=True) for name in (*own, *_full(effect, own))}
 
 
 def _full(effect: Effect | type[Effect], names: Iterable[str]) -> list[str]:
-    """Return parameter names with the effect's name in front, as in "linear_drag.gamma"."""
+    """Return the names of an effect's parameters with the effect's name in front, as in "linear_drag.gamma"."""
     return [f"{effect.name}.{name}" for name in names]
 
 
@@ -82,7 +83,10 @@ def with_damping(scene: Scene, damping: Damping) -> Scene:
 
 
 def _damped(effects: tuple[Effect, ...], damping: Damping) -> tuple[Effect, ...]:
-    """Return the effects with the dissipative ones replaced according to ``damping``."""
+    """Return a scene's effects with the dissipative ones replaced by those that ``damping`` names.
+
+    ``damping`` is a value of the keyword ``damping=``, as :func:`with_damping` explains.
+    """
     if isinstance(damping, str):
         if damping == KEPT:
             return effects
@@ -106,7 +110,7 @@ def parse_damping(text: str) -> Damping:
     "morrison"}}``. Raises SceneError for text of another form.
     """
     if not isinstance(text, str):
-        raise SceneError(f"A damping to parse must be text, not {shown(text)}.")
+        raise SceneError(f"A damping must be given as text, such as 'linear+quadratic', not {shown(text)}.")
     if text.lstrip().startswith("{"):
         damping: Damping = parse(text, f"The damping {shown(text)}")
         return damping
@@ -125,7 +129,7 @@ def parse_damping(text: str) -> Damping:
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
-    """Parse parameters typed as ``name=value`` into keyword arguments.
+    """Parse parameters of a scene typed as ``name=value``, such as ``length=0.5``, into keyword arguments.
 
     Raises SceneError for text of another form and for a name given twice.
     """
@@ -133,14 +137,19 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
 
 
 def typed_values(pairs: Iterable[str], option: str, example: str) -> dict[str, Any]:
-    """Parse values typed as ``name=value`` for any command-line option; errors name the option and show the example."""
+    """Parse the texts ``name=value`` given to a command-line option into a dict of values by name.
+
+    ``option`` is the option's name, such as "--read", and ``example`` a valid text; both are for error messages. Raises
+    SceneError for text of another form and for a name given twice.
+    """
     return _values(pairs, f"{option} needs name=value, as in {option} {example}", option)
 
 
 def _values(pairs: Iterable[str], form: str, giver: str) -> dict[str, Any]:
-    """Parse values typed as ``name=value``.
+    """Parse texts of the form ``name=value`` into a dict of values by name.
 
-    SceneError for text of another form begins with ``form``, and for a name given twice with ``giver``.
+    Raises SceneError for text of another form, with a message that begins with ``form``, and for a name given twice,
+    with a message that begins with ``giver``.
     """
     values: dict[str, Any] = {}
     for pair in pairs:
@@ -166,7 +175,11 @@ def typed(text: str) -> float | bool | str | None:
 
 
 def _effect(name: str, numbers: Any, own: Mapping[str, Effect]) -> Effect:
-    """Return the dissipative effect that one entry of ``damping=`` names; SceneError for an unknown name or number."""
+    """Return the dissipative effect for one entry of ``damping=``: the damping's name and a dict of its numbers.
+
+    Without numbers, the effect is taken from ``own``, the scene's dissipative effects by damping name, if it is there.
+    Raises SceneError for an unknown name or number.
+    """
     if name in (KEPT, NONE):
         raise SceneError(f"damping='{name}' cannot be combined with numbers or with other dampings.")
     if name not in DAMPINGS:

@@ -18,10 +18,10 @@ Part = TypeVar("Part")
 
 
 def parse(text: str, label: str) -> Any:
-    """Parse JSON text of a scene or damping.
+    """Return the data in the JSON text of a scene or a damping.
 
-    Raises SceneError, which begins with ``label``, for text that is not JSON and for a name that occurs twice in an
-    object.
+    Raises SceneError for text that is not JSON and for a name that occurs twice in an object; the message begins with
+    ``label``, a few words that say which text this is.
     """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -41,9 +41,10 @@ def parse(text: str, label: str) -> Any:
 
 
 def known(data: Any, kind: type, label: str) -> dict[str, Any]:
-    """Return ``data`` as keyword arguments of a dataclass; SceneError for names that the dataclass does not have.
+    """Return a dict of values as keyword arguments of the dataclass ``kind``, after a check of their names.
 
-    ``label`` is the subject of the error's sentence.
+    Raises SceneError for data that is not a dict and for a name that the dataclass does not have; the message begins
+    with ``label``, a few words that say which part of a scene this is.
     """
     if not isinstance(data, Mapping):
         raise SceneError(f"{label} must be given by a dict of its values, not {shown(data)}.")
@@ -55,7 +56,9 @@ def known(data: Any, kind: type, label: str) -> dict[str, Any]:
 
 
 def part_of(value: Any, kind: type[Part], label: str) -> Part:
-    """Return a part of a scene from an instance, from a dict of its values or, for a medium, from its name."""
+    """Return the body, the medium or the usual run of a scene, given as an instance, as a dict of its values or, for a
+    medium only, by name.
+    """
     if isinstance(value, kind):
         return value
     if kind is Medium and isinstance(value, (str, Mapping)):
@@ -79,19 +82,21 @@ def effect_of(entry: Any) -> Effect:
 
 
 def effects_of(entries: Any) -> tuple[Effect, ...]:
-    """Return a tuple of effects from a list of instances or dicts."""
+    """Return a scene's effects as a tuple from a list of instances or dicts."""
     return tuple(effect_of(entry) for entry in listed(entries))
 
 
 def listed(effects: Any) -> tuple[Any, ...]:
-    """Return effects as a tuple; SceneError for a set, which has no order, and for a value that is not a list."""
+    """Return a scene's list of effects as a tuple, without a check of its entries; SceneError for a set, which has no
+    order, and for a value that is not a list.
+    """
     if isinstance(effects, (set, frozenset)):
         raise SceneError(f"A scene's effects must be a list of effects, not {shown(effects)}.")
     return several(effects, "A scene's effects", "effects")
 
 
 def checked_effects(effects: Any) -> tuple[Effect, ...]:
-    """Return effects as a tuple; SceneError if an entry is not an Effect."""
+    """Return a scene's effects as a tuple; SceneError if an entry is not an Effect."""
     listed_effects = listed(effects)
     for effect in listed_effects:
         if not isinstance(effect, Effect):
@@ -106,14 +111,14 @@ Owners = Mapping[str, Any]
 
 
 def owners_of(parts: Mapping[str, Any], effects: Sequence[Effect]) -> dict[str, Any]:
-    """Return a dict of all parts and effects of a scene by their names."""
+    """Return a dict, by name, of a scene's parts (body, medium, usual run) and of its effects."""
     return {**parts, **{effect.name: effect for effect in effects}}
 
 
 def homes(owners: Owners) -> dict[str, list[str]]:
-    """Map each parameter's name to the names of the parts and effects that have such a parameter.
+    """Map the name of every parameter of a scene to the names of the parts and effects that have it.
 
-    Left out are the parts' own names and the usual run, whose start is not a parameter.
+    Left out are the fields ``name`` and the usual run, because its start, step and duration are only defaults.
     """
     places: dict[str, list[str]] = {}
     for owner, part in owners.items():
@@ -124,7 +129,9 @@ def homes(owners: Owners) -> dict[str, list[str]]:
 
 
 def numbers_by_name(owners: Owners) -> dict[str, Any]:
-    """Return the value of every parameter; a name that two parts share is given as ``part.parameter``."""
+    """Return the value of every parameter of a scene by its name, or by ``part.parameter`` for a name that two parts
+    share.
+    """
     return {
         name if len(places) == 1 else f"{place}.{name}": getattr(owners[place], name)
         for name, places in homes(owners).items()

@@ -1,11 +1,11 @@
 """Drag of a sphere as a function of the Reynolds number Re, as a multiple of Stokes' drag ``6 pi mu a V``.
 
-``C_d = (24/Re) multiple(Re)``. A multiple is 1 at Re = 0 and finite for every Re below 1e150, so that the drag is
-once differentiable through rest; where the lowest power of Re is below 1, its second derivative is infinite there.
-The functions are plain, because they are copied into generated steps: see :mod:`pendulum_env.physics.effects.effect`.
-For each law there are the multiple, its ``growth`` ``Re d multiple/d Re``, and the torque with its derivatives. The
-torque takes ``sphere_stokes_rate`` [1/s], Stokes' drag per inertia, and ``sphere_reynolds_rate`` [s], the Reynolds
-number per angular velocity.
+``C_d = (24/Re) multiple(Re)``. A multiple is 1 at Re = 0 and finite for every Re below 1e150, so that the drag is once
+differentiable through rest; where the lowest power of Re is below 1, its second derivative is infinite there. All
+functions here are plain functions of floats, because their source is copied into the generated program of a step: see
+:mod:`pendulum_env.physics.effects.effect`. For each law there are the multiple, its ``growth``, which is ``Re d
+multiple/d Re``, and the torque with its derivatives. The torque takes ``sphere_stokes_rate`` [1/s], Stokes' drag per
+inertia, and ``sphere_reynolds_rate`` [s], the Reynolds number per angular velocity.
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ class DragLaw:
         most: largest Reynolds number to which the law was fitted; all laws approach Stokes' law at Re = 0.
         formula: C_d as text.
         source: author, year, where.
-        multiple, growth: C_d over 24/Re, and Re times its derivative by Re, as functions of Re.
+        multiple, growth: functions of Re: the drag as a multiple of Stokes' drag, ``C_d/(24/Re)``, and Re times the
+            derivative of this multiple by Re.
         torque, by_velocity, by_speed: the functions of the effect :class:`pendulum_env.physics.effects.SphereDrag` for
             this law.
     """

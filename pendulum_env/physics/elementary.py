@@ -105,7 +105,7 @@ def _power_of_two(h: float) -> float:
 
 
 def _exp_of_sum(x: float, low: float) -> float:
-    """Return exp(x + low), low below an ulp of x.
+    """Return exp(x + low), where ``low`` is a small correction to x, below an ulp of x.
 
     Computed as 2**k (1 + r + r*r*q(r)) with r = x + low - k ln 2, |r| <= ln(2)/2.
     """

@@ -1,4 +1,6 @@
-"""The energy ledger of a run. The two formulas work on arrays and are also copied into generated programs."""
+"""Energy balance of a run: energies, work, heat and their residual. Its two formulas work on arrays and are also copied
+into generated programs.
+"""
 
 from __future__ import annotations
 

@@ -39,26 +39,31 @@ def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None
 
 
 def _filled(text: str, numbers: Mapping[str, float] | None) -> str:
-    """Replace coefficients in braces by values or names, merge two signs in a row, and drop added zeros in brackets."""
+    """Return an equation's text with coefficients, in braces, replaced by values or, without ``numbers``, by names.
+
+    Two signs in a row are merged, and zeros added before a closing bracket are dropped.
+    """
     text = re.sub(r"\{(\w+)[^}]*\}", r"\1", text) if numbers is None else text.format(**numbers)
     text = re.sub(r"([+-]) -(?=[\d.])", lambda sign: "+ " if sign[1] == "-" else "- ", text)
     return re.sub(r" [+-] 0\)", ")", text)
 
 
 def _drags(effect: Effect) -> bool:
-    """Return True if the effect is a drag, which acts on the velocity relative to the medium."""
+    """Return True if an effect is a drag, which acts on the velocity relative to the medium."""
     return effect.torque is not None and "slip" in inspect.signature(effect.torque).parameters
 
 
 def _relative(term: str) -> str:
-    """Return a drag's term with the velocity relative to the medium in place of the velocity."""
+    """Return a drag's term of the equation of motion with the velocity relative to the medium in place of the velocity.
+    """
     return term.replace("|theta'|", "speed").replace("theta'", "slip")
 
 
 def _wind(effects: Iterable[Effect], role: str) -> str:
-    """Return the medium's velocity as text, read from the source of the effects' functions.
+    """Return one component of the medium's velocity as a formula in text, read from the source code of the effects'
+    functions.
 
-    ``role`` is "wind_x" or "wind_y".
+    ``role`` is "wind_x" for the component to the right or "wind_y" for the upward one.
     """
     winds = []
     for effect in effects:
@@ -71,7 +76,10 @@ def _wind(effects: Iterable[Effect], role: str) -> str:
 
 
 def _slip(total: str, winds: Mapping[str, str]) -> Iterator[str]:
-    """Yield the definitions of ``slip``, ``speed`` and the wind's velocities, as far as they occur in ``total``."""
+    """Yield the definitions, as text, of ``slip``, ``speed`` and the wind's velocities that an equation uses.
+
+    ``total`` is the text of the equation's terms, ``winds`` the formulas of the wind's velocities u and w.
+    """
     along = {"u": " - u cos(theta)", "w": " - w sin(theta)"}
     across = {("u",): "u sin(theta)", ("w",): "w cos(theta)", ("u", "w"): "u sin(theta) - w cos(theta)"}
     if re.search(r"\bs(lip|peed)\b", total):

@@ -63,7 +63,7 @@ def sphere_drag_coefficient(reynolds: float, law: str = "clift_gauvin") -> float
 
 
 def regime(reynolds: float) -> str:
-    """Return a sentence on which damping model fits a Reynolds number."""
+    """Return a sentence on the flow past the bob at a Reynolds number, and on the damping model that fits it."""
     for limit, meaning in REGIMES:
         if reynolds <= limit:
             return meaning
@@ -115,7 +115,7 @@ def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
 
 
 def still_torque(effect: Loss, values: Mapping[str, float], angle: float, velocity: float) -> float:
-    """Return a dissipative effect's torque over the inertia in a medium at rest [1/s²]."""
+    """Return a dissipative effect's torque divided by the moment of inertia, in a medium at rest [1/s²]."""
     if effect.torque is None:
         return -math.copysign(values[effect.dry], velocity)
     known = {
@@ -127,7 +127,7 @@ def still_torque(effect: Loss, values: Mapping[str, float], angle: float, veloci
 
 @cache
 def _parameters(function: Callable[..., object]) -> tuple[str, ...]:
-    """Return the parameter names of a function."""
+    """Return the names of a function's parameters."""
     return tuple(inspect.signature(function).parameters)
 
 
@@ -174,7 +174,8 @@ def regime_of_damping(quality: float) -> str:
 
 
 def damping_rate(scene: Surroundings, velocity: float) -> float:
-    """Return the slope of all losses with the speed at this angular velocity [rad/s], in a medium at rest [1/s].
+    """Return the slope of the damping torques per inertia with the speed, at an angular velocity [rad/s], in a medium
+    at rest [1/s].
 
     It is ``gamma`` for linear drag and ``2 c |v|`` for quadratic drag. Dry friction is left out: it is constant except
     at rest.

@@ -83,7 +83,8 @@ def glycerol(temperature: float = 20.0) -> Medium:
 
 
 def _celsius(temperature: Any, least: float, most: float) -> float:
-    """Return a checked temperature; SceneError if it is outside ``least`` to ``most`` [degrees Celsius]."""
+    """Return a temperature as a float; SceneError if it is not a number from ``least`` to ``most`` [degrees Celsius].
+    """
     celsius = number(temperature, "temperature", unit="degrees Celsius")
     if not least <= celsius <= most:
         raise SceneError(f"temperature must be from {least:g} to {most:g} degrees Celsius, not {celsius:g}.")
@@ -103,7 +104,8 @@ def medium_from(data: Any) -> Medium:
     and for a name without density and viscosity that is not in MEDIA.
     """
     if not isinstance(data, Mapping):
-        raise SceneError(f"A scene's medium must be given by a dict of its values, not {shown(data)}.")
+        raise SceneError("A scene's medium must be given by a dict of its values, as {'name': 'water'}, "
+                         f"not {shown(data)}.")
     values, own = dict(data), [f.name for f in fields(Medium)]
     name = values.get("name")
     given = {"density", "viscosity"} & values.keys()

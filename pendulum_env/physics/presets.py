@@ -66,7 +66,7 @@ def exercise() -> Scene:
 
 
 def exercise_large() -> Scene:
-    """The exercise's second part: the same ball from 30 degrees, full gravity, linear damping, 2 minutes.
+    """The lab exercise's second part: a 40 g steel ball from 30 degrees, full gravity, linear damping, 2 minutes.
 
     For comparison with a recording, and to check by the Reynolds number whether damping is linear at all.
     """
@@ -75,7 +75,7 @@ def exercise_large() -> Scene:
 
 
 def lab() -> Scene:
-    """The bench: the ball on a thin steel rod from the sensor's shaft, air drag, viscous bearing, a small motor.
+    """The lab bench: a ball on a thin steel rod from a sensor's shaft, air drag, viscous bearing, a small motor.
 
     The default scene of the environment. The motor is too weak to lift the ball directly and has to swing it up.
     """
@@ -84,7 +84,7 @@ def lab() -> Scene:
 
 
 def sticky_bearing() -> Scene:
-    """The bench with a worn bearing: dry friction brings it to rest, off centre, in finite time.
+    """The lab bench with a worn bearing: dry friction brings the ball to rest, off centre, in finite time.
 
     Shows amplitudes that fall by equal amounts, and tests methods that must locate the zeros of the velocity.
     """
@@ -93,7 +93,7 @@ def sticky_bearing() -> Scene:
 
 
 def moon() -> Scene:
-    """The bench on the Moon: g = 1.62 m/s^2 and no air, so that a swing takes 2.5 times as long.
+    """The lab bench on the Moon: g = 1.62 m/s^2 and no air, so that a swing takes 2.5 times as long.
 
     The only damping is that of the bearing, and the motor of the bench is strong enough to lift the ball directly.
     """
@@ -102,7 +102,7 @@ def moon() -> Scene:
 
 
 def water() -> Scene:
-    """The exercise's ball in a tank of water: buoyancy makes it lighter, the water that moves along makes it heavier.
+    """A steel ball in a tank of water: buoyancy makes it lighter, the water that moves along makes it heavier.
 
     Shows drag that is neither linear nor quadratic, C_d(Re): the first oscillation loses half of its amplitude, later
     ones less and less.
@@ -137,7 +137,7 @@ def clock_bob() -> Scene:
 
 
 def driven() -> Scene:
-    """The bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing.
+    """The lab bench's ball from rest, its pivot shaken sideways by 5 mm near resonance: beats, then a steady swing.
 
     Shows the amplitude that the damping allows, and the phase lag of the swing behind the pivot.
     """

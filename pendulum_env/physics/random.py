@@ -41,5 +41,6 @@ def normal(first: float, second: float) -> float:
 
 
 def started(uniform: Any) -> Any:
-    """Return a whole number for the generator's state, from 1 to MOST, from a number in [0, 1); floats or arrays."""
+    """Return a whole number from 1 to 4294944442, for the generator's state, from a number in [0, 1); floats or arrays.
+    """
     return (uniform * MOST) // 1.0 + 1.0

@@ -27,7 +27,7 @@ from pendulum_env.physics.units import Checked, SceneError, file_path, first_lin
 
 @dataclass(frozen=True)
 class Run(Checked):
-    """A scene's usual start, step and duration, used only as defaults."""
+    """A scene's usual start, step and duration, used only as defaults where a run is given none."""
 
     angle: float = si(0.5, "rad", "release angle from the downward vertical")
     velocity: float = si(0.0, "rad/s", "release velocity")
@@ -76,7 +76,8 @@ class Scene(Checked):
         groups = [effect.exclusive or effect.name for effect in self.effects]
         for group in groups:
             if groups.count(group) > 1:
-                raise SceneError(f"A scene can hold only one effect of the kind '{group}', not {groups.count(group)}.")
+                raise SceneError(f"A scene can hold only one effect of the kind '{group}', not {groups.count(group)}; "
+                                 "leave out the others.")
         self._check_numbers()
 
     def _check_numbers(self) -> None:
@@ -97,18 +98,21 @@ class Scene(Checked):
             for effect in self.effects:
                 if effect.needs_medium and self.medium.empty:
                     raise SceneError(
-                        f"There is no {effect.name} in {self.medium.name}; leave it out, or give the scene a medium."
+                        f"There is no {effect.name} in {self.medium.name}; leave out this effect, or give the scene a "
+                        "medium such as air."
                     )
                 effect.check(self)
             derived = {"omega0": self.omega0, **self.coefficients}
         except ArithmeticError as error:
-            raise SceneError(f"The coefficients of the scene '{self.name}' are out of range: {error}.") from None
+            raise SceneError(f"The coefficients of the scene '{self.name}' are out of range, because a parameter is "
+                             f"too large or too small: {error}.") from None
         for name, value in derived.items():
             if not isfinite(value):
-                raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}.")
+                raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}; "
+                                 "a parameter is out of range.")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields to pickle or copy; derived values are computed anew."""
+        """Return the scene's fields as the state to pickle or copy; derived values are left out and computed anew."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     # --- derived quantities -------------------------------------------------------------------------------------
@@ -131,12 +135,14 @@ class Scene(Checked):
 
     @property
     def bob_mass(self) -> float:
-        """Return the mass that the suspension holds on its circle: the bob's, plus the fluid moved along [kg]."""
+        """Return the mass that moves at the bob [kg], the bob's plus that of the fluid moved along; the suspension
+        holds it on its circle.
+        """
         return self.body.mass + total(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @property
     def bob_weight(self) -> float:
-        """Return the bob's weight over g, as it loads the suspension [kg]."""
+        """Return the bob's weight over g, reduced by buoyancy, with which the bob pulls at the suspension [kg]."""
         return self.body.mass + total(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
 
     @cached_property
@@ -157,7 +163,7 @@ class Scene(Checked):
 
     @property
     def periodic(self) -> bool:
-        """Return True if the torques do not change when the angle grows by a whole turn."""
+        """Return True if all torques in the scene repeat when the angle grows by a whole turn."""
         return all(effect.periodic for effect in self.effects)
 
     @property
@@ -174,7 +180,8 @@ class Scene(Checked):
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():
                 if name in coefficients:
-                    raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}.")
+                    raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}; "
+                                     "rename one of them.")
                 coefficients[name] = value
         return coefficients
 
@@ -233,7 +240,7 @@ class Scene(Checked):
         return dataclasses.replace(self, **{**values, **parts, "effects": new})
 
     def with_effects(self, effects: Iterable[Effect]) -> Scene:
-        """Return a copy of the scene with other effects."""
+        """Return a copy of the scene with the given effects in place of its own."""
         return dataclasses.replace(self, effects=data.listed(effects))
 
     # --- as data ------------------------------------------------------------------------------------------------
@@ -306,7 +313,7 @@ class Scene(Checked):
 
 
 def _description(scene: Scene) -> Iterator[str]:
-    """Yield the lines of a scene's description."""
+    """Yield the lines of the description of a scene in words and numbers, one line for each part and effect."""
     yield f"{scene.name}: {scene.equation()}"
     yield f"body: {_values(scene.body)}"
     yield f"medium: {scene.medium.name}{'' if scene.medium.empty else f', {_values(scene.medium)}'}"
@@ -324,20 +331,20 @@ def _description(scene: Scene) -> Iterator[str]:
 
 
 def _values(part: Any) -> str:
-    """Return the values of a part with their units, without its name and without values that are derived."""
+    """Return the values of a scene's part or effect as text with units; its name and values None are left out."""
     values = ((f, getattr(part, f.name)) for f in fields(part) if f.name != "name")
     return ", ".join(f"{f.name} {_value(x, f.metadata.get('unit', ''))}" for f, x in values if x is not None)
 
 
 def _value(value: Any, unit: str) -> str:
-    """Return a value with its unit as text."""
+    """Return the value of a scene's parameter as text, numbers to six digits and with their unit."""
     if isinstance(value, float):
         return f"{value:.6g}{'' if unit in ('', '1') else f' {unit}'}"
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _changes(scene: Scene, effect: Any) -> Iterator[str]:
-    """Yield the contributions of an effect to the moment of inertia and to the weight, as text."""
+    """Yield, as text, the contributions of an effect to a scene's moment of inertia and to the weight's torque."""
     inertia, weight = effect.inertia(scene), effect.weight_moment(scene)
     if inertia:
         yield f"{inertia:+.4g} kg m^2 to the inertia, {100.0 * inertia / scene.inertia:.3g} % of it"

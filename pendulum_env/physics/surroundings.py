@@ -1,6 +1,6 @@
-"""Protocols of a scene and of a dissipative effect, as effects and flow numbers use them.
+"""Structural types (protocols) of a scene and of a dissipative effect, for the effects and numbers of the flow.
 
-They avoid an import of the scene's module, which imports the effects.
+They replace an import of the scene's module, which would be circular because that module imports the effects.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from pendulum_env.physics.medium import Medium
 
 
 class Surroundings(Protocol):
-    """The part of a scene that its effects use; :class:`pendulum_env.physics.scene.Scene` explains the values."""
+    """Protocol of the attributes of a scene that effects use; :class:`pendulum_env.physics.scene.Scene` explains them.
+    """
 
     @property
     def name(self) -> str: ...
@@ -49,14 +50,14 @@ class Surroundings(Protocol):
     def coefficients(self) -> dict[str, float]: ...
 
     def of_kind(self, kind: str) -> tuple[Any, ...]:
-        """Return the scene's effects of one kind."""
+        """Return the scene's effects of one kind, such as "dissipative"."""
 
     def has(self, name: str) -> bool:
         """Return True if the scene has an effect of this name."""
 
 
 class Loss(Protocol):
-    """The part of a dissipative effect that the numbers of the flow use."""
+    """Protocol of the attributes of a dissipative effect from which quality factor and other numbers are calculated."""
 
     @property
     def torque(self) -> Callable[..., float] | None: ...

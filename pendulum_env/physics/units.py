@@ -40,7 +40,7 @@ __all__ = [
 def total(numbers: Iterable[float]) -> float:
     """Return the sum of numbers, added one after the other.
 
-    The built-in ``sum`` compensates rounding from Python 3.12 on, and would give other bits.
+    The built-in ``sum`` compensates rounding from Python 3.12 on, and would change the last bits of the result.
     """
     result = 0.0
     for term in numbers:
@@ -65,7 +65,7 @@ def si(
 
 
 def choice(default: str, allowed: Iterable[str], doc: str) -> Any:
-    """Return a dataclass field for one of several words."""
+    """Return a dataclass field for a text that must be one of several allowed words."""
     words = tuple(allowed)
     return field(default=default, metadata={"allowed": words, "doc": doc, "check": partial(one_of, allowed=words)})
 
@@ -95,6 +95,6 @@ class Checked:
         return f"{type(self).__name__}({', '.join(self._changed())})"
 
     def _changed(self) -> list[str]:
-        """Return ``name=value`` for each field that differs from its default."""
+        """Return the texts ``name=value`` for all fields of the dataclass that differ from their defaults."""
         values = ((f, getattr(self, f.name)) for f in fields(self))  # type: ignore[arg-type]
         return [f"{f.name}={value!r}" for f, value in values if value != f.default]

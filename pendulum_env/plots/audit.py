@@ -1,4 +1,4 @@
-"""Bar chart of an audit: the change of the motion due to every effect, compared with the tolerance."""
+"""Bar chart of an audit, a study of effects: changes of the motion due to every effect, against a tolerance."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ NOTE = 480.0
 
 
 def draw(audit: Audit, figure: Figure | None = None) -> Figure:
-    """Draw the bar chart of an audit in a figure of suitable size; ``figure`` is drawn into, by default a new one."""
+    """Draw the bar chart of an audit, the changes due to every effect, in a new or a given figure of suitable size."""
     rows = sum(row.verdict != NOT_JUDGED for row in audit.rows)
     drawing = blank((WIDE, FRAME + ROW * rows + LINE * len(_left_out(audit).splitlines())), figure)
     with styled():
@@ -52,10 +52,10 @@ def draw(audit: Audit, figure: Figure | None = None) -> Figure:
 
 
 def changes(audit: Audit, axes: Axes | None = None) -> Axes:
-    """Draw bars for the relative changes that every effect causes, on a logarithmic axis; effects that do not matter
-    are pale.
+    """Draw bars for the changes of the motion due to every effect, on a logarithmic axis; pale if they do not matter.
 
-    A line marks the tolerance and diamonds mark textbook predictions. Effects that were not judged are named below.
+    A line marks the tolerance and diamonds mark textbook predictions. Effects that the audit could not judge are named
+    below the axis.
     """
     if axes is None:
         return draw(audit).axes[0]
@@ -95,13 +95,14 @@ def changes(audit: Audit, axes: Axes | None = None) -> Axes:
 
 
 def _left_out(audit: Audit) -> str:
-    """Return a note on the effects that were not judged, broken into lines; "" if all were."""
+    """Return the note below an audit's chart on the effects that could not be judged, broken into lines; or ""."""
     left = ", ".join(row.effect for row in audit.rows if row.verdict == NOT_JUDGED)
-    return fitted(f"Not judged, because parameters or a medium are missing: {left}.", 9.5, NOTE) if left else ""
+    return fitted(f"Effects not judged, because parameters or a medium are missing: {left}.", 9.5, NOTE) if left else ""
 
 
 def _span(audit: Audit) -> tuple[float, float]:
-    """Return the limits of the logarithmic axis, from the sizes of the changes and the tolerance."""
+    """Return the limits of the logarithmic axis of an audit's chart, from the sizes of the changes and the tolerance.
+    """
     sizes = [value for row in audit.rows for value in _values(row) if value > audit.integration_error]
     sizes.append(audit.tolerance)
     lowest = max(min(sizes), audit.tolerance * 10.0**-DECADES)
@@ -109,13 +110,16 @@ def _span(audit: Audit) -> tuple[float, float]:
 
 
 def _values(row: AuditRow) -> Sequence[float]:
-    """Return the sizes of an effect's simulated and predicted changes."""
+    """Return the sizes of the relative changes that an effect causes, simulated and predicted by textbooks."""
     values = (row.period_change, row.amplitude_change, row.angle_change, row.period_predicted, row.amplitude_predicted)
     return [abs(value) for value in values if math.isfinite(value)]
 
 
 def _bars(axes: Axes, row: AuditRow, place: float, own: float) -> None:
-    """Draw the bars of one effect side by side, with its predictions; ``own`` is the integration error."""
+    """Draw the bars of one effect of an audit side by side at the height ``place``, with the textbook's predictions.
+
+    ``own`` is the integration error; a change below it is written as "none".
+    """
     left = axes.get_xlim()[0]
     shown = [(name, tone) for name, _, tone in QUANTITIES if math.isfinite(getattr(row, f"{name}_change"))]
     shown = shown or [(name, tone) for name, _, tone in QUANTITIES[:2] if math.isfinite(_predicted(row, name))]
@@ -134,23 +138,24 @@ def _bars(axes: Axes, row: AuditRow, place: float, own: float) -> None:
 
 
 def _predicted(row: AuditRow, name: str) -> float:
-    """Return the textbook prediction of an effect's change of a quantity; nan if there is none."""
+    """Return the textbook prediction of an effect's change of "period", "amplitude" or "angle"; nan if there is none.
+    """
     return float(getattr(row, f"{name}_predicted", math.nan))
 
 
 def _write(axes: Axes, text: str, y: float) -> None:
-    """Write a text in place of a bar."""
+    """Write a text at height ``y`` of an audit's chart, in place of a bar that is missing or too short to see."""
     axes.annotate(text, (axes.get_xlim()[0], y), xytext=(4, 0), textcoords="offset points", va="center", fontsize=8,
                   color=FAINT_INK)
 
 
 def _faded(tone: str) -> tuple[float, float, float]:
-    """Return a colour mixed with white, as red, green and blue from 0 to 1."""
+    """Return a paler shade of a colour, mixed with white, as red, green and blue from 0 to 1."""
     red, green, blue = (value + FADED * (1.0 - value) for value in to_rgb(tone))
     return red, green, blue
 
 
 def _title(audit: Audit) -> str:
-    """Return the title of the chart: scene, amplitude, method and steps."""
+    """Return the title of an audit's chart: scene, amplitude, method and steps."""
     return (f"Effects that matter for {audit.scene.name}, {start(audit.amplitude)} · {METHOD}, {audit.steps} steps per "
             "period")

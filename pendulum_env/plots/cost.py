@@ -1,4 +1,4 @@
-"""Work-precision diagrams of a cost study: error against computing time and against force evaluations."""
+"""Work-precision diagrams of a cost study of many methods: error against time and against force evaluations."""
 
 from __future__ import annotations
 
@@ -49,11 +49,13 @@ ERRORS = {
 
 
 def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
-    """Draw the angle error against wall time, with the Pareto front, and against force evaluations, both logarithmic.
+    """Draw the angle error of the methods in a cost study against wall time, with the Pareto front, and against force
+    evaluations, with logarithmic axes.
 
-    Runs that ended early are left out. Markers are hollow for errors too close to the error of the reference solution,
-    which is the shaded area. The legend gives the measured order of every line. Of more than FEW methods, only the
-    lines of :func:`leading` have colours. ``figure`` is drawn into and resized; by default a new figure.
+    Runs that ended early are left out. Markers are hollow for errors that are not known, because they are too close to
+    the reference solution's own error; this area is shaded. The legend gives the measured order of every line. Of more
+    than 12 (FEW) methods, only the lines of :func:`leading` have colours. ``figure`` is drawn into and resized; by
+    default a new figure.
     """
     with styled():
         drawing = blank(SIZE, figure)
@@ -65,7 +67,8 @@ def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
 
 
 def draw_errors(study: CostStudy, figure: Figure | None = None) -> Figure:
-    """Draw the errors of angle, phase and energy side by side against wall time, without those that are all 0.
+    """Draw the errors of angle, phase and energy in a cost study against wall time, side by side. An error that is 0
+    for all methods is left out.
 
     The style and ``figure`` are as for :func:`draw`.
     """
@@ -83,7 +86,9 @@ def draw_errors(study: CostStudy, figure: Figure | None = None) -> Figure:
 def work_precision(
     study: CostStudy, work: str = "time", error: str = "angle_error", axes: Axes | None = None
 ) -> Axes:
-    """Draw one error of a cost study against one kind of work; ``work`` is a key of WORK, ``error`` one of ERRORS."""
+    """Draw one error of a cost study against one kind of work. ``work`` is "time" or "evaluations"; ``error`` is
+    "angle_error", "phase_error" or "energy_error".
+    """
     at = axes if axes is not None else one(size=(8.0, 6.6))[1][0]
     label, title, value = WORK[work]
     with styled():
@@ -104,7 +109,7 @@ def work_precision(
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
-    """Return limits of a logarithmic axis, widened if fewer than two powers of ten lie within them."""
+    """Return the limits of a logarithmic axis, widened if fewer than two powers of ten lie within them."""
     first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
     if last > first:
         return low, high
@@ -112,10 +117,10 @@ def decades(low: float, high: float) -> tuple[float, float]:
 
 
 def leading(study: CostStudy) -> tuple[str, ...]:
-    """Return the names of the lines to draw in colour.
+    """Return the names of the lines of a cost study that are drawn in colour.
 
-    For up to FEW methods these are all lines. Otherwise they are those of PLAIN, and the lines with the largest parts
-    of the Pareto front.
+    For up to 12 (FEW) methods these are all lines. Otherwise they are those of the basic methods in PLAIN, and the
+    lines with the largest parts of the Pareto front.
     """
     if len(study.methods) <= FEW:
         return study.series
@@ -131,7 +136,8 @@ def leading(study: CostStudy) -> tuple[str, ...]:
 
 
 def _looks(study: CostStudy) -> dict[str, dict[str, Any]]:
-    """Return the styles of the coloured lines: one colour per method, one marker per line, dashed for adapted steps."""
+    """Return the styles of a cost study's coloured lines: colour by method, marker by line, dashes for adapted steps.
+    """
     names = leading(study)
     methods = {point.series: point.method for point in study.points}
     tones = distinct(methods[name] for name in names)
@@ -142,9 +148,11 @@ def _looks(study: CostStudy) -> dict[str, dict[str, Any]]:
 def _curve(
     axes: Axes, x: Sequence[float], y: Sequence[float], hollow: Sequence[bool], look: dict[str, Any] | None
 ) -> None:
-    """Draw one line through the errors that are known, and hollow markers for those too close to the reference's error.
+    """Draw one method's line of a work-precision diagram, with hollow markers, not joined, for errors that are not
+    known.
 
-    ``look`` is the style of the line; None for a grey line behind all others.
+    ``hollow`` is True for an error too close to the reference solution's own error. ``look`` is the style of the line;
+    None for a grey line behind all others.
     """
     known, unknown = [i for i, reach in enumerate(hollow) if not reach], [i for i, reach in enumerate(hollow) if reach]
     at = [x[i] for i in known], [y[i] for i in known]
@@ -157,14 +165,15 @@ def _curve(
 
 
 def _front(axes: Axes, study: CostStudy) -> None:
-    """Draw a broad band along the Pareto front."""
+    """Draw a broad band along the Pareto front of a cost study: the least error for every wall time."""
     x, y = [p.ns_per_second * 1e-9 for p in study.front], [study.known_error(p) for p in study.front]
     axes.plot(x, y, color=INK, alpha=0.15, linewidth=11, solid_joinstyle="round", zorder=1.6, label="Pareto front")
 
 
 def _floors(axes: Axes, study: CostStudy, error: str) -> None:
-    """Set the limits of the error axis, shade errors that the reference solution cannot resolve, and mark its own error
-    and the rounding error."""
+    """Set the limits of the error axis of a work-precision diagram. Errors that the reference solution cannot resolve
+    are shaded, and its own error and the rounding error are marked.
+    """
     sizes = [getattr(p, error) for p in study.points if getattr(p, error) > 0.0]
     energy = error == "energy_error"
     largest = 1.0 if energy else float(np.max(np.abs(study.reference.angle)))
@@ -186,7 +195,7 @@ def _floors(axes: Axes, study: CostStudy, error: str) -> None:
 
 
 def _finish(drawing: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
-    """Add the legend at the right, the title and the note of the figure."""
+    """Add the legend at the right, the title and the note to a figure of work-precision diagrams."""
     entries = [Line2D([], [], linewidth=1.6, markersize=6, label=_label(study, name), **look)
                for name, look in _looks(study).items()]
     entries.append(Line2D([], [], color=INK, alpha=0.15, linewidth=11, label="Pareto front"))
@@ -202,7 +211,7 @@ def _finish(drawing: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
 
 
 def _label(study: CostStudy, name: str) -> str:
-    """Return a line's entry in the legend: its name, with the order of the method and the measured order."""
+    """Return a legend entry of a work-precision diagram: a line's name, its method's order and the measured order."""
     slope = study.slope(name)
     method = next(point.method for point in study.points if point.series == name)
     order = integrators.METHODS[method].order if method in integrators.METHODS else None
@@ -212,20 +221,21 @@ def _label(study: CostStudy, name: str) -> str:
 
 
 def _note(study: CostStudy) -> str:
-    """Return the note below the figure: reference solution, shaded area, timing, and methods not in colour."""
-    text = (f"Reference: {study.reference.how}. Shaded: within {FLOOR:g} times its own error, "
-            f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats}, without compilation.")
+    """Return the note below work-precision diagrams: reference solution, shaded area, timing, methods not in colour."""
+    text = (f"Reference solution: {study.reference.how}. Shaded: errors below {FLOOR:g} times its own error, "
+            f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats} timings, without "
+            "compilation.")
     rest = [name for name in dict.fromkeys(point.series for point in study.front) if name not in leading(study)]
-    text += f" Also on the front: {', '.join(map(short, rest))}." if rest else ""
+    text += f" Also on the Pareto front: {', '.join(map(short, rest))}." if rest else ""
     if any(not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points):
         text += " Methods that use a series or a closed form have no force evaluations to count."
     if any(effect.dry for effect in study.scene.effects):
-        text += " Evaluations for locating turning points are not counted."
+        text += " Force evaluations for locating turning points are not counted."
     return text
 
 
 def _title(study: CostStudy) -> str:
-    """Return the title of the figure: scene, start and duration of the study."""
+    """Return the title of a figure of work-precision diagrams: scene, start and duration of the runs."""
     parts = [*setting(study.scene), start(study.angle, study.velocity)]
     parts += [f"{study.duration:g} s"] + ([] if study.complete else ["interrupted: not all runs are shown"])
     return "What accuracy costs: " + " · ".join(parts)

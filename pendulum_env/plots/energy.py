@@ -34,7 +34,7 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
     """Draw kinetic plus potential energy against time [s], on a logarithmic axis if energies differ widely.
 
     A dashed line marks the initial energy. ``runs`` are rollouts by their labels, ``span`` is the time to show [s], and
-    ``axes`` those to draw into, by default those of a new figure. Raises ValueError for runs that cannot be drawn.
+    ``axes`` the axes to draw into, by default those of a new figure. Raises ValueError for runs that cannot be drawn.
     """
     check(runs)
     at = axes if axes is not None else figure()[1][0]

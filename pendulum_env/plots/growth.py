@@ -44,9 +44,10 @@ WIDTH = 58
 
 
 def draw(study: Growth, figure: Figure | None = None) -> Figure:
-    """Draw angle and energy errors against time, on logarithmic axes, and list every method with its growth laws.
+    """Draw the angle and energy errors of the methods against time, on logarithmic axes, and list every method with its
+    growth laws (how errors grow with time).
 
-    Up to FEW methods have colours of their own. For more methods, colours show the growth laws, and the names are
+    Up to 12 (FEW) methods have colours of their own. For more methods, colours show the growth laws, and the names are
     listed by law. ``figure`` is drawn into and resized; by default a new figure.
     """
     with styled():
@@ -69,7 +70,7 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
     """Draw the errors of the angle [rad] or of the energy against time [periods], one line per method.
 
     Guide lines have slopes 1 and 2. The shaded area is below ten times the error of the reference solution, or below
-    rounding errors. A dotted line marks the error at which the motion counts as lost; later errors are faint.
+    rounding errors. A dotted line marks the error at which a method has lost the motion; later errors are faint.
     """
     at = axes if axes is not None else one(size=(8.0, 6.0))[1][0]
     angle = kind == "angle"
@@ -103,8 +104,7 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
 
 
 def _looks(study: Growth, kind: Kind) -> Callable[[GrowthLine], dict[str, Any]]:
-    """Return a function that gives the style of a line: by its method, or by its growth law if there are many methods.
-    """
+    """Return a function that gives the style of a method's error curve: by method or, for many, by growth law."""
     if len(study.lines) > FEW:
         return lambda line: {"color": LAW_COLOURS[getattr(line, kind).kind], "linewidth": 0.9, "alpha": 0.65}
     tones = distinct(line.method for line in study.lines)
@@ -112,14 +112,14 @@ def _looks(study: Growth, kind: Kind) -> Callable[[GrowthLine], dict[str, Any]]:
 
 
 def _limits(values: list[Any], size: float) -> tuple[float, float]:
-    """Return the limits of the error axis: whole powers of ten around the errors that are drawn."""
+    """Return the limits of the error axis in a figure of error growth: whole powers of ten around the drawn errors."""
     drawn = np.concatenate([[size], *values])
     drawn = drawn[(drawn > LEAST) & (drawn < MOST * size)]
     return 10.0 ** math.floor(math.log10(drawn.min())), 10.0 ** math.ceil(math.log10(3.0 * drawn.max()))
 
 
 def _guides(at: Axes) -> None:
-    """Draw faint guide lines of slopes 1 and 2 from the lower left corner."""
+    """Draw faint guide lines of slopes 1 and 2 from the lower left corner, for errors that grow as t and t²."""
     (first, last), (low, high) = at.get_xlim(), at.get_ylim()
     start = (first, 3.0 * low)
     for power, name in ((1, "t"), (2, "t²")):
@@ -131,7 +131,7 @@ def _guides(at: Axes) -> None:
 
 
 def _floor(study: Growth, kind: Kind) -> Any:
-    """Return the smallest meaningful error at every time.
+    """Return the smallest meaningful error of a study of error growth at every time; smaller errors are not reliable.
 
     For the angle it is set by the error of the reference solution, for the energy by the rounding errors of the run
     with the fewest steps.
@@ -144,7 +144,7 @@ def _floor(study: Growth, kind: Kind) -> Any:
 
 
 def _entries(study: Growth, beside: Axes) -> None:
-    """Draw a legend that lists every method with its growth laws."""
+    """Draw the legend of a figure of error growth with few methods: every method with its laws of growth in time."""
     look = _looks(study, "angle")
     entries = [Line2D([], [], label=f"{line.label}\nangle {line.angle.text()}\nenergy {line.energy.text()}",
                       **look(line)) for line in study.lines]
@@ -153,7 +153,9 @@ def _entries(study: Growth, beside: Axes) -> None:
 
 
 def _names(study: Growth, beside: Axes) -> None:
-    """Write the names of the methods in groups of equal growth laws of angle and energy, the largest group first."""
+    """Write the legend of a figure of error growth with many methods: their names in groups of equal growth laws of
+    angle and energy, the largest group first.
+    """
     groups: dict[tuple[str, str], list[str]] = {}
     for line in study.lines:
         groups.setdefault((line.angle.kind, line.energy.kind), []).append(line.method)
@@ -172,13 +174,15 @@ def _names(study: Growth, beside: Axes) -> None:
 
 
 def _note(study: Growth) -> str:
-    """Return the note below the figure: remarks on the study, and the meaning of the shaded areas."""
-    shaded = "Shaded: below ten times the reference solution's own error; for the energy, below random rounding errors."
+    """Return the note below a figure of error growth: remarks on the study, and the meaning of the shaded areas."""
+    shaded = ("Shaded: angle errors below ten times the reference solution's own error, and energy errors below random "
+              "rounding errors.")
     return f"{remarks(study)} {shaded}"
 
 
 def _title(study: Growth) -> str:
-    """Return the title of the figure: scene, start, and the steps or the cost if all methods share them."""
+    """Return the title of a figure of error growth: scene, start, and the steps or the cost if all methods share them.
+    """
     parts = [*setting(study.scene), start(study.angle, study.velocity)]
     costs, steps = [line.evaluations for line in study.lines], {line.dt for line in study.lines}
     if len(steps) == 1:

@@ -1,4 +1,4 @@
-"""Figure of the matrix of hard cases and integration methods, coloured by the outcome of every run."""
+"""Figure of the matrix of hard cases (problems with known results) and methods, coloured by the outcome of runs."""
 
 from __future__ import annotations
 
@@ -43,10 +43,11 @@ FAILED, KNOWN = "-", (0, (1.2, 0.8))
 
 
 def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
-    """Draw the matrix with one row per case, in groups, and one column per method, in families.
+    """Draw the matrix of hard cases, with one row per case, in groups, and one column per method, in families.
 
-    An outline marks a failure. Colours are those of Okabe & Ito 2008; outcomes also differ in lightness and mark. Runs
-    that did not take place are left blank. ``figure`` is drawn into and resized; by default a new figure.
+    The colour of a cell is the outcome of a run, and an outline marks a failure. Colours are those of Okabe & Ito 2008;
+    outcomes also differ in lightness and mark. Runs that did not take place are left blank. ``figure`` is drawn into
+    and resized; by default a new figure.
     """
     methods = _by_family(matrix.methods)
     columns = _places((method.family for method in methods), GAP)
@@ -80,18 +81,19 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
 
 
 def _longest(names: Iterable[str]) -> float:
-    """Return the width of the longest label [inch]."""
+    """Return the width of the longest of these labels, case or method names, in the figure of hard cases [inch]."""
     return max(width_of(name, LABEL) for name in names) / 72.0
 
 
 def _by_family(methods: Sequence[Method]) -> list[Method]:
-    """Return the methods sorted so that those of one family are together."""
+    """Return the methods sorted so that those of one family stand together."""
     families = list(dict.fromkeys(method.family for method in methods))
     return sorted(methods, key=lambda method: families.index(method.family))
 
 
 def _places(kinds: Iterable[Hashable], gap: float) -> list[float]:
-    """Return the positions of rows or columns along an axis, with an extra gap wherever the kind changes."""
+    """Return the positions of a matrix's rows or columns, 1 apart and with a further ``gap`` wherever the kind changes.
+    """
     places: list[float] = []
     last: Hashable = None
     for kind in kinds:
@@ -101,7 +103,7 @@ def _places(kinds: Iterable[Hashable], gap: float) -> list[float]:
 
 
 def _cells(axes: Axes, entries: Sequence[MatrixEntry], at: Sequence[tuple[float, float]]) -> None:
-    """Draw the cells of the matrix at the positions ``at``, with their marks and the outlines of failures."""
+    """Draw the cells of the matrix of hard cases at the positions ``at``, with marks and with outlines of failures."""
     for outcome, (tone, ink, mark, _) in LOOKS.items():
         there = [place for entry, place in zip(entries, at, strict=True) if entry.finding.outcome == outcome]
         for x, y in there:
@@ -116,7 +118,7 @@ def _cells(axes: Axes, entries: Sequence[MatrixEntry], at: Sequence[tuple[float,
 
 
 def _families(axes: Axes, methods: Sequence[Method], columns: Sequence[float], above: float) -> None:
-    """Draw a line over the methods of every family and its name above, at an angle if the name does not fit."""
+    """Draw a line over the columns of every family of methods, and its name above, at an angle if it does not fit."""
     over = blended_transform_factory(axes.transData, axes.get_figure().dpi_scale_trans)  # type: ignore[union-attr]
     top = axes.get_position().y1 * axes.get_figure().get_size_inches()[1]  # type: ignore[union-attr]
     for family, members in groupby(zip(methods, columns, strict=True), key=lambda pair: pair[0].family):
@@ -129,7 +131,7 @@ def _families(axes: Axes, methods: Sequence[Method], columns: Sequence[float], a
 
 
 def _groups(axes: Axes, matrix: Matrix, rows: Sequence[float]) -> None:
-    """Write the name of every group above its cases."""
+    """Write the name of every group of hard cases above the rows of the group."""
     along = blended_transform_factory(axes.get_figure().dpi_scale_trans, axes.transData)  # type: ignore[union-attr]
     for group, members in groupby(zip(matrix.cases, rows, strict=True), key=lambda pair: pair[0].group):
         first = next(members)[1]
@@ -137,7 +139,7 @@ def _groups(axes: Axes, matrix: Matrix, rows: Sequence[float]) -> None:
 
 
 def _entries(matrix: Matrix) -> tuple[list[Any], list[str]]:
-    """Return the handles and texts of the legend, for the outcomes and outlines that occur in the matrix."""
+    """Return the handles and texts of the legend of the matrix of hard cases, for the outcomes and outlines in it."""
     handles: dict[str, Any] = {}
     there = {entry.finding.outcome for entry in matrix.entries}
     for outcome in (outcome for outcome in OUTCOMES if outcome in there):
@@ -152,7 +154,7 @@ def _entries(matrix: Matrix) -> tuple[list[Any], list[str]]:
 
 
 def _title(matrix: Matrix) -> str:
-    """Return the title of the figure: numbers of cases, methods and failures."""
+    """Return the title of the figure of hard cases: numbers of cases, methods and failures."""
     size = f"{_count(len(matrix.cases), 'hard case')}, {_count(len(matrix.methods), 'method')}"
     failed = sum(not entry.expected for entry in matrix.entries)
     known = failed - len(matrix.failures)

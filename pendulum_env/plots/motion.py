@@ -92,7 +92,8 @@ def _over_time(
     span: Span | None,
     axes: Axes | None,
 ) -> Axes:
-    """Draw the attribute ``name`` of every run, times ``factor``, against time [s]; arguments as of :func:`angle`."""
+    """Draw the attribute ``name`` of every run, such as "angle", times ``factor``, against time [s]; see :func:`angle`.
+    """
     check(runs)
     at = _axes(axes)
     span = span or whole(runs)
@@ -195,17 +196,17 @@ def phase(
 
 
 def _axes(axes: Axes | None, **options: Any) -> Axes:
-    """Return the given axes, or those of a new figure with the ``options`` of :func:`figure`."""
+    """Return the given axes to draw into or, for None, those of a new figure with the ``options`` of :func:`figure`."""
     return axes if axes is not None else figure(**options)[1][0]
 
 
 def _word(exact: ExactMotion) -> str:
-    """Return the name of an exact motion in legends: "exact", or "reference" if it is not a closed form."""
+    """Return the legend text of an exact motion: "exact" or, if it is a numerical reference solution, "reference"."""
     return "exact" if getattr(exact, "closed", True) else "reference"
 
 
 def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatArray]:
-    """Return times and angles of a recording in a span of time [s]; only the turning points if ``many`` is True."""
+    """Return times and angles of a recording in a span of time [s]; if swings are ``many``, only its turning points."""
     from pendulum_env.lab.turning import extremes
 
     part = within(recording.time, span)
@@ -217,14 +218,16 @@ def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatA
 
 
 def _first_swing(runs: Mapping[str, Rollout], name: str, factor: float) -> float:
-    """Return the smallest reach of the runs in their first period, where reach is the largest absolute value."""
+    """Return the largest absolute value of every run in its first period, and of these the smallest, to scale an axis.
+    """
     span = 0.0, swing(runs)
     return min(_reach(bounds(factor * getattr(run, name)[within(run.time, span)])) for run in runs.values())
 
 
 def _most(runs: Mapping[str, Rollout]) -> float:
-    """Return the largest extent of the angle axis as a multiple of the usual reach: TURNING if the median run turns
-    over, else BEYOND."""
+    """Return how far an angle axis extends, as a multiple of the runs' usual reach: TURNING (100) if the median run
+    turns over, else BEYOND (5). The reach of a run is its largest absolute value.
+    """
     reach = sorted(_reach(bounds(run.angle)) for run in runs.values())
     return TURNING if reach[(len(reach) - 1) // 2] > math.pi else BEYOND
 
@@ -237,9 +240,10 @@ def _reach(span: Span) -> float:
 def _cut(at: Axes, spread: Mapping[str, Span], first: float, most: float = BEYOND, across: bool = False) -> None:
     """Limit an axis to ``most`` times the usual reach, so that runaway curves do not flatten the others.
 
-    The usual reach is that of the median curve, so up to half of the curves may run away. It is at least that of the
-    exact motion or, without one, of the ``first`` swing, so that most curves may die away. ``spread`` gives the lowest
-    and highest value of every curve; ``across`` selects the horizontal axis.
+    The reach of a curve is its largest absolute value, and the usual reach that of the median curve, so up to half of
+    the curves may run away. It is at least that of the exact motion or, without one, of the ``first`` swing, so that
+    most curves may die away. ``spread`` gives the lowest and highest value of every curve; ``across`` selects the
+    horizontal axis.
     """
     reach = sorted(size for span in spread.values() if (size := _reach(span)) > 0.0)
     if not reach:

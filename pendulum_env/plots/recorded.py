@@ -129,7 +129,7 @@ def _envelope(at: Axes, fit: Fit, points: TurningPoints, fine: FloatArray) -> No
 
 
 def _models(fit: Fit) -> list[Fit]:
-    """Return the fit and up to three damped models it was compared with, those with a single damping first."""
+    """Return the fit of a report figure and up to three other damped models it was compared with, simple ones first."""
     others = [one for one in (fit.comparison.fits if fit.comparison else ())
               if one.damping not in (fit.damping, "none")]
     return [fit, *sorted(others, key=lambda one: "+" in one.damping)][:MODELS]
@@ -139,7 +139,7 @@ def _phase(
     at: Axes, spans: tuple[Span, ...], time: FloatArray, seen: FloatArray, fine: FloatArray, curve: FloatArray,
     velocity: FloatArray, period: float,
 ) -> None:
-    """Draw the phase portrait of recording and model in the given spans of time [s]."""
+    """Draw the phase portrait of a recording and its fitted model, for the given spans of time [s]."""
     parts = [within(fine, span) for span in spans]
     where = np.concatenate([np.arange(len(time))[within(time, span)] for span in spans])
     where = where[:: -(-len(where) // CLOSE)]
@@ -153,7 +153,7 @@ def _phase(
 
 
 def slopes(time: FloatArray, angle: FloatArray, where: Any, reach: float) -> FloatArray:
-    """Return the slope of the angle at the readings ``where``, from a cubic fitted to the readings around every one.
+    """Return the slope of the angle at the readings with the indices ``where``, from a cubic fitted around every one.
 
     The fit uses the readings within ``reach`` [s], but at least three on either side.
     """

@@ -42,7 +42,7 @@ class Record(Protocol):
 
 
 def check(runs: Mapping[str, Rollout]) -> None:
-    """Check that ``runs`` is a dict of single runs by their labels; ValueError for anything that cannot be drawn."""
+    """Check that ``runs`` is a dict of single runs by their labels; ValueError for batches and anything else."""
     if not isinstance(runs, Mapping) or not runs:
         given = "an empty one" if isinstance(runs, Mapping) else type(runs).__name__
         raise ValueError(f"runs must be a dict of one or more runs, such as {{'rk4': run}}, not {given}")
@@ -57,7 +57,8 @@ def whole(runs: Mapping[str, Rollout]) -> Span:
 
 
 def within(time: FloatArray, span: Span) -> slice:
-    """Return the slice of the samples in a span of time, plus one on either side so that curves reach the edges."""
+    """Return the slice of the samples in a span of time, with one more on either side, so that curves reach the edges.
+    """
     if not len(time) or time[-1] < span[0]:
         return slice(0, 0)
     first, last = int(np.searchsorted(time, span[0])), int(np.searchsorted(time, span[1], side="right"))
@@ -65,7 +66,7 @@ def within(time: FloatArray, span: Span) -> slice:
 
 
 def swing(runs: Mapping[str, Rollout]) -> float:
-    """Return the small-amplitude period of the first run's scene [s]; inf if its bob has no restoring force."""
+    """Return the period of small swings of the first run's scene [s]; inf if its bob has no restoring force."""
     omega0 = next(iter(runs.values())).scene.omega0
     return 2.0 * math.pi / omega0 if omega0 else math.inf
 
@@ -82,9 +83,9 @@ def swings(values: FloatArray) -> bool:
 
 
 def turning(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the curve through the maxima followed, after a gap, by the curve through the minima.
+    """Return the curve through the maxima of a curve and then, after a gap (nan), the curve through its minima.
 
-    A curve with hardly any extremes, or with extremes at most samples, is returned unchanged.
+    A curve with hardly any extremes, or with an extreme at nearly every sample, is returned unchanged.
     """
     highs, lows = _extremes(values)
     if len(highs) + len(lows) < 4 or len(highs) + len(lows) > 0.7 * len(values):
@@ -112,12 +113,12 @@ def largest(time: FloatArray, values: FloatArray, window: float) -> tuple[FloatA
 
 
 def joined(pieces: Iterable[FloatArray]) -> FloatArray:
-    """Join pieces of a curve to one array, with nan between them so that the drawn curve has gaps."""
+    """Join pieces of a curve into one array, with nan between the pieces, so that the drawn curve has gaps there."""
     parts = [part for piece in pieces for part in (piece, np.array([math.nan]))]
     return np.concatenate(parts[:-1]) if parts else np.empty(0)
 
 
 def bounds(values: FloatArray) -> Span:
-    """Return the smallest and the largest finite value, with 0 included in the range."""
+    """Return the smallest and the largest finite value of an array, with 0 included in the range."""
     finite = values[np.isfinite(values)]
     return float(np.min(finite, initial=0.0)), float(np.max(finite, initial=0.0))

@@ -1,4 +1,4 @@
-"""Figures of integration methods: stability regions, error of one step of an oscillation, growth under damping."""
+"""Figures of integration methods: stability regions, the error of one step of an oscillation, growth under damping."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
 
 
 def _window(method: Method, scaled: bool) -> tuple[float, float, float]:
-    """Return the smallest and largest real part and the largest imaginary part of the visible part of the boundary of a
-    method's stability region."""
+    """Return the extent of a method's stability region to show: smallest and largest real part, largest imaginary part.
+    """
     boundary = stability_boundary(method) / (method.evaluations if scaled else 1)
     seen = boundary[np.abs(boundary) <= FARTHEST]
     return min(float(seen.real.min()), -1.0 / 4), max(float(seen.real.max()), 1.0 / 4), float(seen.imag.max())
@@ -95,7 +95,7 @@ def _window(method: Method, scaled: bool) -> tuple[float, float, float]:
 def _region(
     axes: Axes, method: Method, look: Look, edges: Sequence[float], scale: int, alpha: float
 ) -> None:
-    """Draw the boundary of one stability region and shade it inside, or outside for implicit methods."""
+    """Draw the boundary of one method's stability region and shade it inside, or outside for implicit methods."""
     x, y = (np.linspace(low, high, GRID) for low, high in (edges[:2], edges[2:]))
     size = np.abs(stability_function(method, scale * (x + 1j * y[:, None])))
     size = np.minimum(size, 1e3)
@@ -143,7 +143,7 @@ def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figu
         for axes in (turned, turned_size):
             axes.set_xlabel(r"$\omega_0 h$")
         note = ("Crosses mark stability limits; beyond them, curves are thin. There is no phase error if a step does "
-                f"not oscillate.\nSizes below {LEAST:.0e} are not drawn, so methods that conserve the amplitude have "
+                f"not oscillate.\nValues below {LEAST:.0e} are not drawn, so methods that conserve the amplitude have "
                 "no curve up to their limit.")
         title = r"One step on the undamped oscillator $\ddot\theta = -\omega_0^2\,\theta$"
         _finish(drawing, title, note, _entries(methods, looks, lambda method: _limit(limits[method.name])))
@@ -153,7 +153,8 @@ def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figu
 def _curve(
     axes: Axes, z: FloatArray, values: FloatArray, limit: float, look: Look, cross: bool = True
 ) -> None:
-    """Draw one method's curve: full up to the stability limit, with a cross there, and thin beyond it."""
+    """Draw one method's curve against omega0 h: full up to the stability limit, with a cross there, and thin beyond it.
+    """
     drawn = np.where(values >= LEAST, values, math.nan) if axes.get_yscale() == "log" else values
     inside = (z <= limit) | (limit == 0.0)
     if np.isfinite(drawn[inside]).any():
@@ -207,7 +208,7 @@ def exact_growth(z: FloatArray, g: FloatArray) -> FloatArray:
 
 
 def _map(axes: Axes, x: FloatArray, y: FloatArray, radii: FloatArray, title: str) -> Any:
-    """Draw one map of growth factors over omega0 h (``x``) and gamma h (``y``), and return its image."""
+    """Draw one method's map of growth factors over omega0 h (``x``) and gamma h (``y``), and return its image."""
     stable = np.ma.masked_where(radii > STABLE, radii)
     image = axes.pcolormesh(x, y, stable, cmap="viridis", vmin=0.0, vmax=1.0, shading="gouraud", rasterized=True)
     size = np.minimum(radii, 2.0)
@@ -243,12 +244,12 @@ def _figure(
 
 
 def _abreast(width: float) -> int:
-    """Return the number of legend columns in a figure of a given width [inch]."""
+    """Return the number of legend columns that fit a figure of a given width [inch]."""
     return max(1, round(width / 4.1))
 
 
 def _finish(drawing: Figure, title: str, note: str, entries: Sequence[Any]) -> None:
-    """Add a title and, below the panels, a legend with a note above its entries."""
+    """Add a title to a figure and, below its panels, a legend with a note above its entries."""
     headline(drawing, title)
     columns = min(_abreast(drawing.get_figwidth()), len(entries))
     drawing.legend(handles=entries, loc="outside lower left", ncols=columns, handlelength=3.4, title=note or None,
@@ -258,7 +259,7 @@ def _finish(drawing: Figure, title: str, note: str, entries: Sequence[Any]) -> N
 def _entries(
     methods: Sequence[Method], looks: Mapping[str, Look], remark: Callable[[Method], str]
 ) -> list[Line2D]:
-    """Return the legend entries of the methods: their names, with a remark on every method in brackets."""
+    """Return the legend entries of methods: their names, with the text of ``remark`` on every method in brackets."""
     return [Line2D([], [], label=f"{method.name} ({remark(method)})", **looks[method.name].line) for method in methods]
 
 
@@ -269,7 +270,8 @@ def _order(method: Method) -> str:
 
 
 def _limit(limit: float) -> str:
-    """Return a stability limit of omega0 h as text; 0 means unstable at any step."""
+    """Return a stability limit, the largest stable omega0 h, as text; a limit of 0 means that every step is unstable.
+    """
     if limit == math.inf:
         return "no limit"
     return rf"$\omega_0 h \leq {limit:.4g}$" if limit else "grows at any step"

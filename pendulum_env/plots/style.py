@@ -48,10 +48,10 @@ THINNER = 0.75
 
 
 class Look(NamedTuple):
-    """Style of one curve: colour, dash pattern, marker, widths when dashed and when solid, and ``height``, its z-order.
+    """Style of one curve: colour, dash pattern, marker, widths when dashed and when solid, ``height`` (drawing order).
 
-    If a colour has more methods than there are dash patterns, further ones also get ``more_mark``; if it has more
-    methods than there are markers, further ones also get ``more_dashes``.
+    If more methods share a colour than there are dash patterns, the further ones also get the marker ``more_mark``; if
+    more share it than there are markers, they also get ``more_dashes``.
     """
 
     colour: str
@@ -65,13 +65,13 @@ class Look(NamedTuple):
 
     @property
     def line(self) -> dict[str, Any]:
-        """Style as keyword arguments of ``Axes.plot``, with dashes."""
+        """Keyword arguments of ``Axes.plot`` for a curve with this style's dashes."""
         line = {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height}
         return {**line, **_marked(self.more_mark), **self.edge()}
 
     @property
     def solid(self) -> dict[str, Any]:
-        """Style as keyword arguments of ``Axes.plot``, with markers, not dashes, for curves that cross themselves.
+        """Keyword arguments of ``Axes.plot`` with this style's markers, not dashes, for curves that cross themselves.
 
         Narrow curves are on top.
         """
@@ -79,9 +79,9 @@ class Look(NamedTuple):
         return {**solid, "zorder": 3.0 - 0.1 * self.solid_width, **_marked(self.mark), **self.edge(self.solid_width)}
 
     def edge(self, width: float = 0.0) -> dict[str, Any]:
-        """Return artist keywords for a thin dark edge if the colour is too pale on white, else none.
+        """Return keyword arguments for a thin dark edge of a curve if its colour is too pale on white, else none.
 
-        ``width`` is that of the edged line [points]; 0 for the width of this style.
+        ``width`` is the width of the line that gets the edge [points]; 0 for the width of this style.
         """
         if self.colour not in DARKER:
             return {}
@@ -109,7 +109,7 @@ def _sheet() -> Any:
 def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: Any) -> tuple[Figure, list[Axes]]:
     """Return an off-screen figure of ``size`` [inch] and its axes, one below the other.
 
-    ``ratios`` are keyword arguments of ``Figure.subplots``.
+    ``ratios`` are keyword arguments of ``Figure.subplots``, such as ``height_ratios``.
     """
     drawing = blank(size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))))
     with styled():
@@ -144,7 +144,7 @@ def colours(names: Iterable[str]) -> dict[str, str]:
 
 
 def distinct(names: Iterable[str]) -> dict[str, str]:
-    """Return different colours for up to a dozen methods in one figure: a method's own colour, or else an unused one.
+    """Return different colours for up to a dozen methods in one figure, by name: a method's own colour if it is free.
     """
     tones: dict[str, str] = {}
     for name, tone in colours(names).items():
@@ -156,15 +156,15 @@ def distinct(names: Iterable[str]) -> dict[str, str]:
 
 
 def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
-    """Return the curve style of every run, by its label; see :func:`looks_of`."""
+    """Return the curve style of every run by its label, so that a method has the same style in all figures."""
     return looks_of({label: run.method.name for label, run in runs.items()})
 
 
 def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
-    """Return the curve style for every label, from ``names``, a dict label -> method's name.
+    """Return the curve style of every label of ``names``, a dict of methods' names by label.
 
     Colour, dash pattern and marker are those of the method. Widths are chosen so that curves do not hide each other. A
-    further curve of the same method gets the next dash pattern.
+    second curve of one method gets the next dash pattern.
     """
     styles: dict[str, Look] = {}
     methods: list[str] = []

@@ -64,13 +64,13 @@ def start(angle: float, velocity: float = 0.0) -> str:
 
 
 def setting(scene: Scene) -> list[str]:
-    """Return the parts of a title that describe a scene: its name and its damping."""
+    """Return the parts of a figure's title that describe a scene: its name and its damping."""
     damping = "+".join(effect.damping for effect in scene.of_kind("dissipative"))
     return [scene.name, f"{damping} damping" if damping else "no damping"]
 
 
 def legend(axes: Axes) -> None:
-    """Draw a legend above the axes and below their title, in as many columns as fit; none for a single entry.
+    """Draw a legend above the axes and below their title, in as many columns as fit; no legend for a single entry.
 
     A title that is wider than the axes is broken into lines.
     """
@@ -87,7 +87,8 @@ def legend(axes: Axes) -> None:
 
 
 def _room(axes: Axes) -> float:
-    """Return the width available to a legend or title above the axes, before the figure is laid out [points]."""
+    """Return the width available to a legend or title above the axes, estimated before the figure is laid out [points].
+    """
     whole, spec = 72.0 * axes.figure.bbox.width / axes.figure.dpi, axes.get_subplotspec()
     share = 1.0 if spec is None else len(spec.colspan) / spec.get_gridspec().ncols
     return share * whole - MARGIN
@@ -114,18 +115,22 @@ def width(text: str, size: float) -> float:
 
 @lru_cache(maxsize=1)
 def _file() -> str:
-    """Return the path of the font file that the style sheet uses."""
+    """Return the path of the font file that the package's style sheet selects for text."""
     with styled():
         return findfont(FontProperties())
 
 
 def fitted(text: str, size: float, room: float) -> str:
-    """Break a text into lines no wider than ``room`` [points], at " · ", else between words, else within words."""
+    """Break a text into lines no wider than ``room`` [points]: at " · ", else between words, else within words."""
     return "\n".join(broken for line in text.split("\n") for broken in _broken(line, size, room, (" · ", " ", "")))
 
 
 def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[str]:
-    """Return the lines of a text no wider than ``room`` [points], broken at the first of ``marks`` that suffices."""
+    """Return the lines of a text, none wider than ``room`` [points], broken at as few of ``marks`` as possible.
+
+    ``marks`` are separators from coarse to fine, with "" for a break within words; only pieces that are still too wide
+    are broken at the next mark.
+    """
     if not marks or width(text, size) <= room:
         return [text]
     mark, *finer = marks

@@ -29,7 +29,8 @@ class Task:
     Attributes:
         name: for ``gym.make(..., task=...)``.
         centre: angle about which episodes start [rad]; None to start with the scene's usual run.
-        reward: (phi, velocity/omega0, action) -> float, phi the angle from upright in [-pi, pi].
+        reward: function of phi, the angle from upright in [-pi, pi], of velocity/omega0 and of the action that returns
+            the reward of a step.
         lost: function of phi that is True where the task is lost ("fell"). Both functions are plain, because they are
             copied into generated programs.
         equation: the reward as text, for the documentation.
@@ -44,7 +45,9 @@ class Task:
     ends: str = "-"
 
     def start(self, first: Numbers, second: Numbers, omega0: Numbers) -> tuple[Numbers, Numbers]:
-        """Return a new episode's angle [rad] and velocity [rad/s], from two random numbers in [0, 1) or arrays of them.
+        """Return the angle [rad] and velocity [rad/s] at which an episode starts, from two random numbers in [0, 1).
+
+        ``omega0`` is the small-angle frequency [rad/s]. All arguments may be arrays, for many episodes.
         """
         centre = 0.0 if self.centre is None else self.centre
         return centre + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))

@@ -12,7 +12,7 @@ SINGLE = np.dtype(np.float32)
 
 
 class ActionError(ValueError):
-    """An action that is not one finite number in an array of shape (1,)."""
+    """Error for an action that is not one finite number in an array of shape (1,)."""
 
 
 def torque_share(action: Any) -> float:
@@ -28,7 +28,7 @@ def torque_share(action: Any) -> float:
 
 
 def _array(values: Any, wanted: str) -> NDArray[Any]:
-    """Return values as an array; ActionError, which begins with ``wanted``, for rows of different lengths."""
+    """Return values as an array; ActionError, which begins with the words ``wanted``, for rows of different lengths."""
     try:
         return np.asarray(values)
     except ValueError:
@@ -36,7 +36,7 @@ def _array(values: Any, wanted: str) -> NDArray[Any]:
 
 
 def _checked(action: NDArray[Any]) -> float:
-    """Return an action as a share of the motor's largest torque, clipped to [-1, 1], after all checks."""
+    """Return an action as a share of the motor's largest torque, clipped to [-1, 1]; ActionError for an invalid one."""
     if action.shape != (1,):
         raise ActionError(f"An action must have the shape (1,), not {action.shape}.")
     if action.dtype.kind not in "fiu":
@@ -60,7 +60,7 @@ def checked_actions(actions: Any, size: int) -> NDArray[Any]:
 
 
 def _checked_actions(actions: Any, size: int) -> NDArray[Any]:
-    """Return the actions of ``size`` environments, not yet clipped, after all checks."""
+    """Return the actions of ``size`` environments as an array, not yet clipped; ActionError for invalid ones."""
     wanted = f"Actions of {size} environments must have the shape ({size}, 1)"
     array = _array(actions, wanted)
     if array.shape != (size, 1):

@@ -17,7 +17,7 @@ __all__ = ["Shown", "window_of"]
 
 
 def window_of(shown: Shown) -> Live:
-    """Return the window of a running pendulum, which opens with the first episode."""
+    """Return the window of an environment; it opens when the first episode starts."""
     from pendulum_env.window.live import Live
 
     return Live(shown)

@@ -37,7 +37,10 @@ LONGEST = 12
 
 @dataclass(frozen=True)
 class Start:
-    """Request to restart from an angle [rad] and a velocity [rad/s]; without an angle from the last start."""
+    """Request of a person at the window: restart from an angle [rad] and a velocity [rad/s].
+
+    Without an angle the restart is from where the last run started.
+    """
 
     angle: float | None = None
     velocity: float = 0.0
@@ -45,7 +48,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Switch:
-    """Request to change to the integrator ``by`` places later in the list."""
+    """Request of a person at the window: change to the integrator ``by`` places later in the list of integrators."""
 
     by: int
 
@@ -55,14 +58,17 @@ Wish = Start | Switch
 
 @dataclass(frozen=True)
 class Grip:
-    """Position at which the mouse can grip the bob, in pixels: the pivot, the bob's centre and its radius."""
+    """Position of the pendulum in the window, in pixels: the pivot, the bob's centre, and the bob's radius.
+
+    It decides whether the mouse grips the bob.
+    """
 
     pivot: tuple[float, float]
     bob: tuple[float, float]
     radius: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Return True if a mouse at (x, y) [px] grips the bob."""
+        """Return True if the mouse at (x, y) [px] is near enough to the bob to grip it."""
         return math.hypot(x - self.bob[0], y - self.bob[1]) <= self.radius + NEAR
 
     def angle(self, x: float, y: float) -> float:
@@ -72,18 +78,18 @@ class Grip:
 
 @dataclass
 class Controls:
-    """State of the window's controls.
+    """State of the controls of a pendulum's window: pause, speed, typed angle, pressed keys, mouse.
 
     Attributes:
         open: False when the window is to close.
         paused: True while the simulation is paused.
-        steps: number of control steps to take during the pause.
+        steps: number of control steps that the person has requested during the pause.
         speed: index of the playback speed in SPEEDS.
         typed: angle being typed [degrees].
         message: error message shown in the window.
         listed: True while the list of keys is shown.
         push: fraction of the motor's torque that the keys Left and Right request.
-        grip: grip on the bob while the mouse holds it; else None.
+        grip: position of pivot and bob while the mouse holds the bob; else None.
     """
 
     open: bool = True
@@ -124,7 +130,7 @@ class Controls:
     # --- keys ---------------------------------------------------------------------------------------------------
 
     def key(self, name: str, text: str = "", shift: bool = False) -> list[Wish]:
-        """Handle a pressed key, given its name, its typed text and Shift; return the person's requests."""
+        """Handle a pressed key, given by its name, its typed text and Shift; return the requests that it makes."""
         self.message = ""
         if name in ("left", "right"):
             self._down.add(name)
@@ -153,17 +159,17 @@ class Controls:
         return []
 
     def key_up(self, name: str) -> None:
-        """Handle a released key."""
+        """Handle a released key: end the torque that Left and Right request."""
         self._down.discard(name)
 
     def _type(self, text: str) -> None:
-        """Append a typed character to the angle, if it can be part of a number."""
+        """Append a typed character to the start angle, if it can be part of a number."""
         fits = (text == "-" and not self.typed) or (text == "." and "." not in self.typed)
         if len(self.typed) < LONGEST and (fits or (len(text) == 1 and text in "0123456789")):
             self.typed += text
 
     def _entered(self) -> list[Wish]:
-        """Return the request to start at the typed angle, if there is one."""
+        """Return the request to start at the typed angle, as a list that is empty if no angle was typed."""
         typed, self.typed = self.typed, ""
         if not typed:
             return []
@@ -175,7 +181,7 @@ class Controls:
     # --- mouse --------------------------------------------------------------------------------------------------
 
     def press(self, x: float, y: float, now: float, grip: Grip | None) -> list[Wish]:
-        """Handle a mouse button pressed at (x, y) [px] and time ``now`` [s]; return the person's requests.
+        """Handle a mouse button pressed at (x, y) [px] and time ``now`` [s]; return the requests that it makes.
 
         ``grip`` is the position of the bob, None if no panel shows it.
         """
@@ -186,7 +192,7 @@ class Controls:
         return self.move(x, y, now)
 
     def move(self, x: float, y: float, now: float) -> list[Wish]:
-        """Handle a mouse movement; a bob that the mouse holds follows it, at rest."""
+        """Handle a mouse movement; a bob that the mouse holds follows it, with velocity 0."""
         if self.grip is None:
             return []
         angle = self.grip.angle(x, y)
@@ -219,6 +225,6 @@ class Controls:
         self._down.clear()
 
     def close(self) -> None:
-        """Close the window and stop waiting for it."""
+        """Mark the window as to be closed, and let the simulation continue without it."""
         self.open, self.grip = False, None
         self._down.clear()

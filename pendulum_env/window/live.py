@@ -32,19 +32,20 @@ START, METHOD = "start", "integrator"
 
 
 class FrameSchedule:
-    """Schedule of frames in real time; callers pass the time of the clock.
+    """Schedule of the window's frames in real time; callers pass the present time of the clock [s].
 
-    Each step begins at the scheduled end of the last one, so that delays do not add up.
+    Each step begins at the scheduled end of the last step, so that delays do not add up.
     """
 
     def __init__(self) -> None:
         self._due = self._next = -1e300
 
     def frames(self, now: float, span: float) -> list[tuple[float, float]]:
-        """Return the frames of a step that lasts ``span`` [s] of real time, from ``now`` or the last step's end on.
+        """Return the frames to show for a control step that lasts ``span`` [s] of real time.
 
-        A frame is a pair: the fraction of the step, and the time at which it is due. The last frame is at the step's
-        end. A step longer than FRAME has several; a step has none if its frame would follow the last too soon.
+        The step begins at the scheduled end of the last one, or at ``now`` [s]. A frame is a pair: the fraction of the
+        step, and the time at which it is due. The last frame is at the step's end. A step longer than 1/60 s has
+        several; a step has none if its frame would follow the last too soon.
         """
         start = self._due if self._due > now - LATE else now
         self._due = end = start + span
@@ -56,7 +57,7 @@ class FrameSchedule:
 
     @property
     def due(self) -> float:
-        """Scheduled end of the last step [s]."""
+        """Scheduled end of the last control step [s], on the clock."""
         return self._due
 
     def hold(self, now: float) -> None:
@@ -100,12 +101,12 @@ class Live:
         self._warned = False
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the attributes for a copy or a pickle, which gets a window of its own; call its :meth:`show`."""
+        """Return the attributes for a copy or a pickle, which needs :meth:`show` to get a window of its own."""
         own = {name: value for name, value in vars(self).items() if name not in ("screen", "_pendulum")}
         return {**own, "_wishes": [], "_pace": FrameSchedule()}
 
     def show(self, shown: Shown) -> None:
-        """Show another pendulum from now on."""
+        """Show another pendulum in this window, given by its interface for windows."""
         self._pendulum = shown
 
     @property
@@ -142,12 +143,12 @@ class Live:
     # --- called by the environment -----------------------------------------------------------------------------
 
     def began(self, angle: float, velocity: float) -> None:
-        """Remember the start of an episode [rad, rad/s], and show it."""
+        """Remember the start of an episode [rad, rad/s], to which the key R returns, and show it."""
         self._start = angle, velocity
         self.look()
 
     def attend(self) -> None:
-        """Carry out the person's requests before a step, and wait during a pause."""
+        """Carry out the requests that the person made at the window, before a step, and wait during a pause."""
         if not self.open:
             self._warn_once()
             return
@@ -164,7 +165,10 @@ class Live:
         self.controls.steps = max(0, self.controls.steps - 1)
 
     def present(self, info: dict[str, Any]) -> None:
-        """Show the frames of a finished step, each at its time, and add the person's changes to ``info``."""
+        """Show the frames of a finished control step, each at its time.
+
+        Changes that the person made are added to ``info``.
+        """
         if self._done:
             info["by_hand"] = ", ".join(name for name in (START, METHOD) if name in self._done)
             self._done = []
@@ -199,7 +203,10 @@ class Live:
             warn("The window was closed; the environment continues without it, as fast as it can.")
 
     def _at(self, share: float, first: View | None) -> View:
-        """Return the view at a fraction of the step that began at ``first``, or at its end if ``first`` is older."""
+        """Return the drawing data at a fraction of the last control step, between its start ``first`` and its end.
+
+        If ``first`` is not the state one step earlier, the result is the state at the step's end.
+        """
         last = self._shown
         assert last is not None
         known = first is not None and 0.5 < (last.time - first.time) / self._pendulum.dt < 1.5
@@ -218,12 +225,13 @@ class Live:
             self._gone()
 
     def _gone(self) -> None:
-        """Close the window for good, after the person has closed it."""
+        """Close the window for good, after the person has closed it; no later reset opens it."""
         self.controls.close()
         self.close()
 
     def _listen(self) -> None:
-        """Handle the events of the window."""
+        """Handle the window's keyboard and mouse events since the last call, and collect the requests that they make.
+        """
         if self.screen is None:
             return
         for event, *arguments in self.screen.happened():
@@ -234,7 +242,7 @@ class Live:
             self._gone()
 
     def _carry_out(self) -> None:
-        """Carry out the person's requests."""
+        """Carry out the collected requests of the person: restart, or change the integrator."""
         wishes, self._wishes = self._wishes, []
         for wish in wishes if self.open else ():
             if isinstance(wish, Switch):
@@ -249,7 +257,7 @@ class Live:
             self._done.append(START)
 
     def _switch(self, by: int) -> None:
-        """Change to the integrator ``by`` places later, from the present state."""
+        """Change to the integrator ``by`` places later in the list, and continue from the present state."""
         controls, machine = self.controls, self._pendulum.another(by)
         if machine is None:
             controls.message = "no other integrator fits the scene"

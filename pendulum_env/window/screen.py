@@ -36,7 +36,7 @@ sleep: Callable[[float], None] = time.sleep
 
 
 class Screen:
-    """Resizable window with a title and a size in pixels; ``window`` is the window of pygame.
+    """Resizable window of pygame-ce with a title and a size in pixels; ``window`` is pygame's own object.
 
     Raises WindowError if no window can be opened; warns if the window is not visible.
     """
@@ -73,13 +73,13 @@ class Screen:
         return True
 
     def hear(self, event: tuple[Any, ...]) -> None:
-        """Store an event of this window until :meth:`happened` is called."""
+        """Store an event of this window, given as method name and arguments, until :meth:`happened` returns it."""
         self._heard.append(event)
 
     def happened(self) -> list[tuple[Any, ...]]:
-        """Return the events of this window since the last call: names of methods of Controls, with their arguments.
+        """Return the events of this window since the last call, as names of methods of Controls with their arguments.
 
-        Events of other windows are stored for them.
+        Events of other windows of this process are stored for these windows.
         """
         import pygame
 
@@ -106,7 +106,8 @@ class Screen:
 
 
 def _call_of(event: pygame.event.Event) -> tuple[Any, ...]:
-    """Return the method of Controls that handles an event of pygame, with its arguments; () for other events."""
+    """Return the name of the Controls method that handles an event of pygame, and its arguments; () for other events.
+    """
     import pygame
 
     if event.type in (pygame.KEYDOWN, pygame.KEYUP):
@@ -125,7 +126,7 @@ def _call_of(event: pygame.event.Event) -> tuple[Any, ...]:
 
 
 def seen() -> bool:
-    """Return True if windows are visible, or invisible because the user chose so.
+    """Return True if windows can be seen, or are invisible because the user chose a display driver without screen.
 
     Raises WindowError if no window can be opened.
     """

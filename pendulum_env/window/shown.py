@@ -11,7 +11,7 @@ from pendulum_env.render import Apparatus, FrameStyle, View
 
 @dataclass(frozen=True)
 class Shown:
-    """Running pendulum, as its window sees and changes it.
+    """Interface of a running pendulum for the window that shows it and lets a person change it.
 
     Attributes:
         apparatus: drawing data of the pendulum; its title is the scene's name.
@@ -20,9 +20,9 @@ class Shown:
         look: theme and panels.
         view: function that returns the drawing data of the present state.
         start: function that restarts from an angle [rad] and a velocity [rad/s]; raises SceneError for invalid ones.
-        another: function that returns the simulation (machine) with the integrator n places later in the list of those
-            that fit the scene, None if no other fits.
-        take: function that continues from the present state with such a simulation.
+        another: function of n that returns the simulation (machine) with the integrator n places later in the list of
+            those that fit the scene, None if no other fits.
+        take: function that continues from the present state with a simulation that ``another`` returned.
     """
 
     apparatus: Apparatus

@@ -178,7 +178,7 @@ def test_probes_are_plain_ones_and_random_ones_the_most_sensitive_first():
 @pytest.mark.slow
 def test_chaos_has_a_horizon_and_keeps_the_accuracy_up_to_it():
     scene = SCENES["chaotic"]
-    with pytest.warns(UserWarning, match=r"promised up to [\d.]+ s of an episode's 200 s only"):
+    with pytest.warns(UserWarning, match=r"reached up to [\d.]+ s of an episode's 200 s only"):
         env = gym.make(ENV_ID, scene="chaotic", integrator="auto", accuracy=1e-6, dt=0.4, task="free",
                        backend="python", disable_env_checker=True)
     chosen = env.unwrapped.integrator.choice
@@ -220,7 +220,7 @@ def test_what_cannot_be_is_refused(keywords, said):
 
 
 def test_too_fine_an_accuracy_names_the_least_which_then_holds():
-    with pytest.raises(AccuracyError, match="the smallest accuracy that can be promised") as refused:
+    with pytest.raises(AccuracyError, match="the smallest accuracy that can be reached") as refused:
         choose(SCENES["exercise_large"], 1e-16, steps=50)
     least = float(str(refused.value).split("about ")[1].split(" rad")[0])
     assert 1e-15 < least < 1e-12

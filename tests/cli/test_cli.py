@@ -192,4 +192,4 @@ def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
                "--integrators", "rk4,heun", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (warning,) = [line for line in done.stderr.splitlines() if "arning" in line]
-    assert warning.startswith("Warning: A step of 0.01 s takes 1 rad of the phase of vertical_drive; ")
+    assert warning.startswith("Warning: A step of 0.01 s covers 1 rad of the phase of vertical_drive, ")

@@ -163,7 +163,7 @@ def test_small_angles_never_slacken_a_wire_and_are_not_asked() -> None:
 
 LENIENT = WIRE.replace(slack="warn")
 LOOPING = {"angle": 0.0, "velocity": 1.8 * OMEGA}
-SLACKENS = "goes slack at .* s; the run continues as with a rod"
+SLACKENS = "goes slack at .* s; the run continues as if the bob hung on a rod"
 
 
 def test_a_lenient_wire_warns_once_and_pushes_like_a_rod() -> None:

@@ -205,10 +205,10 @@ def test_the_phase_does_not_drift() -> None:
 
 def test_an_environment_warns_of_steps_too_long_for_its_drive() -> None:
     """A step of 0.02 s at 100 rad/s is 2 rad of the drive's phase; at most 0.5 rad are allowed, so four substeps."""
-    said = r"^A step of 0.02 s takes 2 rad of the phase of vertical_drive; .* steps of 0.005 s or less \(4 times"
+    said = r"^A step of 0.02 s covers 2 rad of the phase of vertical_drive, .* steps of 0.005 s or less \(4 times"
     with pytest.warns(UserWarning, match=said):
         gym.make("LabPendulum-v0", scene="kapitza")
-    with pytest.warns(UserWarning, match=r"takes 2.4 rad of the phase of vertical_drive"):
+    with pytest.warns(UserWarning, match=r"covers 2.4 rad of the phase of vertical_drive"):
         gym.make_vec("LabPendulum-v0", num_envs=2, scene="kapitza", vertical_rate=[20.0, 120.0])
     with warnings.catch_warnings():
         warnings.simplefilter("error")

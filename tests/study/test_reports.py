@@ -130,5 +130,5 @@ def test_flags_may_come_from_numpy() -> None:
 
 
 def test_drag_without_a_medium_says_what_to_do() -> None:
-    with pytest.raises(SceneError, match="no sphere_drag in vacuum; leave it out, or give the scene a medium"):
+    with pytest.raises(SceneError, match="no sphere_drag in vacuum; leave out this effect, or give the scene a medium"):
         build_scene("moon", "sphere_drag")

@@ -28,7 +28,7 @@ Names = tuple[str, ...]
 
 @cache
 def shapes() -> Mapping[str, Names]:
-    """Group the dampings that have a parameter to fit by the shape of their torque.
+    """Group the dampings (dissipative effects) that have a parameter to fit by the shape of their torque.
 
     Torques of one shape are proportional to each other at all angles and velocities, so no recording can tell them
     apart. The key is the first damping of a group, the value the names of all its dampings.
@@ -45,7 +45,7 @@ def shapes() -> Mapping[str, Names]:
 
 
 def _torques(name: str) -> np.ndarray:
-    """Return the torques of one damping at ANGLES and SPEEDS, relative to the first of them."""
+    """Return the torques of one damping at fixed angles and speeds, of both signs, divided by the first of them."""
     plain = Scene("shape", medium=VACUUM)
     scene = with_damping(plain, {name: {DAMPINGS[name].fitted: 1.0}})
     effect, values = scene.effects[0], scene.coefficients
@@ -82,7 +82,7 @@ def geometric(scene: Scene) -> Names:
 
 
 def _compatible(scene: Scene, names: Names) -> bool:
-    """Return True if one scene can have all of these dampings together."""
+    """Return True if one scene can have all the named dampings together."""
     try:
         with_damping(scene, idle(names))
     except SceneError:
@@ -91,10 +91,11 @@ def _compatible(scene: Scene, names: Names) -> bool:
 
 
 def program(scene: Scene, damping: Names) -> Names:
-    """Return the dampings to compile for a model; few different programs then serve all models.
+    """Return the dampings to compile into the simulation program of a model, so that a few programs serve all models.
 
-    They are the model's dampings and one of every other compatible shape. Dry friction, which is slow to simulate, is
-    included only if the model has it, or has calculated drag, which is slower still.
+    They are the model's dampings, and one for every other shape of torque that can be combined with these. Dry
+    friction, which is slow to simulate, is included only if the model has it, or has calculated drag, which is slower
+    still.
     """
     names = tuple(name for name in damping if not DAMPINGS[name].fitted)
     dry = bool(names) or any(DAMPINGS[name].dry for name in damping)
@@ -107,7 +108,7 @@ def program(scene: Scene, damping: Names) -> Names:
 
 
 def models_of(effects: object, scene: Scene, known: bool) -> list[Names]:
-    """Return the models that ``effects=`` names: "auto", one model, or a list of models; SceneError for anything else.
+    """Return the damping models that ``effects=`` names: "auto", one model, or a list; SceneError for anything else.
 
     ``known``: True if the radius and mass of the bob are known.
     """
@@ -123,9 +124,9 @@ def models_of(effects: object, scene: Scene, known: bool) -> list[Names]:
 
 
 def _sum(text: object) -> Names:
-    """Return the dampings of one model from a text such as "linear+quadratic"; SceneError for an invalid text."""
+    """Return the dampings in the text of a model, such as "linear+quadratic"; SceneError for an invalid text."""
     if not isinstance(text, str):
-        raise SceneError(f"A model in effects must be text, dampings joined by +, not {shown(text)}.")
+        raise SceneError(f"A model in effects= must be text, such as 'linear+quadratic', not {shown(text)}.")
     if text.strip() == NONE:
         return ()
     names = tuple(name.strip() for name in text.split("+"))

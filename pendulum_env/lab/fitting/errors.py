@@ -32,7 +32,7 @@ class Errors:
     Attributes:
         covariance: covariance matrix of the parameters ``model.names``; inf on the diagonal for a parameter that the
             recording does not determine.
-        plain: the covariance matrix if the residuals were independent.
+        plain: the covariance matrix that would hold for independent residuals.
         freedom: degrees of freedom of Student's t for intervals.
         how: the method of calculation, as text.
     """
@@ -86,9 +86,10 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
 
 
 def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:
-    """Return a covariance that allows for correlated residuals, its degrees of freedom, and a sentence on the method.
+    """Return a covariance of fitted parameters for correlated residuals, its degrees of freedom, and how it was made.
 
-    ``sums`` are the scores summed over half swings; ``n`` is the number of readings.
+    ``sums`` are the scores (derivatives of the model times residuals) summed over half swings; ``n`` is the number of
+    readings.
     """
     blocks, k = sums.shape
     sums = sums - sums.mean(axis=0)  # the mean is 0 except for parameters at a bound
@@ -104,7 +105,9 @@ def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest
 
 
 def _rounded(covariance: Array, inverse: Array, solution: FitSolution, quantum: float) -> tuple[Array, str]:
-    """Return a covariance that allows for rounding, and the names of the parameters with clearly enlarged errors."""
+    """Return a covariance of fitted parameters that allows for rounded readings, and the names of the parameters whose
+    errors it enlarges by more than a factor of 1.2 (COARSE).
+    """
     model, finite = solution.model, np.where(np.isfinite(inverse), inverse, 0.0)
     noise = noise_beside(model.time, solution.residual, quantum)
     shift = solution.velocity * float(np.median(np.diff(model.time)))
@@ -115,7 +118,7 @@ def _rounded(covariance: Array, inverse: Array, solution: FitSolution, quantum: 
 
 
 def _widened(covariance: Array, least: Array) -> Array:
-    """Enlarge a covariance until no variance is below that in ``least``, without changing its correlations."""
+    """Enlarge a covariance matrix until no variance is below that in ``least``, without changing its correlations."""
     own, other = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(least))
     with np.errstate(divide="ignore", invalid="ignore"):
         wider = np.where(own < other, other / own, 1.0)
@@ -145,7 +148,8 @@ def inverted(slopes: Array) -> tuple[Array, bool]:
 
 
 def half_swings(scores: Array, velocity: Array) -> Array:
-    """Sum scores of shape ``(readings, parameters)`` over every half swing, from one turning point to the next.
+    """Sum the scores of a fit (derivatives times residuals), shape ``(readings, parameters)``, over every half swing,
+    from one turning point to the next.
 
     The turning points are where the model's ``velocity`` changes sign.
     """
@@ -155,10 +159,11 @@ def half_swings(scores: Array, velocity: Array) -> Array:
 
 
 def bandwidth(scores: Array) -> float:
-    """Return the bandwidth of the Bartlett kernel, in rows of ``scores``: ``1.1447 (alpha n)^(1/3)``.
+    """Return the bandwidth of the Bartlett kernel for correlated rows of ``scores``: ``1.1447 (alpha n)^(1/3)``.
 
-    This is the plug-in bandwidth of Andrews 1991, Econometrica 59, 817, equations 6.2 and 6.4. Every column is taken as
-    an autoregressive process of order 1, with equal weights. Autocorrelations below 0 count as 0.
+    With n rows and alpha from their autocorrelation, this is the plug-in bandwidth of Andrews 1991, Econometrica 59,
+    817, equations 6.2 and 6.4. Every column is taken as an autoregressive process of order 1, with equal weights.
+    Autocorrelations below 0 count as 0.
     """
     n = len(scores)
     above = below = 0.0
@@ -191,7 +196,7 @@ def long_run(scores: Array, width: float) -> Array:
 
 
 def at_bound(solution: FitSolution) -> tuple[str, ...]:
-    """Return the names of the fitted parameters that are at their lower bound."""
+    """Return the names of the fitted parameters whose fitted values are at their lower bounds."""
     bounds = zip(solution.model.names, solution.values, solution.model.least, strict=True)
     return tuple(name for name, value, least in bounds if value <= least)
 

@@ -71,7 +71,7 @@ def fit(
     with naming_keywords(fit):
         place = apparatus(scene, parameters)
     if not place.of_kind("conservative") or not place.omega0 > 0.0:
-        raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot be fitted to a swing.")
+        raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")
     known = scene is not None or all(name in parameters for name in BOB)
     names = _checked(free, place)
     wanted = models_of(effects, place, known)
@@ -100,7 +100,7 @@ def fit(
 
 
 def _moving(swing: Recording) -> Recording:
-    """Return the swing without the equal readings of a bob at rest at its end, except for one period of them."""
+    """Return a free swing without the equal readings of a bob at rest at its end, except for one period of them."""
     changes = np.flatnonzero(swing.angle != swing.angle[-1])
     if not len(changes):
         return swing
@@ -133,7 +133,8 @@ def _checked(free: Sequence[str], place: Scene) -> tuple[str, ...]:
 
 
 def _model(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]) -> Model:
-    """Return the model of a swing with the given dampings; RecordingError unless readings outnumber its parameters."""
+    """Return the model of a swing with the given dampings; RecordingError for too few readings to fit its parameters.
+    """
     model = Model.of(place, damping, swing.time, free, program(place, damping))
     if len(swing.time) <= len(model.names):
         problem = f"{len(model.names)} parameters needs more readings than the {len(swing.time)} from the release on"
@@ -142,10 +143,10 @@ def _model(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]
 
 
 def _warn_of_mass(best: Fit) -> None:
-    """Warn for every fitted damping parameter that depends on the mass of the bob, which was not given."""
+    """Warn for every fitted damping parameter that depends on the mass of the bob, if no mass was given."""
     place = best.scene
     other = place.replace(mass=2.0 * place.body.mass)
     for name in best.model.damping:
         effect = next(effect for effect in place.effects if effect.damping == name)
         if DAMPINGS[name].fitted and swing_loss(effect, place, 0.1) != swing_loss(effect, other, 0.1):
-            warn(f"{effect.fitted} holds for a bob of {place.body.mass:g} kg, as no mass is given; give mass=.")
+            warn(f"The fitted {effect.fitted} holds for a bob of {place.body.mass:g} kg, an assumed mass; give mass=.")

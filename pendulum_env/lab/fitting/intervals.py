@@ -36,7 +36,8 @@ PATIENCE = 10_000
 
 
 class Fitted(Protocol):
-    """The attributes of a fit that intervals and random draws need, as of :class:`pendulum_env.lab.fitting.result.Fit`.
+    """Protocol of the attributes of a fit from which intervals and random draws are calculated; see
+    :class:`pendulum_env.lab.fitting.result.Fit`.
     """
 
     @property
@@ -122,7 +123,10 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool) -> 
     better = False
 
     def rise(other: float) -> float:
-        """Return the rise of the sum of squares at a parameter value, as a distance; 0 at an end of the interval."""
+        """Return the rise of the sum of squares if a parameter has the value ``other`` and all others are fitted anew.
+
+        It is in standard deviations, minus the rise that is wanted at an end of the interval, so that it is 0 there.
+        """
         nonlocal better
         start = fit.values + tangent * (other - value)
         start[at] = other
@@ -136,7 +140,8 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool) -> 
             tell(0.5 * len(ends), f"{'lower' if side < 0.0 else 'upper'} end of {name}")
             ends.append(_end(rise, value, side, wanted * plain, least, wanted))
     if better:
-        warn(f"The profile of {name} reached a smaller sum of squares than this fit, which is not the best one.")
+        warn(f"The profile of {name} reached a smaller sum of squares than the fit, so the fit is not the best one "
+             "and the interval is not reliable.")
     return Interval(*ends)
 
 
@@ -145,7 +150,8 @@ def _end(
 ) -> float:
     """Return one end of a profile interval, where ``rise`` is 0; the bound ``least`` or infinity if it is 0 nowhere.
 
-    ``value`` is the fitted value, at which ``rise`` is ``-wanted``; ``side`` is -1 or 1; ``reach`` is the first step.
+    ``rise`` is a function of the parameter, the rise of the sum of squares, and ``-wanted`` at the fitted ``value``.
+    The search goes down from there for ``side`` -1 and up for 1, with ``reach`` as its first step.
     """
     from scipy.optimize import brentq
 
@@ -171,7 +177,7 @@ class Bootstrap:
     Attributes:
         fit: the fit that gave the residuals.
         values: fitted parameters, ``(refits, parameters)``.
-        asked: number of refits requested; ``values`` has fewer if the bootstrap was interrupted.
+        asked: number of refits that were requested; an interrupted bootstrap has fewer ``values``.
         block: length of the blocks of residuals [readings].
     """
 
@@ -182,7 +188,7 @@ class Bootstrap:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the fitted parameters."""
+        """Names of the fitted parameters, in the order of the columns of ``values``."""
         return self.fit.names
 
     @property

@@ -47,8 +47,8 @@ class Model:
         scene: the scene with the model's dampings, and further dampings set to 0 so that models can share compiled
             code.
         damping: the model's dampings, by their names in ``damping=``.
-        names: names of the fitted parameters: those of START, "scale" if it is fitted, then parameters of the scene as
-            :meth:`Scene.replace` names them.
+        names: names of the fitted parameters: the start and the zero (START), "scale" if it is fitted, then parameters
+            of the scene as :meth:`Scene.replace` names them.
         time: times of the recording [s], from 0.
     """
 
@@ -86,7 +86,7 @@ class Model:
 
     @property
     def free(self) -> tuple[str, ...]:
-        """Names of the fitted parameters other than those of the start, the zero and the dampings."""
+        """Names of the fitted parameters other than those of the start, the sensor's zero and the dampings."""
         own = {*START, *self.numbers}
         return tuple(name for name in self.names if name not in own)
 
@@ -97,11 +97,11 @@ class Model:
 
     @property
     def least(self) -> Array:
-        """Lower bounds of the fitted parameters: 0, because damping never drives; none for the start and the zero."""
+        """Lower bounds of the fitted parameters: 0, but no bound for the start and for the sensor's zero."""
         return np.array([-math.inf if name in START else 0.0 for name in self.names])
 
     def until(self, count: int) -> Model:
-        """Return the model restricted to the first ``count`` times."""
+        """Return the model restricted to the first ``count`` times of the recording."""
         return replace(self, time=self.time[:count])
 
     def angles(self, values: Array) -> Array:
@@ -117,7 +117,7 @@ class Model:
         return self._seen(rows, 0), self._seen(rows, 1)
 
     def _seen(self, values: Array, derivative: int) -> Array:
-        """Interpolate the angles (``derivative`` 0) or velocities (1) of a batch of runs at the model's times."""
+        """Interpolate angles (``derivative`` 0) or angular velocities (1) of simulated runs at the model's times."""
         from scipy.interpolate import CubicHermiteSpline
 
         rows = np.atleast_2d(values)
@@ -154,7 +154,7 @@ class Model:
 
     @cached_property
     def _varied(self) -> dict[str, float]:
-        """The scene's values of all parameters that differ between runs of a batch.
+        """Values, by name and as in the model's scene, of all parameters that differ between the runs of a batch.
 
         These are the length, the free parameters of the scene, and those of all compiled dampings.
         """
@@ -169,7 +169,7 @@ class Model:
         return self.scene.replace(suspension="rod", thickness=self.scene.body.diameter)
 
     def scene_with(self, values: Array) -> Scene:
-        """Return the scene with the given parameter values, and with only the model's dampings."""
+        """Return the model's scene with the given parameter values, and with only the dampings of the model."""
         own = {name: float(x) for name, x in zip(self.names, values, strict=True) if name not in SENSOR}
         return with_damping(self.scene, self.title).replace(**own)
 
@@ -188,10 +188,11 @@ def unit_of(scene: Scene, name: str) -> str:
 
 
 def _fitted(name: str) -> str:
-    """Return the full name, "effect.parameter", of the parameter of a damping that a fit determines."""
+    """Return the full name, as "linear_drag.gamma", of the parameter of a damping that a fit determines."""
     return f"{DAMPINGS[name].name}.{DAMPINGS[name].fitted}"
 
 
 def idle(names: Iterable[str]) -> dict[str, dict[str, float]]:
-    """Return dampings as arguments of ``with_damping``, with the parameter that a fit determines, if any, set to 0."""
+    """Return named dampings as a dict for ``with_damping``, with the parameter that a fit determines, if any, set to 0.
+    """
     return {name: {DAMPINGS[name].fitted: 0.0} if DAMPINGS[name].fitted else {} for name in names}

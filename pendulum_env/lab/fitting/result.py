@@ -162,8 +162,7 @@ class Fit:
 
     @property
     def correlations(self) -> Array:
-        """Correlation matrix of the fitted parameters, every entry in [-1, 1]; 0 for parameters without a finite error.
-        """
+        """Correlation matrix of the fitted parameters; 0 for parameters without a finite error."""
         errors = np.sqrt(np.diag(self.covariance))
         product = np.outer(errors, errors)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -282,39 +281,45 @@ class FitComparison:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Models that the recording cannot distinguish from the best: criterion less than 6 above the best one's."""
+        """Names of the models that the recording cannot distinguish from the best: Bayesian information criterion less
+        than 6 above the best one's.
+        """
         return self._judged("alike")
 
     @property
     def unlikely(self) -> tuple[str, ...]:
-        """Unlikely models: criterion from 6 to 10 above that of the best."""
+        """Names of the unlikely models: Bayesian information criterion from 6 to 10 above that of the best model."""
         return self._judged("unlikely")
 
     @property
     def ruled_out(self) -> tuple[str, ...]:
-        """Models ruled out: criterion 10 or more above the best one's, or not all swings followed; without the
-        ``needless`` models."""
+        """Names of the models that are ruled out: Bayesian information criterion 10 or more above the best one's, or
+        not all swings followed. Models with unnecessary parameters, ``needless``, are not among them.
+        """
         return self._judged("ruled out")
 
     @property
     def needless(self) -> tuple[str, ...]:
-        """Models with unnecessary parameters: criterion 6 or more above the best one's, although they fit as closely or
-        have the best model's dampings and more."""
+        """Names of the models with unnecessary parameters: Bayesian information criterion 6 or more above the best
+        one's, although they fit as closely or have the best model's dampings and more.
+        """
         return self._judged(NEEDLESS)
 
     def __getitem__(self, name: str) -> Fit:
-        """Return the fit of the model with a given name; SceneError for a model that was not compared."""
+        """Return the fit of the model with a given name, such as "linear+quadratic"; SceneError for any other name."""
         names = [fit.damping for fit in self.fits]
         return self.fits[names.index(one_of(name, "compared model", names))]
 
     def _judged(self, verdict: str) -> tuple[str, ...]:
-        """Return the names of all models but the best that have a given verdict."""
+        """Return the names of all compared models but the best that have a given verdict, such as "unlikely"."""
         return tuple(fit.damping for fit, own in zip(self.fits[1:], self.verdicts[1:], strict=True)
                      if own == verdict)
 
     @cached_property
     def verdicts(self) -> tuple[str, ...]:
-        """Verdict on every fit: "best", "alike", "unlikely", "ruled out" or "needless"."""
+        """Verdict on every fit, in their order: "best", "alike" (cannot be distinguished from the best), "unlikely",
+        "ruled out" or "needless" (has unnecessary parameters).
+        """
         own = set(self.best.model.damping)
         verdicts = []
         for one, delta in zip(self.fits, self.delta_bic, strict=True):
@@ -324,9 +329,11 @@ class FitComparison:
         return ("best", *verdicts[1:])
 
     def spread(self, name: str) -> float:
-        """Return the largest difference of a parameter between the best model and the ``alike`` models, in its unit.
+        """Return the largest difference of a parameter, in its unit, between the best model and the models ``alike``,
+        which the recording cannot distinguish from it.
 
-        0 if no ``alike`` model has the parameter. Raises SceneError for a name that the best model does not fit.
+        The result is 0 if no model in ``alike`` has the parameter. Raises SceneError for a name that the best model
+        does not fit.
         """
         value = self.best.parameters[one_of(name, "fitted parameter", self.best.names)].value
         values = [self[model].parameters[name].value for model in self.alike if name in self[model].names]
@@ -346,7 +353,7 @@ class FitComparison:
         return " ".join(self._sentences())
 
     def _sentences(self) -> list[str]:
-        """Return the sentences of the summary of a comparison."""
+        """Return the sentences of the summary of a comparison of damping models."""
         best = self.best
         if best.solution.lost:
             return [f"No model follows all swings; the closest is {_called(best.damping)}, {_rms(best)}."]
@@ -354,7 +361,7 @@ class FitComparison:
             return [f"Only one model was compared: {_called(best.damping)}, {_rms(best)}.", *self._structure()]
         sentences = [f"The best model is {_called(best.damping)}, {_rms(best)}."]
         if self.alike:
-            sentences.append(f"The recording cannot distinguish it from {_listed(self.alike)}.")
+            sentences.append(f"The recording cannot distinguish the best model from {_listed(self.alike)}.")
         if self.unlikely:
             sentences.append(f"Unlikely: {_listed(self.unlikely)}.")
         if self.ruled_out:
@@ -362,7 +369,7 @@ class FitComparison:
                                   f"{math.degrees(self[name].rms):.3g} degrees") + ")" for name in self.ruled_out]
             sentences.append(f"Ruled out: {_listed(out)}.")
         if self.needless:
-            sentences.append(f"With more parameters, but no better: {_listed(self.needless)}.")
+            sentences.append(f"Models with more parameters that fit no better: {_listed(self.needless)}.")
         used = {name for fit in self.fits for name in fit.model.damping}
         for first, names in shapes().items():
             if len(names) > 1 and used & set(names):
@@ -371,7 +378,7 @@ class FitComparison:
         return sentences + self._structure()
 
     def _structure(self) -> list[str]:
-        """Return a sentence saying that even the best model does not fit to within the noise, or none if it does."""
+        """Return a list with a sentence that even the best model does not fit to within the noise, if this is so."""
         best = self.best
         excess = math.sqrt(best.chi2 / best.degrees_of_freedom)
         if excess < EXCESS and abs(best.runs.z) < STRUCTURE:
@@ -382,7 +389,7 @@ class FitComparison:
 
     @property
     def table(self) -> Table:
-        """Table with one row for every model, the best first."""
+        """Table of the compared models, one row each, the best first: residuals, information criterion, verdict."""
         head = ("model", "parameters", "rms [deg]", "largest [deg]", "envelope [deg]", "delta BIC", "runs z", "verdict")
         rows = []
         for one, delta, verdict in zip(self.fits, self.delta_bic, self.verdicts, strict=True):
@@ -398,7 +405,8 @@ Comparison = FitComparison
 
 
 def common_bic(fits: Sequence[Fit]) -> list[float]:
-    """Return the information criteria of several fits to one recording, with one number n' of independent readings.
+    """Return the Bayesian information criteria of several fits to one recording, with one number n' of independent
+    readings.
 
     ``n'`` is that of the fit with the smallest sum of squares. The residuals of the other fits also contain misfit,
     which is correlated and would lower the weight of the evidence against them. Only differences of the criteria have a
@@ -460,10 +468,10 @@ def _called(damping: str) -> str:
 
 
 def _rms(fit: Fit) -> str:
-    """Return the end of a sentence that gives the rms residual of a fit."""
+    """Return the words "with an rms residual of ... degrees" for a fit."""
     return f"with an rms residual of {math.degrees(fit.rms):.3g} degrees"
 
 
 def _listed(words: Sequence[str]) -> str:
-    """Return words joined by commas and a last "and"."""
+    """Return words as a text, joined by commas and a last "and"."""
     return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

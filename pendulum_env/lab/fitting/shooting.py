@@ -1,8 +1,8 @@
 """Least-squares fits of whole trajectories to a recording.
 
-A first fit handles hundreds of cycles by fitting ever longer parts from the start of the recording. A refit starts
-close to the solution. If several models are fitted to one recording, one model's solution gives starting values for
-others.
+A first fit follows hundreds of cycles, because it fits ever longer parts from the start of the recording. A refit,
+which starts close to the solution, fits all readings at once. If several models are fitted to one recording, one
+model's solution gives starting values for others.
 """
 
 from __future__ import annotations
@@ -62,7 +62,8 @@ class FitSolution:
         residual: recording minus model at every time [rad].
         jacobian: derivatives of the model's angles by the parameters, shape ``(times, names)``.
         velocity: velocity of the model at every time [rad/s].
-        followed: time up to which the model follows the swings, see ``ASTRAY``; the last time if it follows all [s].
+        followed: time up to which the model follows the swings: its angles are off by less than half the amplitude
+            (ASTRAY); the last time if it follows all [s].
     """
 
     model: Model
@@ -92,9 +93,9 @@ def solve(
 ) -> FitSolution:
     """Fit a model to readings: minimise ``sum(((angle - model) / sigma)**2)``, starting from the values ``start``.
 
-    First, the fit uses the part of the recording that the starting values follow, at least 4 periods. Then it extends
-    to the readings that the fitted model follows beyond this part, and so on. In this way the phase is never off by
-    half a turn when a longer part is fitted.
+    First, the fit uses the part of the recording that the model with the starting values follows, but at least 4
+    periods. Then it extends to the readings that the fitted model follows beyond this part, and so on. In this way the
+    phase is never off by half a turn when a longer part is fitted.
 
     Args:
         model: the model to fit.
@@ -125,14 +126,19 @@ def solve(
 
 
 def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitSolution:
-    """Return the solution for given parameter values: residual, derivatives, velocity and the time that is followed."""
+    """Return the solution for given parameter values: residual, derivatives, velocity and the time up to which the
+    model follows the swings.
+    """
     angles, velocity = model.motion(values)
     last = max(followed(model, values, angle, sigma, angles[0]) - 1, 0)
     return FitSolution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[last]))
 
 
 def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: Mapping[str, Any]) -> Array:
-    """Return the parameters that minimise the weighted sum of squares within their bounds; ``how``: when to stop."""
+    """Return the parameters that minimise the weighted sum of squares within their bounds.
+
+    ``how`` are keyword arguments of SciPy's ``least_squares`` that say when the search ends.
+    """
     from scipy.optimize import least_squares
 
     latest: dict[bytes, Array] = {}
@@ -155,9 +161,9 @@ def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: 
 
 
 def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Array | None = None) -> int:
-    """Return how many readings, from the first on, a model with given parameter values follows.
+    """Return the number of readings, from the first, to which a model with given parameter values stays close.
 
-    ``shown`` are the model's angles, if they are known already. A single reading that is far off counts as a bad
+    ``shown`` are the model's angles; without them, they are simulated. A single reading that is far off counts as a bad
     reading; two in a row mean that the model has lost the swing.
     """
     theirs = model.angles(values)[0] if shown is None else shown
@@ -179,7 +185,7 @@ def _amplitude(time: Array, angle: Array, period: float) -> Array:
 
 
 def sizes(model: Model, values: Array) -> Array:
-    """Return the scale of every parameter, a change of it that would be large.
+    """Return, for every parameter, a change that would be large, by which the fit scales the parameters.
 
     The scale of a damping parameter is its value, but at least the value at which the damping is just visible.
     """
@@ -228,7 +234,7 @@ def refit(
         angle: readings [rad] at ``model.time``, with equal weights.
         start: starting values of all parameters.
         slopes: derivatives of the angles near ``start``, ``(readings, parameters)``.
-        which: indices of the parameters to fit; all by default. The others stay at ``start``.
+        which: indices of the parameters to fit; all by default. Other parameters stay at ``start``.
         trust: if the total fall of the sum of squares agrees to this share with the first prediction of ``slopes``, the
             model is linear enough to end the search without new derivatives.
     """
@@ -261,7 +267,8 @@ def refit(
 
 
 def _factors(slopes: Array) -> tuple[Array, Array, Array]:
-    """Return the lengths of a matrix's columns, and the QR factors of the matrix with columns scaled to length 1."""
+    """Return the lengths of a matrix's columns, and the factors Q and R of the matrix with columns scaled to length 1.
+    """
     size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
     size = np.where(size > 0.0, size, 1.0)
     q, r = np.linalg.qr(slopes / size)
@@ -269,7 +276,7 @@ def _factors(slopes: Array) -> tuple[Array, Array, Array]:
 
 
 def _residual(model: Model, angle: Array, values: Array) -> Array:
-    """Return readings minus model [rad], with a large constant, BEYOND, after the model's run has stopped early."""
+    """Return readings minus model [rad]; after the time at which the model's run has stopped early, 10 (BEYOND)."""
     return np.asarray(np.nan_to_num(angle - model.angles(values)[0], nan=BEYOND))
 
 
@@ -313,7 +320,7 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
 
 
 def _settled(solution: FitSolution, swing: Recording, weights: Array) -> FitSolution:
-    """Refit a solution and return the better of the two; a solution that has lost the swings is returned unchanged.
+    """Refit a solution and return the better one; a solution that does not follow all swings is returned unchanged.
 
     The refit is needed because the first search, which limits its steps to a box, can stop too early if unnecessary
     damping parameters are at their bounds.
@@ -333,6 +340,6 @@ def _with(start: Array, model: Model, other: FitSolution, names: Sequence[str]) 
 
 
 def _worse(one: FitSolution, other: FitSolution) -> bool:
-    """Return True if the sum of squares of the first solution is clearly larger than that of the second."""
+    """Return True if the first solution's sum of squares exceeds the second's by more than a millionth (WORSE)."""
     squares, theirs = (float(solution.residual @ solution.residual) for solution in (one, other))
     return squares > theirs * (1.0 + WORSE)

@@ -1,4 +1,4 @@
-"""Starting values of a fit: start, zero and length as measured on the recording, and damping from the envelope."""
+"""Starting values of a fit: start, sensor's zero and length as measured on the recording, damping from the envelope."""
 
 from __future__ import annotations
 
@@ -49,7 +49,8 @@ class Measured:
 
     @classmethod
     def of(cls, recording: Recording) -> Measured:
-        """Measure the turning points, the period, the start and the zero of a recorded free swing.
+        """Measure the turning points, the period, the first angle and velocity, and the sensor's zero of a recorded
+        free swing.
 
         Raises RecordingError unless there is one full oscillation with three turning points, and if the bob goes over
         the top.
@@ -64,7 +65,7 @@ class Measured:
         return cls(points, small, *_beginning(swing, small), float(np.median(recording.angle - swing.angle)))
 
     def start(self, model: Model) -> Array:
-        """Return the starting values of a model's parameters, in the order of ``model.names``."""
+        """Return the starting values of a model's parameters for a fit, in the order of ``model.names``."""
         given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: self.zero, SCALE: 1.0}
         place = with_period(model.scene, model.free, self.period)
         known = place.parameters()
@@ -127,7 +128,7 @@ def growth(points: TurningPoints) -> tuple[float, float]:
 
 
 def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
-    """Return the scene with its length or gravity, if one of them is free, adjusted to a small-angle period [s].
+    """Return the scene with the length or the gravity, if it is in ``free``, adjusted to a small-angle period [s].
 
     Raises SceneError if no length gives the period.
     """
@@ -144,9 +145,9 @@ def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
 
 
 def visible(scene: Scene, names: Sequence[str], amplitude: float) -> list[float]:
-    """Return the value of every named damping parameter at which a half swing loses the share SEEN of its amplitude.
+    """Return the value of every named damping parameter at which the damping is just visible.
 
-    The amplitude [rad] is that of the half swing.
+    A half swing of the given amplitude [rad] then loses a thousandth (SEEN) of it.
     """
     values = []
     for name in names:

@@ -22,7 +22,8 @@ class AddedMass(Effect):
     small-angle frequency omega with the added mass included. The period grows by half of the relative growth of the
     inertia.
 
-    Raises SceneError in a medium without density, and with ``boundary_layer`` where no weight makes the bob swing.
+    Raises SceneError in a medium without density, and with ``boundary_layer`` where no weight pulls the bob back, so
+    that no frequency exists.
     """
 
     boundary_layer: bool = flag(False, "with the viscous layer of an oscillating sphere")
@@ -42,7 +43,10 @@ class AddedMass(Effect):
         return {}
 
     def mass(self, scene: Surroundings) -> float:
-        """Return the added mass [kg]; SceneError with ``boundary_layer`` where no weight makes the bob swing."""
+        """Return the mass of the fluid that moves along with the bob [kg].
+
+        Raises SceneError with ``boundary_layer`` where no weight pulls the bob back, so that no frequency exists.
+        """
         half = 0.5 * scene.medium.density * scene.body.volume
         if not self.boundary_layer or half == 0.0:
             return half
@@ -51,7 +55,8 @@ class AddedMass(Effect):
         torque = scene.gravity * scene.weight_moment
         if not torque > 0.0:
             raise SceneError(
-                f"The added mass's boundary layer needs a bob that swings, but its weight's torque is {torque:g} N m."
+                f"Added mass with boundary_layer needs a bob that swings, but the weight's torque is {torque:g} N m; "
+                "use boundary_layer=False."
             )
         layer = half * square * 4.5 * boundary_layer(1.0, scene.medium) / scene.body.radius
         omega = own_frequency(torque, others + half * square, layer)
@@ -82,10 +87,12 @@ class AddedMass(Effect):
 
 
 def own_frequency(torque: float, inertia: float, layer: float) -> float:
-    """Return the small-angle frequency omega [1/s] that solves ``(inertia + layer/sqrt(omega)) omega**2 = torque``.
+    """Return the small-angle frequency omega [1/s] of a pendulum whose inertia includes a viscous boundary layer.
 
-    All arguments are positive. Newton's method for ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the
-    solution without layer; the left side is convex, so x falls in every step.
+    It solves ``(inertia + layer/sqrt(omega)) omega**2 = torque``, where ``torque`` is the weight's torque per angle [N
+    m] and ``layer/sqrt(omega)`` the inertia of the boundary layer. All arguments are positive. Newton's method for
+    ``inertia x**4 + layer x**3 = torque``, x = sqrt(omega), from the solution without layer; the left side is convex,
+    so x falls in every step.
     """
     x, last = sqrt(sqrt(torque / inertia)), math.inf
     while x < last:

@@ -58,13 +58,13 @@ class BearingFriction(Effect):
         return {"bearing_rate": (self.bearing_viscosity or 0.0) / scene.inertia}
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """Return 1/Q = b/(I omega0); inf without gravity."""
+        """Return the inverse quality factor due to the bearing, 1/Q = b/(I omega0); inf without gravity."""
         return (self.bearing_viscosity or 0.0) / scene.inertia / scene.omega0 if scene.omega0 else math.inf
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """Return the damped oscillator's relative changes of period and amplitude.
+        """Return the relative changes of period, and of amplitude per half swing, that the bearing's friction causes.
 
-        ``1/sqrt(1 - x²) - 1`` and ``exp(-pi x/sqrt(1 - x²)) - 1`` with ``x = 1/(2 Q)``.
+        For small swings they are ``1/sqrt(1 - x²) - 1`` and ``exp(-pi x/sqrt(1 - x²)) - 1`` with ``x = 1/(2 Q)``.
         """
         share = 0.5 * self.number(scene, amplitude)
         if not share < 1.0:

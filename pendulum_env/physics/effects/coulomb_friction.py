@@ -13,7 +13,11 @@ from pendulum_env.physics.units import SceneError, si
 
 
 def dry_glide(velocity: float, acceleration: float, limit: float, duration: float) -> tuple[float, float, float]:
-    """Return the exact flow of ``v' = a - limit sign(v)`` with sticking, at constant ``a``: v, integral of v, of |v|.
+    """Return the motion after ``duration`` under dry friction and a constant torque: ``v' = a - limit sign(v)``.
+
+    The result is exact: the final velocity [rad/s], and the integrals of v and of |v| over the duration [rad].
+    ``acceleration`` is a, the sum of all other torques per inertia, and ``limit`` the friction torque per inertia
+    [rad/s²].
     """
     if velocity == 0.0 and abs(acceleration) <= limit:
         return 0.0, 0.0, 0.0
@@ -37,10 +41,10 @@ def dry_glide(velocity: float, acceleration: float, limit: float, duration: floa
 class CoulombFriction(Effect):
     """Dry friction of the bearing: constant torque against the motion, which holds the bob at rest up to that size.
 
-    Per inertia ``tau = friction_torque / I``: ``-tau sign(v)`` in motion; at rest, minus the sum of all other
-    torques as long as that is at most tau. The amplitude falls by 2 tau/omega0² per half swing. The torque jumps at
-    v = 0: methods locate the zero of the velocity there, splitting methods use the exact sub-flow. A step in which a
-    method locates more than 64 zeros ends the run as "diverged".
+    Per inertia ``tau = friction_torque / I``: ``-tau sign(v)`` in motion; at rest, minus the sum of all other torques
+    as long as that is at most tau. The amplitude falls by 2 tau/omega0² per half swing. The torque jumps at v = 0:
+    methods locate the zero of the velocity there, splitting methods solve the friction's part of a step exactly. A step
+    in which a method locates more than 64 zeros ends the run as "diverged".
     """
 
     friction_torque: float | None = si(None, "N m", "size of the friction torque", least=0.0, optional=True)

@@ -75,9 +75,10 @@ def horizontal_drive_wind(
 
 
 class _Shaken(Effect):
-    """Base of the shaken pivots: displacement b cos(Omega t + phase) along ``direction`` (right, up).
+    """Base class of the effects that shake the pivot: displacement ``b cos(Omega t + phase)`` along ``direction``.
 
-    ``along`` is the first word of the names of b, Omega and phase.
+    ``direction`` is the unit vector (right, up). ``along`` is "vertical" or "horizontal", with which the names of the
+    parameters b, Omega and phase begin, as in ``vertical_amplitude``.
     """
 
     kind: ClassVar[Kind] = "drive"
@@ -182,5 +183,5 @@ class HorizontalDrive(_Shaken):
     number_name: ClassVar[str] = "Omega² b/g"
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """Return the pivot's largest acceleration over that of gravity; inf without gravity."""
+        """Return the ratio of the pivot's largest acceleration to that of gravity; inf without gravity."""
         return self.push(scene) / scene.omega0**2 if scene.omega0 else math.inf

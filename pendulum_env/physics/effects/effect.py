@@ -36,7 +36,7 @@ Function = Callable[..., float]
 
 @lru_cache(maxsize=256)
 def _takes_control(function: Callable[..., object]) -> bool:
-    """Return True if a function has an argument ``control``."""
+    """Return True if a function of an effect has an argument ``control``, the action of an agent or controller."""
     return "control" in inspect.signature(function).parameters
 
 
@@ -118,40 +118,41 @@ class Effect(Checked):
 
     @property
     def controlled(self) -> bool:
-        """Return True if the effect acts only through the control."""
+        """Return True if the effect depends on the control, the action of an agent or controller, as a motor does."""
         return any(_takes_control(function) for function in (type(self).torque, type(self).advance) if function)
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
-        """Return the coefficients that the effect's functions take, per moment of inertia.
+        """Return the coefficients that this effect's functions take, by name, per moment of inertia.
 
         Raises SceneError if a coefficient cannot be derived from the scene.
         """
         raise NotImplementedError
 
     def check(self, scene: Surroundings) -> None:
-        """Raise SceneError if the effect contradicts the rest of the scene."""
+        """Raise SceneError if this effect contradicts the rest of the scene."""
 
     def inertia(self, scene: Surroundings) -> float:
-        """Return the effect's contribution to the moment of inertia about the pivot [kg m²]."""
+        """Return this effect's part of the moment of inertia about the pivot [kg m²]."""
         return 0.0
 
     def weight_moment(self, scene: Surroundings) -> float:
-        """Return the effect's contribution to the moment of the weight over g, mass times distance to the pivot [kg m].
-        """
+        """Return this effect's part of the moment of the weight over g, mass times distance to the pivot [kg m]."""
         return 0.0
 
     def mass_moment(self, scene: Surroundings) -> float:
-        """Return the effect's part of the mass times distance to the pivot that a moving pivot accelerates [kg m]."""
+        """Return this effect's part of the mass times distance to the pivot that a moving pivot accelerates [kg m]."""
         return 0.0
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """Return the effect's dimensionless number for a swing of this amplitude [rad]; nan if the effect has none."""
+        """Return the dimensionless number that tells if this effect matters, for an amplitude [rad]; nan without one.
+        """
         return math.nan
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """Return the textbook's relative changes of the period, and of the amplitude per half swing; nan where unknown.
+        """Return the textbook predictions of this effect's relative changes of the period, and of the amplitude per
+        half swing; nan where unknown.
 
-        The period is that of small oscillations, plus the change that the effect's own change of amplitude causes.
+        The change of the period is that of small oscillations, plus the one due to the loss of amplitude.
         """
         return math.nan, math.nan
 
@@ -165,7 +166,8 @@ class Effect(Checked):
         return 0.0, 0.0
 
     def outside(self, scene: Surroundings, speed: float) -> str:
-        """Return why the effect's formula fails at this speed of the bob [m/s], and what is used instead; "" if valid.
+        """Return why this effect's formula is not valid at a speed of the bob [m/s], and that it is used nevertheless;
+        "" where it is valid.
         """
         return ""
 
@@ -178,17 +180,18 @@ class Effect(Checked):
 
     @property
     def models(self) -> str:
-        """Return the thing of which the effect is one of several models, such as "the bob's drag"; "" if there is none.
+        """Return the physical cause for which this effect is one of several alternative models, such as "the bob's
+        drag"; "" if there is no alternative.
         """
         return self.exclusive
 
     @classmethod
     def trial(cls, scene: Surroundings) -> Effect | None:
-        """Return the effect with parameters derived from the scene's geometry and medium; None if that is impossible.
+        """Return this effect with parameters derived from the scene's geometry and medium; None if that is impossible.
         """
         return None
 
     @classmethod
     def summary(cls) -> str:
-        """Return the first line of the effect's docstring."""
+        """Return the first line of this effect's docstring."""
         return (cls.__doc__ or cls.name).strip().splitlines()[0]

@@ -67,9 +67,10 @@ class Gravity(Effect):
         return amplitude * amplitude / 16.0
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """Return the change of the period against small-angle gravity: 2 K(sin(A/2))/pi - 1, and 0 for the amplitude.
+        """Return the relative change of the period against small-angle gravity, ``2 K(sin(A/2))/pi - 1``, and that of
+        the amplitude, 0.
 
-        As a series, A²/16 + 11 A**4/3072 + ...
+        K is the complete elliptic integral and A the amplitude; as a series, A²/16 + 11 A**4/3072 + ...
         """
         return float(period(amplitude, 1.0)) / (2.0 * math.pi) - 1.0, 0.0
 

@@ -59,7 +59,9 @@ class LinearDrag(Effect):
 
     @property
     def models(self) -> str:
-        """Return "the bob's drag" if gamma is derived by a drag law, and "" if it was measured, with all its causes."""
+        """Return "the bob's drag" if gamma is derived from a drag law; "" if gamma is given, as a measured gamma
+        includes all causes of damping.
+        """
         return BOBS_DRAG if self.gamma is None else ""
 
     def check(self, scene: Surroundings) -> None:

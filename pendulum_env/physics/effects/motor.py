@@ -30,7 +30,10 @@ def lagging_store(tilt: float, motor_share: float, motor_rate: float) -> float:
 
 
 def motor_advance(motor_state: float, control: float, span: float, motor_decay: float) -> tuple[float, float]:
-    """Return the solution of ``state' = motor_decay (control - state)`` after ``span``, and its mean over ``span``."""
+    """Return the state of a lagging motor after ``span`` seconds of constant control, and its mean over ``span``.
+
+    The state is the motor's torque as a share of its largest; it solves ``state' = motor_decay (control - state)``.
+    """
     x = motor_decay * span
     remaining = exp(-x)
     near = x < 2.0
@@ -79,9 +82,10 @@ class Motor(Effect):
         return self.coefficients(scene)["motor_rate"] / restoring if restoring else math.inf
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
-        """Return the change of amplitude by a constant full torque, which moves the centre of the swing to u/omega0².
+        """Return the relative changes of period and amplitude due to a constant full torque of the motor.
 
-        The period's change, and with a lag both changes, are nan: unknown.
+        This torque u (per inertia) moves the centre of the swing to u/omega0², which changes the amplitude. The
+        period's change, and with a lag both changes, are unknown: nan.
         """
         if self.lag:
             return math.nan, math.nan

@@ -57,5 +57,5 @@ class PeriodicTorque(Effect):
         }
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        """Return the drive's torque over that of the weight at 90 degrees; inf without gravity."""
+        """Return the ratio of the drive's largest torque to that of the weight at 90 degrees; inf without gravity."""
         return self.drive_torque / scene.inertia / scene.omega0**2 if scene.omega0 else math.inf

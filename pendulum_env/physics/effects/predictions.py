@@ -1,7 +1,7 @@
 """Textbook predictions of the change of period and amplitude by a small loss, shared by effects.
 
-Nelson & Olsson 1986, Am. J. Phys. 54, 112. With amplitude A [rad] and n = OSCILLATIONS, a loss of amplitude dA per half
-swing shortens the mean period of the first n oscillations at full gravity by the fraction ``(n A**2/8) dA/A``.
+Nelson & Olsson 1986, Am. J. Phys. 54, 112. With amplitude A [rad] and n = 3 (OSCILLATIONS), a loss of amplitude dA per
+half swing shortens the mean period of the first n oscillations at full gravity by the fraction ``(n A**2/8) dA/A``.
 """
 
 from __future__ import annotations

@@ -103,7 +103,7 @@ class QuadraticDrag(Effect):
 
     @staticmethod
     def _unknown(scene: Surroundings) -> str:
-        """Return why C_d of the usual run is unknown, or ""."""
+        """Return why the bob's drag coefficient C_d cannot be derived from the scene's usual run, or "" if it can."""
         reynolds = scene.reynolds
         if scene.medium.viscosity == 0.0:
             return f"{scene.medium.name} has no viscosity, so the flow has no Reynolds number"
@@ -143,7 +143,9 @@ class QuadraticDrag(Effect):
 
     @staticmethod
     def _elsewhere(usual: float, reynolds: float) -> str:
-        """Return a warning if C_d of the usual run differs from C_d at this Reynolds number, else ""."""
+        """Return a warning if the bob's C_d at a Reynolds number differs from that at ``usual``, the Reynolds number of
+        the scene's usual run, which the effect uses; else "".
+        """
         used, here = sphere_drag_coefficient(usual), sphere_drag_coefficient(reynolds)
         if used <= ALIKE * here and here <= ALIKE * used:
             return ""

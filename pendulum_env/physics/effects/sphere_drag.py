@@ -15,7 +15,9 @@ from pendulum_env.physics.units import SceneError, choice
 
 
 class _ByLaw:
-    """A descriptor that returns a function of the effect's drag law; on the class, of the default law."""
+    """Class attribute (descriptor) that returns a function, such as the torque, of the drag law that an effect has; on
+    the class, of the default law.
+    """
 
     def __init__(self, role: str) -> None:
         self.role = role
@@ -56,7 +58,7 @@ class SphereDrag(Effect):
 
     @property
     def drag_law(self) -> DragLaw:
-        """Return the drag law, with its range, formula and source."""
+        """Return the drag law that this effect uses, with its range, formula and source."""
         return LAWS[self.law]
 
     @property

@@ -33,7 +33,7 @@ def gust_advance(
 
 
 def _needs_medium(scene: Surroundings, subject: str) -> None:
-    """Raise SceneError if the scene is in a vacuum."""
+    """Raise SceneError if the scene is in a vacuum, where no wind can blow; the message begins with ``subject``."""
     if scene.medium.empty:
         raise SceneError(
             f"{subject} needs a medium to move, such as air; the scene '{scene.name}' is in a vacuum."
@@ -41,7 +41,7 @@ def _needs_medium(scene: Surroundings, subject: str) -> None:
 
 
 class _Moving(Effect):
-    """Base of all motions of the medium."""
+    """Base class of the effects that move the medium: wind and gusts."""
 
     kind: ClassVar[Kind] = "medium"
     needs_medium: ClassVar[bool] = True
@@ -52,7 +52,9 @@ class _Moving(Effect):
 
     @staticmethod
     def _ratio(speed: float, scene: Surroundings, amplitude: float) -> float:
-        """Return the wind's speed over the bob's speed at the bottom; inf for a bob that does not move."""
+        """Return the wind's speed divided by the bob's speed at the bottom, for a swing of this amplitude [rad]; inf
+        for a bob that does not move.
+        """
         fastest = bottom_speed(scene, amplitude)
         return abs(speed) / fastest if fastest else math.inf
 

@@ -86,7 +86,7 @@ class WireDrag(Effect):
 
     @staticmethod
     def reynolds(scene: Surroundings, speed: float) -> float:
-        """Return the Reynolds number of the wire where it moves at ``speed`` [m/s]."""
+        """Return the Reynolds number of the wire's cross-section where the wire moves at ``speed`` [m/s]."""
         return scene.medium.density * abs(speed) * scene.body.diameter / scene.medium.viscosity
 
     def number(self, scene: Surroundings, amplitude: float) -> float:

@@ -1,4 +1,4 @@
-"""Argument checks and helpers that the closed forms share."""
+"""Argument checks and helpers shared by the closed forms of the pendulum's motion."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def number(name: str, value: float, allowed: str = "finite") -> float:
 
 
 def count(name: str, value: int) -> int:
-    """Return an argument of a closed form as a whole number from 0 to MOST; SceneError otherwise."""
+    """Return an argument of a closed form as a whole number from 0 to 10 million (MOST); SceneError otherwise."""
     return whole_number(value, name, MOST, least=0)
 
 
@@ -53,7 +53,7 @@ def array(name: str, value: float | FloatArray) -> FloatArray:
 
 
 def in_floats(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a closed form so that it raises SceneError where a result overflows or is undefined."""
+    """Decorate a closed form, a function, to raise SceneError where its result overflows or is undefined."""
 
     @wraps(function)
     def called(*arguments: P.args, **keywords: P.kwargs) -> R:
@@ -78,12 +78,15 @@ def shaped(array: Any) -> Any:
 
 
 def rise(rate: float, time: FloatArray) -> FloatArray:
-    """Return (1 - exp(-rate time)) / rate, and its limit `time` at rate = 0."""
+    """Return (1 - exp(-rate time)) / rate, the integral of exp(-rate t) from 0 to ``time``.
+
+    At rate = 0 this is ``time``.
+    """
     return -np.expm1(-rate * time) / rate if rate else time
 
 
 def motion(angles: FloatArray, velocities: FloatArray) -> tuple[Any, Any]:
-    """Return angles and velocities, as scalars where they are 0-d; SceneError if a value is not finite."""
+    """Return a closed form's angles and velocities, as scalars where 0-d; SceneError if a value is not finite."""
     if not (np.isfinite(angles).all() and np.isfinite(velocities).all()):
         raise SceneError("the motion at this time is not a finite number; use a shorter time")
     return shaped(angles), shaped(velocities)

@@ -12,14 +12,17 @@ from pendulum_env.physics.units import SceneError
 
 
 def _released(angle: float) -> tuple[float, float]:
-    """Return the size and the sign of a release angle; SceneError for more than half a turn from the bottom."""
+    """Return the size of a release angle and its sign, 1.0 or -1.0; SceneError for more than half a turn."""
     if abs(number("angle", angle)) > math.pi:
         raise SceneError(f"angle must lie between -pi and pi, not {angle}")
     return abs(angle), math.copysign(1.0, angle)
 
 
 def _coulomb_excess(d: float, size: float, tau: float) -> float:
-    """Return the function of d that vanishes where a half swing with dry friction ends."""
+    """Return sin(d) sin(p)/p - tau with p = size - d, which is 0 where a half swing with dry friction ends.
+
+    The half swing goes from the angle ``size`` to ``2 d - size``; tau is the friction torque over ``m g L``.
+    """
     mean = size - d
     return math.sin(d) * (math.sin(mean) / mean if mean else 1.0) - tau
 
@@ -63,13 +66,20 @@ def coulomb_turning_points_linear(angle: float, friction_ratio: float, n: int) -
 
 
 def _drag_part(t: float, c: float) -> float:
-    """Return one end's part of the integral of sin(x) exp(2 c x), which gives a turning point under quadratic drag."""
+    """Return ``exp(2 c t) (2 c sin(t) - cos(t)) + cos(t)``, a part of the turning angles under quadratic drag c.
+
+    Without the last term it is 1 + 4 c² times an antiderivative of sin(t) exp(2 c t).
+    """
     x = 2.0 * c * t
     return 2.0 * c * math.exp(x) * math.sin(t) - math.expm1(x) * math.cos(t)
 
 
 def _drag_excess(t: float, size: float, c: float, lost: float) -> float:
-    """Return (1 + 4 c²) times the integral of sin(x) exp(2 c x) from -size to t; `lost` = _drag_part(size, -c)."""
+    """Return (1 + 4 c²) times the integral of sin(x) exp(2 c x) from -size to t, which is 0 at the turning point t.
+
+    The pendulum with quadratic drag c is released at rest at -size. ``lost`` is ``_drag_part(size, -c)``, the part of
+    the lower end of the integral.
+    """
     return _drag_part(t, c) - lost - 2.0 * math.sin((size + t) / 2.0) * math.sin((size - t) / 2.0)
 
 

@@ -13,10 +13,12 @@ from pendulum_env.physics.exact.spring_step import damped_spring_flow, spring_fl
 
 @dataclass(frozen=True)
 class ExactFlow:
-    """A closed form of a step, as a plain function of the arguments of :mod:`pendulum_env.physics.effects.effect`.
+    """A closed form of a step: a plain function whose arguments have the names explained in
+    :mod:`pendulum_env.physics.effects.effect`.
 
     Attributes:
-        function: returns the angle (or tilt) and the velocity after ``duration``, then a heat for each of ``heats``.
+        function: returns the angle (or tilt) and the velocity after ``duration``, then the heat of each effect named in
+            ``heats``.
         heats: names of the dissipative effects.
     """
 
@@ -33,5 +35,5 @@ FLOWS: Mapping[frozenset[str], ExactFlow] = MappingProxyType({
 
 
 def flow_of(effects: Iterable[Any]) -> ExactFlow | None:
-    """Return the closed form of the motion of a scene with these effects; None if none is known."""
+    """Return the closed form of a step of a scene that has these effects; None if none is known."""
     return FLOWS.get(frozenset(effect.name for effect in effects if effect.kind != "inertia"))

@@ -14,10 +14,11 @@ _EULER_EXPONENT = {"forward_euler": 1, "backward_euler": -1}
 
 
 class _Oscillator(NamedTuple):
-    """Coefficients of the flow of the damped oscillator x'' + 2 d x' + w² x = 0.
+    """Coefficients of the exact motion of the damped oscillator x'' + 2 d x' + w² x = 0 over a time t.
 
-    `factor` times `plus` = C + d S, `minus` = C - d S and `rise` = S, with C = cosh(s t), S = sinh(s t)/s, s² = d² -
-    w².
+    From x and v at time 0 follow x(t) = factor (plus x + rise v) and v(t) = factor (minus v - w² rise x). `factor`
+    times `plus` is C + d S, times `minus` C - d S, and times `rise` S, all multiplied by exp(-d t), with C = cosh(s t),
+    S = sinh(s t)/s, s² = d² - w².
     """
 
     factor: FloatArray
@@ -27,7 +28,8 @@ class _Oscillator(NamedTuple):
 
 
 def oscillator_flow(time: FloatArray, w: float, d: float) -> _Oscillator:
-    """Return the damped oscillator's flow over `time`, at natural frequency w and half damping d, in any regime."""
+    """Return the coefficients of the damped oscillator's motion over `time`, for natural frequency w and damping 2 d.
+    """
     square = (w - d) * (w + d)
     with np.errstate(over="ignore", under="ignore"):
         if square > 0.0:

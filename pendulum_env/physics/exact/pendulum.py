@@ -17,7 +17,11 @@ _PI = decimal.Decimal(
 
 
 class _Orbit(NamedTuple):
-    """An orbit of the undamped pendulum: direction (theta/2 - pi turns) has the phase `rate * time + phase`."""
+    """An orbit of the undamped pendulum, as the arguments of the elliptic functions that give its angle.
+
+    The angle theta follows from direction (theta/2 - pi turns) = atan2(k sn, dn) below the separatrix and = atan2(sn,
+    cn) in rotation, at the phase ``rate * time + phase``, with the given modulus.
+    """
 
     turns: int
     direction: float
@@ -40,7 +44,7 @@ def _sin_cos(x: decimal.Decimal) -> tuple[decimal.Decimal, decimal.Decimal]:
 
 
 def _orbit(angle: float, velocity: float, omega0: float) -> _Orbit:
-    """Return the orbit through a state.
+    """Return the orbit of the undamped pendulum through a given angle and velocity.
 
     With s, c = sin, cos of theta/2 and u = theta'/(2 omega0), k² = s² + u². 1 - k² = c² - u² cancels near
     the separatrix, so these few numbers are computed in 80 digits and rounded once. The time from the

@@ -17,14 +17,19 @@ from pendulum_env.physics.elementary import cos, power, sin
 
 
 def _descend(prime: float, square: float) -> tuple[float, float, float, float, float]:
-    """Return Gauss's transformation of k' and k**2: the next k' and k**2, the next k, one minus it, and (1 + k')/2."""
+    """Return one step of Gauss's transformation of an elliptic modulus k, with k' = sqrt(1 - k**2): the next k' and
+    k**2, the next k, one minus it, and (1 + k')/2.
+    """
     above = 1.0 + prime
     modulus = square / (above * above)
     return 2.0 * power(prime, 0.5) / above, modulus * modulus, modulus, 2.0 * prime / above, 0.5 * above
 
 
 def _ascend(modulus: float, rest: float, sn: float, cn: float, dn: float) -> tuple[float, float, float]:
-    """Return sn, cn, dn for the larger modulus that Gauss's transformation took to ``modulus`` = 1 - rest.
+    """Return the elliptic functions sn, cn, dn for a modulus from those for the smaller ``modulus`` that one step of
+    Gauss's transformation has given.
+
+    ``rest`` is 1 - modulus.
 
     sn**2 + cn**2 = 1 is restored, because the rounding error would double in each step. All terms of dn are positive,
     so that dn and cn have small relative errors even where they are small.
@@ -36,9 +41,11 @@ def _ascend(modulus: float, rest: float, sn: float, cn: float, dn: float) -> tup
 
 
 def _elliptic(phase: float, prime: float, square: float, rotates: bool) -> tuple[float, float, float, float]:
-    """Return sn, cn, dn of ``phase`` for modulus**2 = square and complementary modulus ``prime`` from 1e-140 to 1.
+    """Return the elliptic functions sn, cn, dn of ``phase``, for modulus**2 = square and complementary modulus
+    ``prime`` from 1e-140 to 1.
 
-    If ``rotates``, half periods 2K are subtracted first; the fourth result is their number, else 0.
+    If ``rotates`` (the pendulum goes over the top), half periods 2K are first subtracted from the phase, and the fourth
+    result is their number; else the fourth result is 0.
     """
     p1, s1, k1, r1, g1 = _descend(prime, square)
     p2, s2, k2, r2, g2 = _descend(p1, s1)
@@ -75,11 +82,11 @@ def _elliptic(phase: float, prime: float, square: float, rotates: bool) -> tuple
 def pendulum_flow(
     tilt: float, side: float, velocity: float, duration: float, gravity_rate: float
 ) -> tuple[float, float]:
-    """Return tilt and velocity of the undamped pendulum after ``duration`` of either sign.
+    """Return the tilt and velocity of the undamped pendulum after ``duration``, which may be negative.
 
-    The returned tilt is measured from the same bottom or top, with whole turns. abs(tilt) must be at most pi/2, so that
-    what remains after whole half periods does not lead beyond the next bottom or top. ``gravity_rate = omega0**2``;
-    values below 1e-200 count as 1e-200.
+    ``tilt`` is the angle from the bottom (``side`` = 1) or from the top (``side`` = -1); the returned tilt is measured
+    from the same point, with whole turns. abs(tilt) must be at most pi/2, so that what remains after whole half periods
+    does not lead beyond the next bottom or top. ``gravity_rate = omega0**2``; values below 1e-200 count as 1e-200.
     """
     omega0 = power(gravity_rate if gravity_rate > 1e-200 else 1e-200, 0.5)
     small, large = sin(0.5 * tilt), cos(0.5 * tilt)

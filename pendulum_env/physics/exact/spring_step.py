@@ -15,19 +15,23 @@ from pendulum_env.physics.elementary import cos, exp, power, sin
 
 
 def _cosine_like(z: float) -> float:
-    """Return ``cosh(sqrt z)`` for -1 <= z <= 1, which is ``cos(sqrt(-z))``."""
+    """Return ``cosh(sqrt z)`` for -1 <= z <= 1, by its series; for negative z it is ``cos(sqrt(-z))``."""
     return 1.0 + z / 2.0 * (1.0 + z / 12.0 * (1.0 + z / 30.0 * (1.0 + z / 56.0 * (1.0 + z / 90.0 * (
         1.0 + z / 132.0 * (1.0 + z / 182.0 * (1.0 + z / 240.0 * (1.0 + z / 306.0))))))))
 
 
 def _sine_like(z: float) -> float:
-    """Return ``sinh(sqrt z)/sqrt z`` for -1 <= z <= 1, which is ``sin(sqrt(-z))/sqrt(-z)``."""
+    """Return ``sinh(sqrt z)/sqrt z`` for -1 <= z <= 1, by its series; for negative z it is ``sin(sqrt(-z))/sqrt(-z)``.
+    """
     return 1.0 + z / 6.0 * (1.0 + z / 20.0 * (1.0 + z / 42.0 * (1.0 + z / 72.0 * (1.0 + z / 110.0 * (
         1.0 + z / 156.0 * (1.0 + z / 210.0 * (1.0 + z / 272.0 * (1.0 + z / 342.0))))))))
 
 
 def _swing(z: float) -> tuple[float, float]:
-    """Return C = cosh(sqrt z) and S = sinh(sqrt z)/sqrt z for z <= 1."""
+    """Return C = cosh(sqrt z) and S = sinh(sqrt z)/sqrt z for z <= 1, which describe one step of an oscillator.
+
+    For negative z they are ``cos(sqrt(-z))`` and ``sin(sqrt(-z))/sqrt(-z)``.
+    """
     near = max(-1.0, min(1.0, z))
     far = z < -1.0
     angle = power(-z if far else 1.0, 0.5)
@@ -35,7 +39,7 @@ def _swing(z: float) -> tuple[float, float]:
 
 
 def _mean_fall(x: float) -> float:
-    """Return ``(1 - exp(-2 x))/(2 x)`` for x >= 0, without cancellation at 0."""
+    """Return ``(1 - exp(-2 x))/(2 x)``, the mean of exp(-2 x t) for t from 0 to 1, without cancellation near x = 0."""
     near = x if x < 1.0 else 1.0
     far = x if x > 1.0 else 1.0
     return exp(-near) * _sine_like(near * near) if x < 1.0 else (1.0 - exp(-2.0 * far)) / (2.0 * far)
@@ -51,8 +55,8 @@ def spring_flow(angle: float, velocity: float, duration: float, spring_rate: flo
 def _by_parts(x: float, y: float, z: float, slow: float) -> tuple[float, float, float]:
     """Return the means over a step of f, f s and f s**2 with ``f = exp(-x t)``, ``s = sinh(r t)/r``, ``r**2 = z``.
 
-    t runs from 0 to 1; x = gamma h, y = (omega0 h)**2 and z = x**2/4 - y. Valid where x or y is not small, and the two
-    decay rates are close.
+    They give the heat of the damped small-angle pendulum. t runs from 0 to 1; x = gamma h, y = (omega0 h)**2 and z =
+    x**2/4 - y. Valid where x or y is not small, and the two decay rates are close.
     """
     over = z > 1.0
     r = power(z if over else 1.0, 0.5)
@@ -72,10 +76,10 @@ def _by_parts(x: float, y: float, z: float, slow: float) -> tuple[float, float, 
 
 
 def _mean_square(p: float, a: float, x: float, y: float) -> float:
-    """Return the mean of ``w**2`` over a step with ``w'' + x w' + y w = 0``, by its series for small x and y.
+    """Return the mean of ``w**2`` over a step of length 1 with ``w'' + x w' + y w = 0``, by a series.
 
-    w and w' start as p and a. The products ``w**2``, ``w w'`` and ``w'**2`` obey linear equations of their own, which
-    give the series.
+    For small x and y it gives the heat of the damped small-angle pendulum. At the start, w is p and w' is a. The
+    products ``w**2``, ``w w'`` and ``w'**2`` obey linear equations of their own, which give the series.
     """
     one, two, three = p * p, p * a, a * a
     total = one
