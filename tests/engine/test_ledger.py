@@ -169,7 +169,7 @@ def test_strong_quadratic_drag_costs_rk4_an_order() -> None:
 
 
 def test_a_motion_can_be_wrong_without_a_residual() -> None:
-    """The implicit midpoint rule keeps a spring's energy to rounding, and turns by 2 atan(z/2) per step instead of z."""
+    """The implicit midpoint rule keeps a spring's energy to rounding, and turns by 2 atan(z/2) a step, not by z."""
     z, steps = 0.1, 200
     scene = SCENES["textbook"]
     run = rollout(scene, integrator="implicit_midpoint", angle=0.3, velocity=0.0, dt=z / scene.omega0,

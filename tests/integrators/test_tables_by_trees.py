@@ -1,9 +1,9 @@
 """Order conditions of Verner's and Fine's tables, and of their dense output, in 60 digits, with trees made here.
 
-A tree is a root with subtrees. Its elementary weight is ``Phi_i = prod_s W_i(s)``, where a subtree s under an argument
-v gives ``sum_j a_ij Phi_j(s)``. Under an argument q of a Nyström table, it gives ``sum_j A_ij Phi_j(s)``, and the initial
-velocity gives ``c_i``. Weights b are of order p if ``sum_i b_i Phi_i(t) = 1/gamma(t)`` for all trees up to order p
-(Butcher 1963; Hairer, Norsett & Wanner 1993, II.2 and II.14).
+A tree is a root with subtrees. Its elementary weight is ``Phi_i = prod_s W_i(s)``. A subtree s under an argument v
+gives ``W_i = sum_j a_ij Phi_j(s)``; under an argument q of a Nyström table it gives ``sum_j A_ij Phi_j(s)``, and the
+initial velocity gives ``c_i``. Weights b are of order p if ``sum_i b_i Phi_i(t) = 1/gamma(t)`` for all trees up to
+order p (Butcher 1963; Hairer, Norsett & Wanner 1993, II.2 and II.14).
 """
 
 from __future__ import annotations
