@@ -13,7 +13,7 @@ class MethodError(ValueError):
 
 
 def shown(value: Any) -> str:
-    """Format a value for an error message: on one line, shortened to :data:`LONGEST` characters."""
+    """Return a value as text for an error message: on one line, cut off after :data:`LONGEST` characters."""
     try:
         text = " ".join(repr(value).split())
     except ValueError:  # Python refuses to print integers of more than some thousand digits

@@ -9,9 +9,10 @@ A step is a plain function; :func:`integrators.steps.unroll.unroll` returns its 
     begin(t, q, v, h, *extra)          ->  memory (one value or several), for methods that have a memory
 
 ``memory`` are the values that one step passes to the next, named by ``Method.memory_with(quadratures)``: the force at
-the end of the step (first same as last), or a history of earlier forces. ``begin`` computes it anew when the problem
-changes, and in ``solve`` when the length of the step changes. ``extra`` are run-time arguments for the problem's
-functions; ``increments`` are the changes of the quadratures along the step.
+the end of the step (first same as last), or a history of earlier forces. *Quadratures* are integrals that are carried
+along the step, such as work and heat. ``begin`` computes it anew when the problem changes, and in ``solve`` when the
+length of the step changes. ``extra`` are run-time arguments for the problem's functions; ``increments`` are the changes
+of the quadratures along the step.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def exact(*values: int | str | Fraction) -> tuple[Fraction, ...]:
 
 
 def simple(x: Fraction) -> Fraction:
-    """Return the fraction with a small denominator that equals x up to :data:`ROUNDED`, or x if there is none."""
+    """Return the fraction with a small denominator that differs from x by at most :data:`ROUNDED`, else x."""
     near = x.limit_denominator(10**6)
     return near if abs(near - x) < ROUNDED else x
 
@@ -87,22 +88,25 @@ class Method:
         return ()
 
     def memory_with(self, quadratures: Sequence[str]) -> tuple[str, ...]:
-        """Return the names of the memory's values when these quadratures are integrated along with the motion.
+        """Return the names of the values that a step passes to the next one, with these quadratures.
 
-        A method may store the rates of the quadratures, too.
+        Quadratures are integrals along the motion, such as work; a method may also store their rates.
         """
         return self.memory
 
     @property
     def beginning(self) -> int:
-        """Number of force evaluations that ``begin`` needs for the memory; without Newton iterations if implicit."""
+        """Number of force evaluations that ``begin`` needs before the first step, for instance for a history.
+
+        Repeated evaluations in Newton's iteration of implicit methods are not counted.
+        """
         return len(self.memory)
 
     @property
     def needs(self) -> frozenset[str]:
         """Properties that the method needs of a problem, as keys of :data:`NEEDS`.
 
-        By default an acceleration, and for methods with a memory no stops by dry friction.
+        By default an acceleration, and for methods that pass on forces from earlier steps no stops by dry friction.
         """
         return frozenset({"acceleration", *(("smooth",) if self.memory else ())})
 
@@ -113,7 +117,10 @@ class Method:
 
     @property
     def evaluations(self) -> int:
-        """Number of force evaluations per step, or per Newton iteration if implicit; first same as last counts once."""
+        """Number of force evaluations per step, or per Newton iteration if the method is implicit.
+
+        A force that the next step uses again (first same as last) counts once.
+        """
         raise NotImplementedError
 
     @property
@@ -122,20 +129,21 @@ class Method:
         return f"{self.name}: {self.source}"
 
     def write_step(self, notation: Notation) -> str:
-        """Return the Python source of ``step``, of the functions it needs, and of ``begin`` for methods with a memory.
+        """Return the Python source of ``step``, of the functions that it calls, and of ``begin``.
 
-        Raises MethodError for a class that does not define its step.
+        ``begin`` is left out for methods that pass no values from one step to the next. Raises MethodError for a class
+        that does not define its step.
         """
         raise MethodError(f"Methods of the class {type(self).__name__} do not define write_step, the source of a step.")
 
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
         """Return the names of the problem's functions that the step's source calls.
 
-        By default these are the acceleration, the rates of quadratures, and the functions for ``needs``. Names that the
-        source does not call do no harm. See :mod:`integrators.steps.unroll`.
+        By default these are the acceleration, the rates of quadratures, and the functions for ``needs``. The tuple may
+        contain names that the source does not call. See :mod:`integrators.steps.unroll`.
 
         Args:
-            quadratures: True if quadratures are integrated along with the motion.
+            quadratures: True if quadratures (integrals such as work) are computed along with the motion.
             adaptive: True for steps with error estimates.
         """
         plain = ("acceleration",) if self.implicit or not quadratures else ()
@@ -153,7 +161,7 @@ class Method:
 
     @property
     def counted(self) -> tuple[str, ...]:
-        """Names of functions of a System, other than force functions, whose calls count as evaluations."""
+        """Names of functions of a System, in addition to force functions, whose calls count as evaluations."""
         return ()
 
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
@@ -168,7 +176,7 @@ class Method:
         return {}
 
     def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]] | None:
-        """Return an implicit step function for arrays with coupled components; None: use the generated source.
+        """Return a step function for arrays q with coupled components; None: use the generated source.
 
         Args:
             system: the problem.
@@ -245,7 +253,10 @@ class Method:
 
     @property
     def one_step(self) -> bool:
-        """True for a one-step method: the result depends only on the state at the start; a memory saves evaluations."""
+        """True for a one-step method: the result depends only on the state at the start of the step.
+
+        If such a method has a memory, it only saves evaluations.
+        """
         return True
 
     @property
@@ -263,16 +274,19 @@ class Method:
 
     @property
     def counters(self) -> Mapping[str, int]:
-        """Names of step counters in the memory -> the count from which the starting method is no longer used."""
+        """Names of step counters that a step passes to the next one -> the count at which the first steps end.
+
+        From that count on, the starting method is no longer used.
+        """
         return {}
 
     def settled_memory(
         self, t: Any, q: Any, v: Any, h: Any, acceleration: Acceleration, history: History
     ) -> tuple[Any, ...] | None:
-        """Return the memory that an exact history before (t, q, v) gives; None: use the memory of ``begin``.
+        """Return the memory (values passed to the next step) that an exact history before (t, q, v) gives.
 
-        With this memory, the next step of length h is one of the method itself, not of its starting method.
-        ``history(count)`` returns the exact (q, v) at t, t - h, ..., t - count h.
+        With this memory, the next step of length h is one of the method itself, not of its starting method. None: use
+        the memory of ``begin``. ``history(count)`` returns the exact (q, v) at t, t - h, ..., t - count h.
         """
         return None
 
@@ -302,33 +316,33 @@ class Method:
 
     @property
     def characteristic_of_drag(self) -> tuple[Polynomial, ...]:
-        """Characteristic polynomials on pure drag, ``v' = w v/h``, in powers of w."""
+        """Characteristic polynomials of a multistep method on pure drag, ``v' = w v/h``, in powers of w."""
         return self.characteristic
 
     power: ClassVar[int] = 1
     """Power of w in the equation of ``characteristic``: 1 for methods for ``y' = f``, 2 for ``q'' = f``."""
 
     def oscillator_matrix(self, terms: int) -> tuple[Polynomial, ...] | None:
-        """Return the exact matrix of one step on ``q'' = -q``, as power series in h with this number of ``terms``.
+        """Return the exact matrix of one step on ``q'' = -q``, as power series in h with ``terms`` coefficients.
 
-        The entries are q1 of q, q1 of v, v1 of q, v1 of v. None: :mod:`integrators.analysis` computes the matrix by a
-        step on power series.
+        The entries are q1 of q, q1 of v, v1 of q, v1 of v, for a step from (q, v) to (q1, v1). None:
+        :mod:`integrators.analysis` computes the matrix by a step on power series.
         """
         return None
 
     @property
     def oscillation_limit(self) -> float | None:
-        """Largest ``omega0 h`` of bounded oscillations, if theory gives it; None: it is computed from the step."""
+        """Largest ``omega0 h`` of bounded oscillations, if it is known from theory; None: computed from the step."""
         return math.inf if self.exact else None
 
     @property
     def drag_limit(self) -> float | None:
-        """Largest ``gamma h`` without growth under drag, if theory gives it; None: it is computed from the step."""
+        """Largest ``gamma h`` without growth under drag, if it is known from theory; None: computed from the step."""
         return math.inf if self.exact else None
 
     @property
     def furthest_back(self) -> float:
-        """Earliest time that the drag flows within a step reach, as a fraction of the step; 0 or negative."""
+        """Earliest time that drag flows within a splitting step reach, as a fraction of the step; 0 or negative."""
         return 0.0
 
     @property
@@ -338,7 +352,7 @@ class Method:
 
     @property
     def rounding(self) -> Fraction:
-        """Coefficients of a step below this size count as zero, because the table is rounded."""
+        """Size below which a coefficient of a step counts as zero, because the method's table is rounded."""
         return Fraction(1, 10**24)
 
 

@@ -21,18 +21,21 @@ class OldPath(Loader):
         self.spec: ModuleSpec | None = None
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Import the module from its new path and warn the caller; both paths then name the same module object."""
+        """Import a moved module from its new path and warn the caller of the old path.
+
+        Both paths then name one module object.
+        """
         warnings.warn(f"{spec.name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         module = import_module(self.new)
         self.spec = module.__spec__
         return module
 
     def exec_module(self, module: ModuleType) -> None:
-        """Restore the loaded module's ``__spec__``, which the import system has just replaced."""
+        """Restore the ``__spec__`` of a moved module, which the import system replaced by that of the old path."""
         module.__spec__ = self.spec
 
     def get_code(self, name: str) -> CodeType | None:
-        """Return the code of the module, which ``python -m`` with the old path runs."""
+        """Return the code of a moved module, which ``python -m`` with the old path runs."""
         warnings.warn(f"{name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         spec = find_spec(self.new)
         loader: Any = spec.loader if spec else None
@@ -51,13 +54,13 @@ class OldPaths(MetaPathFinder):
 
     def find_spec(self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None,
                   ) -> ModuleSpec | None:
-        """Return the import spec for an old path, or None; the import system passes ``path`` and ``target``."""
+        """Return the import spec for an old module path, or None; the import system passes ``path`` and ``target``."""
         new = self.moved.get(name)
         return None if new is None else ModuleSpec(name, OldPath(new))
 
 
 def keep_old_paths(moved: Mapping[str, str]) -> None:
-    """Make every old module path (key) import the module at its new path (value)."""
+    """Make every old module path (a key of the mapping) import the module at its new path (the value)."""
     sys.meta_path.insert(0, OldPaths(moved))
 
 
@@ -94,7 +97,7 @@ FAMILIES = {
 
 
 def names_of_before(module: str) -> Callable[[str], Any]:
-    """Return a module ``__getattr__`` that imports names moved to other modules, with a DeprecationWarning."""
+    """Return a module's ``__getattr__``, which imports moved names from their new modules and warns the caller."""
 
     def moved_name(name: str) -> Any:
         new = FAMILIES[module].get(name)

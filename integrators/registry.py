@@ -67,7 +67,7 @@ def named(method: str | Method) -> Method:
 
 
 def fitting(system: System) -> dict[str, Method]:
-    """Return all methods whose needs a system meets, by name; raises MethodError if ``system`` is not a System."""
+    """Return all methods whose needs a system meets, as a mapping by name; MethodError if it is not a System."""
     if not isinstance(system, System):
         raise MethodError(f"system must be an integrators.System, not {shown(system)}.")
     offered = system.offers()

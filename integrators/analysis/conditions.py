@@ -11,7 +11,7 @@ from integrators.registry import named
 
 
 def order_residuals(method: str | Method, order: int | None = None) -> tuple[float, ...]:
-    """Return the largest residual of the conditions of each order, from 1 up to ``order``.
+    """Return the largest residual of a method's order conditions, for every order from 1 up to ``order``.
 
     A method has order p if the first p residuals vanish up to the rounding of its table. The conditions belong to
     rooted trees for a Butcher tableau, to Nyström trees for a Nyström tableau, to words or trees for a composition of
@@ -27,7 +27,8 @@ def order_residuals(method: str | Method, order: int | None = None) -> tuple[flo
     chosen = named(method)
     coefficients = (chosen.tableau, chosen.nystrom_tableau, chosen.sub_flows, chosen.characteristic)
     if not any(coefficients):
-        raise MethodError(f"{chosen.name} states no coefficients with order conditions; observed_order measures it.")
+        raise MethodError(
+            f"{chosen.name} states no coefficients that have order conditions; measure its order with observed_order.")
     highest = chosen.order + 1 if order is None else order
     if chosen.sub_flows:
         return tuple(max(violations(chosen, size)) for size in range(1, highest + 1))

@@ -37,9 +37,11 @@ POLISHINGS = 3
 
 
 def single_step(method: Method, system: System, like: Any = 0.0) -> Step:
-    """Return a function ``(q, v) = step(t, q, v, h)`` for any method, which computes the method's memory anew per call.
+    """Return a function ``(q, v) = step(t, q, v, h)`` that takes one step of any method from (q, v) alone.
 
-    For a multistep method, a one-step method first computes the history by steps backwards in time from (q, v).
+    For a multistep method every call first computes the history, by steps of a one-step method backwards in time from
+    (q, v). For a method that passes a force from one step to the next, every call computes the force anew.
+
     ``like`` is a value of the number type to be used, as for :func:`integrators.solve.stepper`.
     """
     step, begin = stepper(method, system, like)
@@ -69,8 +71,8 @@ def amplification(method: str | Method, omega0_h: float, gamma_h: float = 0.0) -
 
     The matrix acts on ``(theta, velocity/omega0)``, or on ``(theta, velocity h)`` if ``omega0_h`` is zero. It is
     computed in double precision by one step from each of the two unit vectors; splitting methods get the drag as its
-    exact flow. For a multistep method the matrix is larger: the values of the memory follow angle and velocity, in
-    units of the step.
+    exact flow. For a multistep method the matrix is larger: angle and velocity are followed by the values that a step
+    passes to the next one (earlier velocities and accelerations), in units of the step.
 
     Args:
         method: name or Method.
@@ -183,19 +185,22 @@ def oscillator(square: Any, gamma: Any, flow: Callable[[Any, Any, Any, Any], Any
 
 
 def _terms(method: Method) -> int:
-    """Return a number of power series terms that holds an explicit step and its square and shows the leading error."""
+    """Return the number of power series terms that suffice to compute a method's oscillator matrix.
+
+    That many terms hold every coefficient of an explicit step and of its square, and the leading error.
+    """
     return 4 * max(method.evaluations, 6 if method.exact else method.order) + 16
 
 
 def _padded(polynomial: Polynomial, terms: int) -> PowerSeries:
-    """Return a polynomial as a power series of this many terms."""
+    """Return a polynomial as a power series, padded with zeros to ``terms`` coefficients."""
     return PowerSeries((*polynomial, *[Fraction(0)] * (terms - len(polynomial))))
 
 
 def step_matrix(method: Method) -> tuple[PowerSeries, PowerSeries, PowerSeries, PowerSeries, PowerSeries]:
-    """Return the four numerators of a step's oscillator matrix, row by row, and their common denominator, in z.
+    """Return the matrix of one step on the harmonic oscillator: four numerators row by row, and their denominator.
 
-    They are polynomials in ``z = omega0 h``. Raises MethodError for a multistep method, which has no such matrix.
+    All five are polynomials in ``z = omega0 h``. Raises MethodError for a multistep method, which has no such matrix.
     """
     if not method.one_step:
         raise MethodError(f"{method.name} uses a history of steps: its step is not a matrix of polynomials on (q, v).")
@@ -210,9 +215,10 @@ def step_matrix(method: Method) -> tuple[PowerSeries, PowerSeries, PowerSeries, 
 
 
 def _whole_matrix(method: Method) -> tuple[int, tuple[PowerSeries, PowerSeries, PowerSeries, PowerSeries]]:
-    """Return an integer n and the oscillator matrix of an explicit step as power series in ``z/n``, row by row.
+    """Return an integer n and an explicit method's step matrix on the oscillator, as power series in ``z/n``.
 
-    Their coefficients are whole numbers, which keeps exact arithmetic fast.
+    The four entries of the matrix are listed row by row, with ``z = omega0 h``. The integer n makes all their
+    coefficients whole numbers, which keeps exact arithmetic fast.
     """
     terms = _terms(method)
     stated = method.oscillator_matrix(terms)
@@ -227,7 +233,7 @@ def _whole_matrix(method: Method) -> tuple[int, tuple[PowerSeries, PowerSeries, 
 
 
 def common_denominator(method: Method) -> int:
-    """Return the least common denominator of all coefficients in the source of a method's step."""
+    """Return the least common denominator of all coefficients in a method's step."""
     fractions: list[Fraction] = []
 
     def noted(value: Fraction) -> str:
@@ -239,12 +245,12 @@ def common_denominator(method: Method) -> int:
 
 
 def _shrunk(series: PowerSeries, whole: int) -> PowerSeries:
-    """Convert a power series in ``z/whole`` to one in z."""
+    """Convert a power series in ``z/whole``, for an integer ``whole``, to a power series in z."""
     return PowerSeries(tuple(x / whole**k for k, x in enumerate(series.c)))
 
 
 def _at_imaginary(polynomial: PowerSeries) -> tuple[PowerSeries, PowerSeries]:
-    """Return the real and the imaginary part of a polynomial at ``w = i z``, as power series in z."""
+    """Return the real and the imaginary part of a polynomial at the imaginary number ``i z``, as power series in z."""
     signed = [x * (-1) ** (k // 2) for k, x in enumerate(polynomial.c)]
     even = PowerSeries(tuple(x * (1 - k % 2) for k, x in enumerate(signed)))
     return even, PowerSeries(tuple(signed)) - even
@@ -254,7 +260,7 @@ def _at_imaginary(polynomial: PowerSeries) -> tuple[PowerSeries, PowerSeries]:
 
 
 def _significant(polynomial: Polynomial, least: Fraction) -> Polynomial:
-    """Replace a polynomial's lowest coefficients, up to the first one above ``least``, by zeros; they are rounding."""
+    """Set a polynomial's lowest coefficients, which are rounding, to zero up to the first one above ``least``."""
     first = next((k for k, x in enumerate(polynomial) if abs(x) > least), len(polynomial))
     return [Fraction(0)] * first + list(polynomial[first:])
 
@@ -285,7 +291,7 @@ def _in_whole_numbers(polynomial: Polynomial) -> Polynomial:
 
 
 def _value(polynomial: Polynomial, place: Fraction) -> Fraction:
-    """Return the exact value of a polynomial with whole coefficients at a fraction, summed in whole numbers."""
+    """Return the exact value of a polynomial with integer coefficients at a fraction."""
     total, power = 0, 1
     for c in reversed(polynomial):
         total = total * place.numerator + c.numerator * power
@@ -294,7 +300,7 @@ def _value(polynomial: Polynomial, place: Fraction) -> Fraction:
 
 
 def _polished(polynomial: Polynomial, near: Fraction, times: int) -> list[Fraction]:
-    """Refine the root near a number by Newton's method on value over slope.
+    """Refine the real root of a polynomial near a given number by Newton's method on value over slope.
 
     Returns two roots where they lie so close together that floating point does not separate them.
     """

@@ -1,4 +1,4 @@
-"""Leading error term of a method by Taylor expansion, computed from its coefficients."""
+"""Leading error terms of methods on the harmonic oscillator, by Taylor expansion of their exact coefficients."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class LeadingError:
 
 
 def leading_error(method: str | Method) -> LeadingError:
-    """Return the leading errors of a method on the oscillator: of one step, and of amplitude and frequency in the end.
+    """Return a method's leading errors on the oscillator: of one step, and of amplitude and frequency in long runs.
 
     With the step's matrix M(z), the local error is ``M - [[cos z, sin z], [-sin z, cos z]]``. M's eigenvalues
     ``r exp(+-i phi)`` give the growth per time ``omega0 log(r)/z`` and the frequency ``omega0 phi/z``
@@ -123,7 +123,8 @@ def _leading(name: str, least: Fraction, *matrix: PowerSeries) -> LeadingError:
 def _derivative_term(error: PowerSeries, sign: int, least: Fraction) -> Term | None:
     """Convert the first term of an error series in ``z = omega0 h`` to a term in derivatives of the motion.
 
-    Two derivatives bring a factor ``-omega0**2``; odd terms are also multiplied by ``sign``.
+    Two derivatives bring a factor ``-omega0**2``. ``sign`` is -1 for the error that the angle causes in the velocity,
+    since the angle is minus the derivative of the velocity, and +1 for all other entries of the step's matrix.
     """
     first = error.leading(least)
     if first is None:
@@ -133,30 +134,30 @@ def _derivative_term(error: PowerSeries, sign: int, least: Fraction) -> Term | N
 
 
 def _lowest(*terms: Term | None) -> Term | None:
-    """Return the term of the lowest power; None if there is no term."""
+    """Return the error term with the lowest power of h; None if all terms are None."""
     return min((term for term in terms if term is not None), key=lambda term: term.power, default=None)
 
 
 def _term(series: PowerSeries, least: Fraction) -> Term | None:
-    """Return the first term of a power series with a coefficient above ``least``; None if there is none."""
+    """Return the first term of an error series whose coefficient exceeds ``least``; None if there is none."""
     first = series.leading(least)
     return None if first is None else Term(*first)
 
 
 def _power(base: str, power: int, braces: str = "") -> str:
-    """Write a power as text; any ``braces`` put the exponent into braces, for LaTeX."""
+    """Return a power of ``base`` as text, such as ``h^2``; with ``braces`` as LaTeX, such as ``h^{2}``."""
     if power == 1:
         return base
     return f"{base}^{{{power}}}" if braces else f"{base}^{power}"
 
 
 def _decimal(size: Fraction) -> bool:
-    """Return True if a coefficient is too long to be shown as a fraction."""
+    """Return True if a fraction's numerator or denominator exceeds a million: it is then shown as a decimal."""
     return size.denominator > 10**6 or size.numerator > 10**6
 
 
 def _plain(coefficient: Fraction, body: str) -> str:
-    """Write a coefficient times a text with an explicit sign, such as ``+3 h^2/4``."""
+    """Return a coefficient times a text as plain text with an explicit sign, such as ``+3 h^2/4``."""
     sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
     if _decimal(size):
         return f"{sign}{float(size):.4g} {body}"
@@ -165,7 +166,7 @@ def _plain(coefficient: Fraction, body: str) -> str:
 
 
 def _fraction(coefficient: Fraction) -> str:
-    """Write a coefficient in LaTeX with an explicit sign."""
+    """Return a coefficient in LaTeX with an explicit sign."""
     sign, size = "-" if coefficient < 0 else "+", abs(coefficient)
     if _decimal(size):
         return f"{sign}{float(size):.4g}"

@@ -101,7 +101,10 @@ def observed_order(method: str | Method, *, damped: str | None = None, digits: i
 
 
 def _errors(method: str | Method, damped: str | None, digits: int, span: float) -> list[tuple[float, float]]:
-    """Return logarithms of step and error after the time ``span``, for all errors well above round-off."""
+    """Return points (log step, log error) of a method on the test problem after the time ``span``.
+
+    Errors near round-off are left out.
+    """
     mpmath = mpmath_module()
     parasitic = named(method).parasitic
     counts = (250, 1000, 4000) if parasitic else (32, 48, 72, 108)
@@ -123,10 +126,8 @@ def _errors(method: str | Method, damped: str | None, digits: int, span: float) 
 def reference(damped: str | None = None, digits: int = 40, span: float = SPAN) -> tuple[Any, Any]:
     """Return the state (q, v) of :func:`driven_pendulum` after the time ``span``, by Taylor series.
 
-    The series have the order ``digits + 8``.
-
-    Their coefficients obey the recurrences of Jorba & Zou 2005 (Experimental Mathematics 14, 99); the velocity
-    must stay positive. Raises MethodError for an unknown kind of damping.
+    The series have the order ``digits + 8``. Their coefficients obey the recurrences of Jorba & Zou 2005 (Experimental
+    Mathematics 14, 99); the velocity must stay positive. Raises MethodError for an unknown kind of damping.
     """
     mpmath = mpmath_module()
     gamma, c = _damping(damped)
@@ -228,7 +229,10 @@ def area_order(method: str | Method, *, digits: int = 40) -> float:
 
 
 def _area_changes(method: Method, most: int, digits: int) -> list[tuple[float, float]]:
-    """Return logarithms of step and area change for the steps 4/most, 2/most and 1/most, without mere round-off."""
+    """Return points (log step, log area change) of a method, for three steps: 4/most, 2/most and 1/most.
+
+    Changes that are round-off are left out.
+    """
     mpmath = mpmath_module()
     _, q, v = START
     points = []
@@ -240,26 +244,26 @@ def _area_changes(method: Method, most: int, digits: int) -> list[tuple[float, f
 
 
 def _digits(method: str | Method, beside: int) -> int:
-    """Return the number of decimal digits in which errors of a method's order are well above round-off."""
+    """Return the decimal digits of arithmetic in which the errors of a method of its order exceed round-off."""
     order = named(method).order
     return max(40, 4 * order + beside) if 10 < order < math.inf else 40
 
 
 def _slope(points: list[tuple[float, float]]) -> float:
-    """Return the mean slope between neighbouring points, weighted towards the shortest steps."""
+    """Return the mean slope of a line through points (log h, log error), weighted towards the shortest steps."""
     slopes = _slopes(points)
     return sum((k + 1) * slope for k, slope in enumerate(slopes)) / sum(range(1, len(slopes) + 1))
 
 
 def _slopes(points: list[tuple[float, float]]) -> list[float]:
-    """Return the slope between each two neighbouring points."""
+    """Return the slopes (orders) between neighbouring points (log h, log error)."""
     return [(y - z) / (x - w) for (x, y), (w, z) in pairwise(points)]
 
 
 def _damping(damped: str | None) -> tuple[float, float]:
     """Return the linear and the quadratic damping rate of a named kind of damping; MethodError if it is unknown."""
     if damped not in DAMPING:
-        raise MethodError(f"There is no damping {damped!r}; there are {', '.join(map(repr, DAMPING))}.")
+        raise MethodError(f"There is no damping {damped!r}; choose from {', '.join(map(repr, DAMPING))}.")
     return DAMPING[damped]
 
 

@@ -32,9 +32,10 @@ SWEEPS = 7
 
 
 def memory_matrix(method: Method, system: System) -> NDArray[np.float64]:
-    """Return the matrix of one step of ``h = 1`` on a linear problem; it acts on q, v and the memory.
+    """Return the matrix of one multistep step of ``h = 1`` on a linear problem.
 
-    Step counters in the memory have no row.
+    It acts on q, v and the method's memory, the values that one step passes to the next. Step counters in the memory
+    have no row.
     """
     step, _ = stepper(method, system)
     fixed = method.counters
@@ -83,7 +84,10 @@ def exponent(method: Method, terms: int) -> PowerSeries:
 
 
 def growth_and_detuning(method: Method) -> tuple[PowerSeries, PowerSeries]:
-    """Return growth rate of the amplitude over omega0, and relative frequency error, as series in ``omega0 h``."""
+    """Return growth and frequency error of a multistep method on the oscillator, as series in ``z = omega0 h``.
+
+    These are the growth rate of the amplitude divided by omega0, and the relative error of the frequency.
+    """
     at_imaginary = [x * (-1) ** (k // 2) for k, x in enumerate(exponent(method, method.order + 7).c)]
     even = PowerSeries(tuple(x * (1 - k % 2) for k, x in enumerate(at_imaginary)))
     return even.over_z(), (PowerSeries(tuple(at_imaginary)) - even).over_z() - 1
@@ -132,7 +136,8 @@ def error_constant(method: str | Method) -> Fraction:
 def local_errors(method: Method, terms: int) -> tuple[PowerSeries, ...]:
     """Return the error matrix of one multistep step on the oscillator, row by row, as power series in ``z = omega0 h``.
 
-    The step starts from an exact history; the matrix times (q, v) at its start is its error in (q, v).
+    The step starts from an exact history. The matrix times the state (q, v) at its start is the error in (q, v) at its
+    end.
     """
     namespace: dict[str, Any] = {
         "acceleration": lambda t, q, v: -q, "NAN": math.nan,
@@ -176,12 +181,12 @@ def local_errors(method: Method, terms: int) -> tuple[PowerSeries, ...]:
 
 
 def _several(memory: Any) -> tuple[Any, ...]:
-    """Return a memory of one value or several as a tuple."""
+    """Return a method's memory (values passed from one step to the next) as a tuple, also if it is a single value."""
     return memory if isinstance(memory, tuple) else (memory,)
 
 
 def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
-    """Return the largest modulus of the roots x of ``sum_m w**m polynomials[m](x)``."""
+    """Return the largest modulus of the complex roots x of ``sum_m w**m polynomials[m](x)``."""
     count = max(map(len, polynomials))
     total = np.zeros(count, dtype=complex)
     for m, row in enumerate(polynomials):
@@ -190,9 +195,10 @@ def largest_root(polynomials: Sequence[Polynomial], w: complex) -> float:
 
 
 def first_growth(radius: Callable[[float], float]) -> float:
-    """Return the least positive argument at which a modulus exceeds 1; inf if there is none below :data:`FARTHEST`.
+    """Return the least positive ``x`` at which ``radius(x)``, the largest root of a method, exceeds 1.
 
-    The limit is extrapolated from the arguments at which the modulus exceeds 1 by 1e-8 and by 4e-8.
+    The result is inf if there is none below :data:`FARTHEST`. It is extrapolated from the arguments at which the radius
+    exceeds 1 by 1e-8 and by 4e-8.
     """
     low = 0.01
     while not radius(high := 1.01 * low) > 1.0 + 1e-8:
@@ -289,7 +295,7 @@ def principal_root(method: Method, z: float) -> Complex:
 
 
 def _newton(rows: Sequence[Sequence[float]], power: int, w: complex, x: complex) -> complex:
-    """Refine a root x of the characteristic equation by Newton's method in double precision."""
+    """Refine a complex root x of a multistep method's characteristic equation by Newton's method in doubles."""
     for _ in range(8):
         value = slope = 0.0 + 0.0j
         for m, row in enumerate(rows):

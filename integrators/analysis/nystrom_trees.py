@@ -35,7 +35,7 @@ class NystromCondition:
     """One order condition of a Nyström method, with the exact amount by which the method misses it.
 
     Attributes:
-        of: the result that the condition is about: "q", "v", or "sum" for a quadrature.
+        of: the result that the condition is about: "q", "v", or "sum" for a quadrature (an integral such as work).
         tree: the Nyström tree.
         order: the power of h in that result.
         defect: left side minus right side, exact.
@@ -49,16 +49,17 @@ class NystromCondition:
 
 @lru_cache(maxsize=64)
 def nystrom_trees(order: int, special: bool = False) -> tuple[Tree, ...]:
-    """Return all Nyström trees of an order; ``special`` leaves out the trees for velocity-dependent forces.
+    """Return all Nyström trees of an order.
 
-    There are 1, 2, 6, 18, 60, 204, ... trees, and 1, 1, 2, 3, 6, 10, 20, 36, 72, 137, ... special ones.
+    With ``special``, trees are left out that occur only for velocity-dependent forces. There are 1, 2, 6, 18, 60, 204,
+    ... trees, and 1, 1, 2, 3, 6, 10, 20, 36, 72, 137, ... special ones.
     """
     return () if order < 1 else tuple(_forests(order - 1, order - 1, special, 0))
 
 
 @lru_cache(maxsize=64)
 def _children(order: int, special: bool) -> tuple[Child, ...]:
-    """Return all branches of this order in h that can hang from a vertex of a Nyström tree."""
+    """Return all branches of order ``order`` in h that can hang from a vertex of a Nyström tree."""
     alone: tuple[Child, ...] = (("q", None),) if order == 1 else ()
     through = tuple(("q", tree) for tree in nystrom_trees(order - 1, special))
     return (*alone, *through, *(() if special else (("v", tree) for tree in nystrom_trees(order, special))))
@@ -86,7 +87,7 @@ def order_of(tree: Tree) -> int:
 
 
 def _order_of_child(child: Child) -> int:
-    """Return the order of one branch of a Nyström tree."""
+    """Return the order in h of one branch of a Nyström tree."""
     kind, sub = child
     return (kind == "q") + (order_of(sub) if sub is not None else 0)
 
@@ -100,7 +101,10 @@ def density(tree: Tree) -> int:
 
 
 def quadrature_trees(order: int) -> Iterable[Tree]:
-    """Yield the trees of this order of a quadrature whose rate is linear in v, for velocity-free forces."""
+    """Yield the Nyström trees of order conditions on an integral of a rate that is linear in v, such as work.
+
+    The trees have the given order and no further velocity-dependent force.
+    """
     for size in range(1, order):
         for tree in nystrom_trees(size, True):
             for others in _forests(order - 1 - size, order - 1 - size, True, 0):
@@ -112,8 +116,8 @@ def nystrom_conditions(
 ) -> tuple[NystromCondition, ...]:
     """Return the order conditions of a Nyström method for all trees up to an order, in exact arithmetic.
 
-    They are conditions on q and v and, for methods for velocity-free forces, on quadratures whose rates are linear in
-    v. For other methods, quadratures have the conditions of v.
+    They are conditions on q and v and, for methods for velocity-free forces, on quadratures (integrals along a step,
+    such as work) whose rates are linear in v. For other methods, quadratures have the conditions of v.
 
     Args:
         method: name or Method.
@@ -143,7 +147,7 @@ def nystrom_conditions(
 
 
 class _Values:
-    """Elementary weights ``Phi`` of a Nyström method, in whole numbers, which are faster than fractions."""
+    """Elementary weights ``Phi`` of a Nyström method, scaled to whole numbers, which are faster than fractions."""
 
     def __init__(self, c: Row, a: Sequence[Row], av: Sequence[Row], weights: Sequence[Row | None]) -> None:
         rows = [*a, *av, c, *(row for row in weights if row is not None)]
@@ -154,15 +158,18 @@ class _Values:
         self.known: dict[Child, list[int]] = {("q", None): self.c}
 
     def whole(self, row: Sequence[Fraction]) -> list[int]:
-        """Return coefficients times the common denominator of the method."""
+        """Return coefficients of a Nyström table times the common denominator of the table, as integers."""
         return [int(x * self.scale) for x in row]
 
     def factors(self, tree: Tree) -> int:
-        """Return the number of coefficients in each product of ``Phi`` of a tree."""
+        """Return the number of table coefficients in each product of ``Phi(tree)``.
+
+        ``Phi`` in whole numbers is larger than ``Phi`` by the common denominator to this power.
+        """
         return sum(1 + (self.factors(sub) if sub is not None else 0) for _, sub in tree)
 
     def below(self, child: Child) -> list[int]:
-        """Return a branch's factor in ``Phi`` at each stage, scaled to whole numbers."""
+        """Return the factor that one branch contributes to ``Phi`` of a tree at each stage, as a whole number."""
         if child not in self.known:
             inner = self.phi(child[1])
             self.known[child] = [
@@ -171,14 +178,15 @@ class _Values:
         return self.known[child]
 
     def phi(self, tree: Tree) -> list[int]:
-        """Return ``Phi`` of a tree at each stage, times ``scale`` to the power of :meth:`factors`."""
+        """Return the elementary weight ``Phi`` of a tree at each stage, times ``scale**factors(tree)``."""
         children = [self.below(child) for child in tree]
         return [prod(child[i] for child in children) for i in range(len(self.c))]
 
     def defect(self, which: int, tree: Tree, share: int) -> Fraction:
-        """Return the residual of a tree's order condition: weights times ``Phi`` minus the exact value.
+        """Return the residual of a tree's order condition: weights times ``Phi``, minus its exact value.
 
-        ``which`` is 0 for the weights of q and 1 for those of v.
+        ``which`` selects the weights: 0 for those of q, 1 for those of v. The exact value is ``1/(share
+        density(tree))``.
         """
         line = self.weights[which] or []
         total = sum(x * y for x, y in zip(line, self.phi(tree), strict=True) if x)

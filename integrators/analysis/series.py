@@ -1,4 +1,4 @@
-"""Truncated power series with exact rational coefficients, on which a step can be taken as on numbers.
+"""Truncated power series with exact rational coefficients, which steps of methods can use like numbers.
 
 A step on a linear problem with ``h`` replaced by the series ``z`` yields the step's matrix as series in z.
 """
@@ -24,16 +24,16 @@ class PowerSeries:
 
     @classmethod
     def of(cls, value: Rational, terms: int) -> PowerSeries:
-        """Return the constant series ``value`` with ``terms`` terms."""
+        """Return the power series ``[value, 0, 0, ...]`` of a constant, with ``terms`` coefficients."""
         return cls((Fraction(value), *[Fraction(0)] * (terms - 1)))
 
     @classmethod
     def variable(cls, terms: int) -> PowerSeries:
-        """Return the series ``z`` with ``terms >= 2`` terms."""
+        """Return the power series ``[0, 1, 0, ...]`` of the variable z, with ``terms >= 2`` coefficients."""
         return cls((Fraction(0), Fraction(1), *[Fraction(0)] * (terms - 2)))
 
     def _lift(self, other: PowerSeries | Rational) -> PowerSeries:
-        """Convert a number to a constant series as long as this one; return a series unchanged."""
+        """Convert a number to a constant power series with as many terms as this one; return a series unchanged."""
         return other if isinstance(other, PowerSeries) else PowerSeries.of(other, len(self.c))
 
     def __add__(self, other: PowerSeries | Rational) -> PowerSeries:
@@ -65,7 +65,7 @@ class PowerSeries:
     __rmul__ = __mul__
 
     def __truediv__(self, other: PowerSeries | Rational) -> PowerSeries:
-        """Return the quotient; raises ZeroDivisionError if the divisor's constant term is zero."""
+        """Return the quotient of power series; raises ZeroDivisionError if the divisor's constant term is zero."""
         if not isinstance(other, PowerSeries):
             return PowerSeries(tuple(x / other if x else x for x in self.c))
         divisor, c = other.c, [Fraction(0)] * len(self.c)
@@ -74,7 +74,10 @@ class PowerSeries:
         return PowerSeries(tuple(c))
 
     def sqrt(self) -> PowerSeries:
-        """Return the square root with constant term 1; raises ValueError unless this series' constant term is 1."""
+        """Return the square root of a power series whose constant term is 1.
+
+        Raises ValueError for another constant term.
+        """
         if self.c[0] != 1:
             raise ValueError(f"The square root of a power series needs the constant term 1, not {self.c[0]}.")
         c = [Fraction(1)] + [Fraction(0)] * (len(self.c) - 1)
@@ -83,25 +86,31 @@ class PowerSeries:
         return PowerSeries(tuple(c))
 
     def derivative(self) -> PowerSeries:
-        """Return the derivative by z; its last coefficient, which truncation makes unknown, is set to zero."""
+        """Return the derivative of a power series by z.
+
+        Its last coefficient, which truncation makes unknown, is set to zero.
+        """
         return PowerSeries((*(k * x for k, x in enumerate(self.c) if k), Fraction(0)))
 
     def integral(self) -> PowerSeries:
-        """Return the antiderivative that vanishes at z = 0."""
+        """Return the antiderivative of a power series that vanishes at z = 0."""
         return PowerSeries((Fraction(0), *(x / (k + 1) for k, x in enumerate(self.c[:-1]))))
 
     def over_z(self, power: int = 1) -> PowerSeries:
-        """Return ``self / z**power``, ``power`` terms shorter; raises ValueError if a lower term is not zero."""
+        """Return a power series divided by ``z**power``; it is ``power`` terms shorter.
+
+        Raises ValueError if a term below ``z**power`` is not zero.
+        """
         if any(self.c[:power]):
             raise ValueError(f"The power series has terms below z**{power}, so it cannot be divided by z**{power}.")
         return PowerSeries(self.c[power:])
 
     def head(self, terms: int) -> PowerSeries:
-        """Return the series of the first ``terms`` terms."""
+        """Return the power series truncated to its first ``terms`` terms."""
         return PowerSeries(self.c[:terms])
 
     def leading(self, least: Fraction = ROUNDING) -> tuple[Fraction, int] | None:
-        """Return coefficient and power of the first term whose coefficient exceeds ``least`` in size, or None."""
+        """Return coefficient and power of the first term larger than ``least`` in size; None if there is none."""
         return next(((x, k) for k, x in enumerate(self.c) if abs(x) > least), None)
 
 

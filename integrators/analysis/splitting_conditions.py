@@ -63,7 +63,10 @@ def violations(method: Method, order: int, *, damped: bool = False) -> list[floa
 
 
 def word_gaps(flows: Flows, letters: Sequence[str], length: int) -> list[Decimal]:
-    """Return the coefficients of all words of one length in a product of flows, minus ``1/length!``."""
+    """Return the coefficients of all words of one length in a composition of flows, minus the exact ``1/length!``.
+
+    A word is a sequence of letters, one letter for each kind of flow (kick, drift, drag).
+    """
     sums = [np.full((len(letters),) * n, Decimal(0), dtype=object) for n in range(length + 1)]
     sums[0][()] = Decimal(1)
     for kind, x in flows:
@@ -79,11 +82,11 @@ def word_gaps(flows: Flows, letters: Sequence[str], length: int) -> list[Decimal
 
 
 def tree_gaps(flows: Flows, order: int) -> list[Decimal]:
-    """Return the errors of a splitting's coefficients of all trees of one order.
+    """Return the differences between a splitting's and the exact coefficients of all trees of one order.
 
-    They are the coefficients of these trees in the velocity, and of the trees one order smaller in the angle, minus the
-    exact ones. A kick adds the product of a tree's factors to its coefficient in the velocity; a drift adds the
-    coefficients of the velocity to those of the angle.
+    The coefficients belong to the Taylor series of the velocity, and of the angle for trees one order smaller. A kick
+    adds the product of a tree's branches to its coefficient in the velocity; a drift adds the coefficients of the
+    velocity to those of the angle.
     """
     all_trees = [tree for n in range(1, order + 1) for tree in trees(n)]
     angle = dict.fromkeys([VELOCITY, *all_trees], Decimal(0))
@@ -103,7 +106,10 @@ def tree_gaps(flows: Flows, order: int) -> list[Decimal]:
 
 @lru_cache(maxsize=32)
 def trees(order: int) -> tuple[Tree, ...]:
-    """Return all trees of one order; there are 1, 1, 2, 3, 6, 10, 20, ... of the orders 1, 2, 3, ..."""
+    """Return all trees of one order for velocity-free forces, in which every vertex is a force that depends on angles.
+
+    There are 1, 1, 2, 3, 6, 10, 20, ... of the orders 1, 2, 3, ...
+    """
     children = [VELOCITY, *(tree for n in range(1, order - 1) for tree in trees(n))]
 
     def fillings(room: int, start: int) -> Iterator[Tree]:
@@ -117,12 +123,12 @@ def trees(order: int) -> tuple[Tree, ...]:
 
 
 def weight(tree: Tree) -> int:
-    """Return the power of the time with which a tree enters the angle."""
+    """Return the power of the time with which a tree's term enters the angle in the Taylor series of the motion."""
     return 1 if tree == VELOCITY else 2 + sum(weight(child) for child in tree)
 
 
 def density(tree: Tree) -> int:
-    """Return the inverse of a tree's coefficient in the exact velocity, where its power of the time is weight - 1."""
+    """Return 1/c for the coefficient c of a tree's term ``c t**(weight - 1)`` in the exact velocity's Taylor series."""
     if tree == VELOCITY:
         return 1
     return (weight(tree) - 1) * prod(density(child) * weight(child) for child in tree)

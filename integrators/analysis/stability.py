@@ -154,7 +154,7 @@ def overdamping_limit(method: str | Method, omega0_h: float) -> float:
 
 
 def _radii_of_step(method: Method, z: FloatArray, g: FloatArray) -> FloatArray:
-    """Return the largest eigenvalue moduli of a step's oscillator matrix, for arrays of omega0 h and gamma h."""
+    """Return the largest eigenvalue moduli of a step on the damped oscillator, for arrays of omega0 h and gamma h."""
     flow: Callable[..., Any] | None = (lambda t, q, v, h: v * np.exp(-g * h)) if np.any(g) else None
     step = single_step(method, oscillator(z * z, g, flow), z)
     one, zero = np.ones_like(z), np.zeros_like(z)
@@ -181,14 +181,15 @@ def _sides(method: Method) -> tuple[list[float], list[float]]:
 
 
 def _decimals(polynomial: PowerSeries) -> list[Decimal]:
-    """Return the coefficients of a power series as decimals."""
+    """Return the coefficients of a power series as decimal numbers in the current decimal context."""
     return [Decimal(x.numerator) / x.denominator for x in polynomial.c]
 
 
 def _errors(matrix: Polynomials, true: Polynomials, z: Decimal) -> tuple[float, float]:
-    """Return amplitude error ``r - 1`` and phase error ``phi - z`` at ``z = omega0 h`` from a step's matrix.
+    """Return amplitude error ``r - 1`` and phase error ``phi - z`` of one step on the oscillator at ``z = omega0 h``.
 
-    ``matrix`` holds its four numerators and their denominator, ``true`` the series of cosine and sine.
+    ``matrix`` holds the four numerators of the step's matrix and their denominator, ``true`` the power series of ``cos
+    z`` and ``sin z``.
     """
     *numerators, scale = (horner(polynomial, z) for polynomial in matrix)
     a, b, c, d = (entry / scale for entry in numerators)
@@ -200,7 +201,10 @@ def _errors(matrix: Polynomials, true: Polynomials, z: Decimal) -> tuple[float, 
 
 
 def _errors_of_root(root: tuple[Decimal, Decimal], true: Polynomials, z: Decimal) -> tuple[float, float]:
-    """Return amplitude and phase error of an eigenvalue against ``exp(i z)``."""
+    """Return amplitude error and phase error of a step's eigenvalue against the exact ``exp(i z)``.
+
+    ``root`` is the eigenvalue as real and imaginary part, ``true`` the power series of ``cos z`` and ``sin z``.
+    """
     x, y = root
     cos, sin = (horner(polynomial, z) for polynomial in true)
     growth = (x * x + y * y).sqrt() - 1

@@ -104,15 +104,18 @@ def elementary_weights(
 ) -> Iterable[tuple[Tree, int, list[int]]]:
     """Yield each rooted tree t of at most ``order`` vertices with its elementary weights at the stages.
 
-    The items are the tree, its number n of vertices, and ``Phi_i(t) scale**(n - 1)`` for the stages i. ``scale`` is a
-    common denominator of the table ``a``; the rows of ``a`` may end at the diagonal.
+    One item consists of the tree, its number n of vertices, and the list of ``Phi_i(t) scale**(n - 1)`` for the stages
+    i. ``scale`` is a common denominator of the Butcher table ``a``; zeros above the diagonal of ``a`` may be left out.
     """
     table = [[int(x * scale) for x in row] for row in a]
     stages = range(len(a))
     slopes: dict[Tree, list[int]] = {}
 
     def below(tree: Tree) -> list[int]:
-        """Return ``A Phi(t)`` times ``scale**vertices``, in whole numbers, which are faster than fractions."""
+        """Return ``A Phi(t)`` for a tree t, times ``scale**vertices``: integers, which are faster than fractions.
+
+        ``A`` is the Butcher table and ``Phi(t)`` the elementary weights of t.
+        """
         if tree not in slopes:
             inner = weight(tree)
             slopes[tree] = [sum(x * y for x, y in zip(row, inner, strict=False) if x) for row in table]
@@ -184,7 +187,7 @@ def dense_conditions(method: str | Method, order: int | None = None) -> tuple[Co
 
 
 def _elevated(row: Sequence[Fraction], degree: int) -> tuple[Fraction, ...]:
-    """Raise the degree of a polynomial in Bernstein form (Farin 2002, section 6.1)."""
+    """Return the Bernstein coefficients of a polynomial when its degree is written one higher (Farin 2002, 6.1)."""
     while len(row) < degree:
         n, points = len(row) + 1, (Fraction(0), *row, Fraction(0))
         row = [Fraction(j, n) * points[j - 1] + Fraction(n - j, n) * points[j] for j in range(1, n + 1)]

@@ -1,1 +1,1 @@
-"""Families of integration methods: classes that know the properties of their methods and write their steps."""
+"""Families of integration methods: one class per family states a method's properties and writes its step."""

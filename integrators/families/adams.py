@@ -1,4 +1,4 @@
-"""Adams methods: Adams-Bashforth formulas, which extrapolate slopes, and a predictor-corrector pair."""
+"""Adams methods: Adams-Bashforth formulas, which extrapolate earlier accelerations, and a predictor-corrector pair."""
 
 from __future__ import annotations
 
@@ -81,13 +81,13 @@ class Adams(Started):
 
 
 def _adams(order: int, *b: str) -> Adams:
-    """Return the Adams-Bashforth method of this order, from its weights."""
+    """Return the Adams-Bashforth method of this order; ``b`` are its weights, that of the newest slope first."""
     return Adams(
         name=f"ab{order}",
         aliases=(f"adams_bashforth{order}",),
         order=order,
         source=f"Bashforth & Adams 1883, Theories of Capillary Action; {HNW}, III.1",
-        summary=f"slopes of {order} steps extrapolated over the next: one force a step",
+        summary=f"extrapolates the accelerations of the last {order} steps: one force evaluation per step",
         b=exact(*b),
         starter=starter_of(order),
     )
@@ -104,7 +104,7 @@ ADAMS = (
         aliases=("adams_bashforth_moulton4",),
         order=4,
         source=f"Moulton 1926, New Methods in Exterior Ballistics; {HNW}, III.1 (PECE)",
-        summary="ab4 corrected by the implicit Adams method of four slopes: two forces a step",
+        summary="ab4 corrected by the implicit Adams method of four slopes: two force evaluations per step",
         b=exact("55/24", "-59/24", "37/24", "-3/8"),
         corrector=exact("3/8", "19/24", "-5/24", "1/24"),
         starter=RK4,

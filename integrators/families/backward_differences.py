@@ -21,10 +21,10 @@ RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
 class BackwardDifference(Started):
     """A backward differentiation formula: ``sum_j alpha_j y_(n+1-j) = h f_(n+1)``, solved for the new acceleration.
 
-    The history holds the increments of q and v over earlier steps, called gains. The starter takes the first steps,
-    forwards in time, since a damped motion grows without bound backwards; the memory counts these steps. Work and heat
-    are integrated by the formula too; with steps too long for the motion, heat may decrease, although it should not.
-    Raises MethodError if the formula is not consistent.
+    The history holds the increments of q and v over earlier steps, called gains. A one-step method, the starter, takes
+    the first steps, forwards in time, since a damped motion grows without bound backwards; a counter of these steps is
+    passed from step to step. Work and heat are integrated by the formula too; with steps too long for the motion, heat
+    may decrease, although it should not. Raises MethodError if the formula is not consistent.
 
     Attributes:
         alpha: the coefficients, that of the new state first.
@@ -36,7 +36,7 @@ class BackwardDifference(Started):
 
     def __post_init__(self) -> None:
         if sum(self.alpha) or sum(-j * x for j, x in enumerate(self.alpha)) != 1:
-            raise MethodError(f"{self.name}: sum_j alpha_j must be 0 and sum_j -j alpha_j 1.")
+            raise MethodError(f"{self.name}: sum_j alpha_j must be 0 and sum_j -j alpha_j must be 1.")
 
     @property
     def memory(self) -> tuple[str, ...]:
@@ -56,7 +56,10 @@ class BackwardDifference(Started):
 
     @property
     def beginning(self) -> int:
-        """The force evaluations of the starter beyond those of the method's own steps, without Newton's sweeps."""
+        """The additional force evaluations of a BDF method's first steps, which its starter (a one-step method) takes.
+
+        Repeated evaluations in Newton's iteration are not counted.
+        """
         return self.past * (self.starter.evaluations - 1)
 
     @property
@@ -71,12 +74,12 @@ class BackwardDifference(Started):
 
     @property
     def share(self) -> Fraction:
-        """The weight of the new slope in the increment of this step: ``1/alpha_0``."""
+        """The weight ``1/alpha_0`` of the new acceleration in a BDF step's increment of the velocity."""
         return 1 / self.alpha[0]
 
     @property
     def gains(self) -> tuple[Fraction, ...]:
-        """The weights of earlier steps' increments in the increment of this step, the newest first."""
+        """The weights of earlier steps' increments in the increment that a BDF step computes, the newest first."""
         return tuple(-x / self.alpha[0] for x in list(accumulate(self.alpha))[1:-1])
 
     @property
@@ -114,7 +117,7 @@ class BackwardDifference(Started):
 
 
 def _backward(order: int, *alpha: str) -> BackwardDifference:
-    """Return the backward differentiation formula of this order, from its coefficients."""
+    """Return the backward differentiation formula of this order; ``alpha`` are its coefficients, newest state first."""
     angle = ("", ", L-stable", ", A(86)-stable", ", A(73)-stable", ", A(51)-stable", ", A(17)-stable")[order - 1]
     return BackwardDifference(
         name=f"bdf{order}",
@@ -123,7 +126,7 @@ def _backward(order: int, *alpha: str) -> BackwardDifference:
         a_stable=order == 2,
         l_stable=order == 2,
         source=f"Curtiss & Hirschfelder 1952, Proc. Natl. Acad. Sci. 38, 235; {HNW}, III.1",
-        summary=f"slope of a polynomial through the last {order} steps and the new one{angle}",
+        summary=f"implicit: slope of the polynomial through the last {order} states and the new one{angle}",
         alpha=exact(*alpha),
         starter=RADAU5,
     )

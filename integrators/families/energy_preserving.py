@@ -49,7 +49,7 @@ class DiscreteGradient(Method):
 
     @property
     def symplectic(self) -> bool:
-        """False: no method that conserves the energy is symplectic too, unless it is exact (Ge & Marsden 1988)."""
+        """False, as a method that conserves the energy cannot be symplectic unless it is exact (Ge & Marsden 1988)."""
         return False
 
     @property
@@ -58,7 +58,10 @@ class DiscreteGradient(Method):
 
     @property
     def linear_twin(self) -> RungeKutta:
-        """The implicit midpoint rule under this method's name: both take equal steps where forces are linear."""
+        """The implicit midpoint rule under the name of the discrete gradient method, for analysis on linear problems.
+
+        Both methods take equal steps where forces are linear.
+        """
         return RungeKutta(
             name=self.name, order=2, source=self.source, summary=self.summary, a=(exact("1/2"),), b=exact(1)
         )
@@ -97,7 +100,7 @@ ENERGY_PRESERVING = (
         order=2,
         a_stable=True,
         source="Gonzalez 1996, J. Nonlinear Sci. 6, 449; Itoh & Abe 1988, J. Comput. Phys. 76, 85",
-        summary="mean of the force between old and new angle: keeps the energy to round-off",
+        summary="implicit: mean force between old and new angle; conserves the energy to round-off",
     ),
 )
 

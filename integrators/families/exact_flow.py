@@ -30,7 +30,7 @@ class Exact(Method):
 
     @property
     def symplectic(self) -> bool:
-        """True: the exact flow of a Hamiltonian system preserves areas (Poincaré 1899)."""
+        """True, as the exact flow of a Hamiltonian system preserves areas in phase space (Poincaré 1899)."""
         return True
 
     @property
@@ -44,7 +44,10 @@ class Exact(Method):
         return rotation(terms)
 
     def write_step(self, notation: Notation) -> str:
-        """Return the source of ``step``: a call of ``exact_flow``, which returns the quadratures' increments too."""
+        """Return the source of ``step``, which only calls the problem's ``exact_flow``.
+
+        That function also returns the increments of the quadratures (integrals carried along the step, such as work).
+        """
         results = ", ".join(["q", "v", *notation.quadratures])
         lines = [f"{results} = exact_flow(t, q, v, h{notation.more})", f"return {results}"]
         return definition(f"step(t, q, v, h{notation.more})", self.title, lines)
@@ -55,7 +58,7 @@ EXACT = (
         name="exact",
         a_stable=True,
         source="Whittaker 1937, Analytical Dynamics, chapter 4; Landau & Lifshitz 1976, Mechanics, section 25",
-        summary="the closed-form solution where there is one: springs, elliptic functions",
+        summary="the solution in closed form, for scenes that have one: trigonometric or elliptic functions",
     ),
 )
 

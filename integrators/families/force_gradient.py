@@ -43,11 +43,15 @@ class ForceGradient(Method):
                 raise MethodError(f"{self.name}: kicks and drifts must alternate, with a kick first and last, and each "
                                   f"kind must sum to 1; the {kind}s sum to {total}.")
         if any(c for kind, _, c in (self.flows[0], self.flows[-1])) or any(c for _, _, c in self.flows[1::2]):
-            raise MethodError(f"{self.name}: drifts have no gradient, nor do the kicks at both ends.")
+            raise MethodError(
+                f"{self.name}: only kicks between the first and the last one may have a gradient; set c = 0 elsewhere.")
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The name of the force at the end of a step, with which the next step begins."""
+        """The memory of a force-gradient method: ``a``, the acceleration at the end of a step.
+
+        The next step begins with it.
+        """
         return ("a",)
 
     @property
@@ -56,7 +60,7 @@ class ForceGradient(Method):
 
     @property
     def evaluations(self) -> int:
-        """Evaluations of the force and of its gradient in one step."""
+        """Evaluations in one step of a force-gradient method: of the force, and of its gradient."""
         return len(self.flows) // 2 + sum(bool(c) for _, _, c in self.flows)
 
     @property
@@ -77,15 +81,17 @@ class ForceGradient(Method):
     def write_step(self, notation: Notation) -> str:
         """Return the source of the functions ``begin`` and ``step`` of a force-gradient method.
 
-        Increments of quadratures come from the hook ``kick``, and in kicks with a gradient from ``gradient_kick``::
+        Increments of quadratures (integrals carried along the step, such as work) come from the problem's function
+        ``kick``, and in kicks with a gradient from ``gradient_kick``, with ``reach = c h**2``::
 
-            gradient_kick(t, q, v, a, slope, reach, h, *extra) -> (v, *increments)        reach = c h**2
+            gradient_kick(t, q, v, a, slope, reach, h, *extra) -> (v, *increments)
 
-        Raises MethodError if a quadrature has no such hook.
+        Raises MethodError if one of these functions is missing for a quadrature.
         """
         missing = [name for name in notation.quadratures if name not in notation.hooks.get("gradient_kick", ())]
         if missing:
-            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks for them are missing.")
+            raise MethodError(
+                f"{self.name}: no sub-flow integrates {', '.join(missing)}; a function for this is missing in hooks.")
         hooks, more, number = notation.hooks, notation.more, notation.number
         step = notation.new_step()
         elapsed, fresh = Fraction(0), True
@@ -118,7 +124,7 @@ class ForceGradient(Method):
 
 
 def _flow(kind: str, fraction: str, gradient: str = "0") -> tuple[str, Fraction, Fraction]:
-    """Return one sub-flow with exact numbers, from their decimal or fractional text."""
+    """Return one sub-flow of a force-gradient method with exact numbers, from their decimal or fractional text."""
     return kind, Fraction(fraction), Fraction(gradient)
 
 
@@ -127,7 +133,7 @@ FORCE_GRADIENT = (
         name="chin4a",
         order=4,
         source="Chin 1997, Phys. Lett. A 226, 344, algorithm A",
-        summary="two forces and one gradient: order 4 without any step back",
+        summary="two forces and one force gradient: order 4 without negative sub-steps",
         flows=(
             _flow(KICK, "1/6"), _flow(DRIFT, "1/2"), _flow(KICK, "2/3", "1/24"), _flow(DRIFT, "1/2"), _flow(KICK, "1/6")
         ),

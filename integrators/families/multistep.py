@@ -1,7 +1,8 @@
 """Base classes of multistep methods, which continue from a history of earlier steps.
 
 Besides ``step`` the source of such a method has ``starter(t, q, v, h, *extra)``: one step of the one-step method that
-starts it. It returns the mean slopes ``(q1 - q)/h, (v1 - v)/h`` and those of the quadratures.
+starts it. It returns the mean slopes ``(q1 - q)/h, (v1 - v)/h`` and those of the quadratures (integrals carried along
+the step, such as work).
 
 The history holds velocities and accelerations at earlier steps, or increments over earlier steps. It holds no angles,
 because whole turns may be subtracted from an angle between two steps.
@@ -29,9 +30,9 @@ HNW = "Hairer, Norsett & Wanner 1993"
 
 
 def weights(nodes: Sequence[int], moments: Callable[[int], Fraction]) -> tuple[Fraction, ...]:
-    """Return the weights of the quadrature with these nodes and moments.
+    """Return quadrature weights w for these nodes: ``sum_j w_j nodes_j**m = moments(m)``.
 
-    They satisfy ``sum_j w_j nodes_j**m = moments(m)`` for all ``m`` below the number of nodes.
+    The equation holds for all ``m`` below the number of nodes.
     """
     result = []
     for x in nodes:
@@ -44,12 +45,18 @@ def weights(nodes: Sequence[int], moments: Callable[[int], Fraction]) -> tuple[F
 
 
 def over_step(count: int) -> tuple[Fraction, ...]:
-    """Return the Adams-Moulton weights of ``count`` values in the mean over a step; the newest is at its end."""
+    """Return Adams-Moulton weights: the mean of a function over a step from its last ``count`` values.
+
+    The newest value is that at the end of the step, the others are one step apart before it.
+    """
     return weights(range(count), lambda m: Fraction(1, m + 1))
 
 
 def over_mean(count: int) -> tuple[Fraction, ...]:
-    """Return weights of ``count`` accelerations, the newest at a step's end, in its end velocity minus its mean."""
+    """Return weights of accelerations that give a step's final velocity minus its mean velocity, divided by h.
+
+    The ``count`` accelerations are one step apart, the newest at the end of the step.
+    """
     return weights(range(count), lambda m: Fraction(1, (m + 1) * (m + 2)))
 
 
@@ -63,7 +70,7 @@ def product(one: Polynomial, other: Polynomial) -> Polynomial:
 
 
 def falling(row: Sequence[Fraction], highest: int) -> Polynomial:
-    """Return the polynomial ``- sum_j row_j x**(highest - j)``, whose powers fall along the row."""
+    """Return the polynomial ``- sum_j row_j x**(highest - j)``, as coefficients with the lowest power first."""
     result = [Fraction(0)] * (highest + 1)
     for j, value in enumerate(row):
         result[highest - j] -= value
@@ -71,13 +78,13 @@ def falling(row: Sequence[Fraction], highest: int) -> Polynomial:
 
 
 def ago(names: Sequence[str], places: Sequence[int]) -> tuple[str, ...]:
-    """Return names for values of the history, such as ``a1_ago`` for the acceleration one step ago."""
+    """Return names for earlier values in generated source, such as ``a1_ago`` for the acceleration one step ago."""
     return tuple(f"{name}{i}_ago" for name in names for i in places)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Multistep(Method):
-    """A multistep method, which continues from several earlier steps; analysis uses its ``characteristic``."""
+    """A multistep method, which continues from several earlier steps; states its ``characteristic`` polynomials."""
 
     family: ClassVar[str] = "multistep"
 
@@ -91,7 +98,7 @@ class Multistep(Method):
 
     @property
     def symplectic(self) -> bool:
-        """False: only multistep methods that are equivalent to one-step methods are symplectic (Tang 1993)."""
+        """False, as a multistep method is symplectic only if it is equivalent to a one-step method (Tang 1993)."""
         return False
 
     @property
@@ -111,14 +118,14 @@ class Multistep(Method):
         """Return the source of the functions ``begin`` and ``step`` of a multistep method.
 
         Args:
-            begin: the lines of ``begin``.
+            begin: the lines of ``begin``, which computes the history before the first step.
             step: the lines of the step.
             ends: the names or texts of q and v at the step's end.
-            kept: the names or texts of the memory at the step's end, in the memory's order.
-            increments: the texts of the quadratures' increments.
+            kept: the names or texts of the values that the next step needs, in the order of ``memory_with``.
+            increments: the texts of the increments of quadratures (integrals carried along the step).
         """
         notation = step.notation
-        first = definition(f"begin(t, q, v, h{notation.more})", "What the first step takes of earlier ones.", begin)
+        first = definition(f"begin(t, q, v, h{notation.more})", "Return the history that the first step needs.", begin)
         memory = dict(zip(self.memory_with(notation.quadratures), kept, strict=True))
         return first + "\n\n" + step.source(self.title, ends, memory, increments)
 
@@ -143,22 +150,25 @@ class Started(Multistep):
         return self.past * (self.starter.evaluations + 1)
 
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
-        """Return the function ``solve_stages``, by name, if an implicit starter needs it on arrays; else {}."""
+        """Return the function ``solve_stages`` by name, if the one-step starter is implicit and q is an array.
+
+        Otherwise the mapping is empty, since the source of the method contains all functions.
+        """
         together = self.implicit and self.starter.coupled and isinstance(like, np.ndarray)
         return {"solve_stages": stages_solver(self.starter.a, system)} if together else {}
 
     def write_starter(self, notation: Notation) -> str:
-        """Return the source of ``starter``, one step of the method that starts this one."""
+        """Return the source of ``starter``, one step of the method that computes a multistep method's history."""
         riding = notation.quadratures if self.forwards else ()
         return self.starter.write_starter(replace(notation, quadratures=riding, dense=False)) + "\n\n"
 
     def begin_backwards(
         self, notation: Notation, speeds: Sequence[str] = (), means: Sequence[str] = ()
     ) -> list[str]:
-        """Return the lines of ``begin`` that fill the history by steps of the starter backwards in time.
+        """Return the lines of ``begin`` that compute a history by steps of the one-step starter backwards in time.
 
         Args:
-            notation: the notation of the step.
+            notation: names and number format of the step's source.
             speeds, means: names of the history's velocities and mean velocities, the newest first.
         """
         quadratures, more = notation.quadratures, notation.more
@@ -180,14 +190,19 @@ class Started(Multistep):
 
 
 def starter_of(order: int) -> RungeKutta:
-    """Return the starter of an explicit method: rk4 up to order 4, else extrapolation of the next even order."""
+    """Return the one-step method that computes the history of an explicit multistep method of this order.
+
+    It is rk4 up to order 4, else extrapolation of the midpoint rule, of the next even order.
+    """
     return RK4 if order <= 4 else extrapolated_midpoint(order + order % 2)
 
 
 def closed(step: StepLines, count: int) -> tuple[list[str], list[str]]:
-    """Append the line of the quadratures' rates at a step's end; return the rates of the history, and the increments.
+    """Append the line that evaluates the quadratures' rates at a step's end, in a multistep method.
 
-    The increments are integrals over the step, from these rates and those of ``count - 1`` earlier times.
+    Quadratures are integrals carried along the step, such as work. Returns the names of the rates to store in the
+    history, and the texts of the quadratures' increments: integrals over the step from these rates and those of
+    ``count - 1`` earlier times.
     """
     quadratures, more, number = step.notation.quadratures, step.notation.more, step.notation.number
     if quadratures:

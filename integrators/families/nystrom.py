@@ -54,9 +54,10 @@ class Nystrom(Method):
         V_i = v + h sum_j av_ij K_j
         q1 = q + h v + h**2 sum_i bbar_i K_i           v1 = v + h sum_i b_i K_i
 
-    In a ``velocity_free`` method no force depends on V_i. Only the rates of quadratures do. They are evaluated after
-    all forces, so that V_i may contain any K_j. Quadratures have the weights b. Their order is that of the method for
-    rates linear in v, such as the power of a drive; for other rates the tables state it.
+    In a ``velocity_free`` method no force depends on V_i, only the rates of quadratures (integrals carried along the
+    step, such as work) do. They are evaluated after all forces, so that V_i may contain any K_j. Quadratures have the
+    weights b. Their order is that of the method for rates linear in v, such as the power of a drive; for other rates
+    the tables state it.
 
     Symplecticity and symmetry are computed from the table, up to :data:`integrators.method.ROUNDED`.
     Raises MethodError if shapes disagree, if weights do not sum to 1/2 for q and 1 for v, or if a stage depends on a
@@ -86,7 +87,8 @@ class Nystrom(Method):
         later = [("a", self.a), *([] if self.velocity_free else [("av", self.av)])]
         for label, table in later:
             if any(any(line[i:]) for i, line in enumerate(table)):
-                raise MethodError(f"{self.name}: a stage may depend only on earlier ones, so {label} must be lower.")
+                raise MethodError(f"{self.name}: a stage may depend only on earlier ones, "
+                                  f"so {label} must be zero on and above the diagonal.")
         rows: list[tuple[str, Row | None, Fraction]] = [("bbar", self.bbar, Fraction(1, 2)), ("b", self.b, Fraction(1))]
         for pair in self.embedded:
             rows += [("embedded bbar", pair.bbar, Fraction(1, 2)), ("embedded b", pair.b, Fraction(1))]
@@ -103,22 +105,28 @@ class Nystrom(Method):
 
     @property
     def first_same_as_last(self) -> bool:
-        """True if the last stage is the new state, so that its force is also the first one of the next step."""
+        """True if a Nyström method's last stage is the new state, so that the next step can begin with its force."""
         ends = self.c[-1] == 1 and self.a[-1] == self.bbar and (self.velocity_free or self.av[-1] == self.b)
         return len(self.b) > 1 and ends and self.c[0] == 0
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The name of the force at the step's end, if the step computes it; the next step begins with it."""
+        """The memory of a Nyström method: ``a``, the force at the step's end, if the step computes it.
+
+        The next step begins with this force.
+        """
         return ("a",) if self.first_same_as_last and self.velocity_free and self.b[-1] != 0 else ()
 
     @property
     def stages(self) -> tuple[int, ...]:
-        """The stages that a step without an error estimate needs, counted from zero."""
+        """The stages of a Nyström method, counted from zero, that a step without an error estimate needs."""
         return self.reached((self.bbar, self.b))
 
     def reached(self, rows: Sequence[Row]) -> tuple[int, ...]:
-        """Return the stages, counted from zero, on which rows of weights depend, directly or through other stages."""
+        """Return the stages, counted from zero, that have a weight other than zero in one of the ``rows``.
+
+        Stages on which these stages depend, directly or through others, are included.
+        """
         reached = {i for line in rows for i, weight in enumerate(line) if weight}
         for i in reversed(range(len(self.b))):
             if i in reached:
@@ -132,7 +140,10 @@ class Nystrom(Method):
 
     @property
     def symplectic(self) -> bool:
-        """True if ``bbar_i = b_i (1 - c_i)`` and ``b_i (bbar_j - a_ij) = b_j (bbar_i - a_ji)`` (Suris 1989)."""
+        """True if a Nyström table is symplectic (Suris 1989).
+
+        The conditions are ``bbar_i = b_i (1 - c_i)`` and ``b_i (bbar_j - a_ij) = b_j (bbar_i - a_ji)``.
+        """
         a, b, bbar, stages = self.a, self.b, self.bbar, range(len(self.b))
         defects = [bbar[i] - b[i] * (1 - self.c[i]) for i in stages]
         defects += [b[i] * (bbar[j] - a[i][j]) - b[j] * (bbar[i] - a[j][i]) for i in stages for j in stages]
@@ -140,7 +151,10 @@ class Nystrom(Method):
 
     @property
     def symmetric(self) -> bool:
-        """True if a step of -h undoes one of h: the table equals its reverse (Hairer, Lubich & Wanner 2006, V.2)."""
+        """True if a Nyström method is symmetric: a step of -h undoes one of h.
+
+        The table then equals its reverse (Hairer, Lubich & Wanner 2006, V.2).
+        """
         a, b, c, bbar, last = self.a, self.b, self.c, self.bbar, len(self.b) - 1
         stages = range(last + 1)
         defects = [c[i] + c[last - i] - 1 for i in stages] + [b[i] - b[last - i] for i in stages]
@@ -152,7 +166,7 @@ class Nystrom(Method):
 
     @property
     def oscillator(self) -> tuple[tuple[Fraction, ...], ...]:
-        """The matrix of one step on ``q'' = -q``, row by row, as polynomials in h with the lowest power first."""
+        """The matrix of one Nyström step on ``q'' = -q``, row by row, as polynomials in h, lowest power first."""
         of_q, of_v = [Fraction(1)] * len(self.b), list(self.c)
         entries = [[Fraction(x) for x in start] for start in ((1, 0), (0, 1, 0), (0,), (1, 0))]
         sign = -1
@@ -191,7 +205,7 @@ class Nystrom(Method):
 
     @property
     def _compared(self) -> tuple[int, ...]:
-        """The stages that a step with error estimates needs, counted from zero."""
+        """The stages of a Nyström method, counted from zero, that a step with error estimates needs."""
         compared = [row for pair in self.embedded for row in (pair.bbar, pair.b) if row is not None]
         return self.reached((self.bbar, self.b, *compared))
 
@@ -256,13 +270,13 @@ class Nystrom(Method):
 
 
 class NystromLines:
-    """Adds the lines of a Nyström method's stages to a step, and stores the names of the stages' positions.
+    """Writer that appends the source lines of a Nyström method's stages to a step.
 
     Attributes:
-        method: the table.
+        method: the Nyström method.
         known: the stages that the step takes, counted from zero.
-        step: the step.
-        places: stage -> the name or text of its position.
+        step: the lines of the step so far.
+        places: number of a stage -> the name or text of its position in the source.
     """
 
     def __init__(self, method: Nystrom, known: Sequence[int], step: StepLines) -> None:
@@ -270,34 +284,37 @@ class NystromLines:
         self.places: dict[int, str] = {}
 
     def force(self, t: str, q: str) -> str:
-        """Return the text of a call of the function ``force`` at the time t and the angle q."""
+        """Return the source text of a call of the function ``force``; the time ``t`` and angle ``q`` are texts, too."""
         return f"force({t}, {q}{self.step.notation.more})"
 
     def slopes(self, weights: Sequence[Fraction], stages: Sequence[int]) -> Terms:
-        """Return h times the weighted sum of some stages' accelerations."""
+        """Return the sum ``h sum_i weights_i K_i`` over some stages, as terms of source text."""
         return increment([weights[i] for i in stages], [f"a{i + 1}" for i in stages])
 
     def displacement(self, i: int) -> Terms:
-        """Return ``Q_i - q``, how far a stage is from the position at the step's start."""
+        """Return ``Q_i - q``, the displacement of stage i from the step's start, as terms of source text."""
         before = [j for j in self.known if j < i]
         return times_step(weighted([self.method.c[i]], ["v"]) + self.slopes(self.method.a[i], before))
 
     def velocity(self, i: int) -> str:
-        """Return the name or text of a stage's velocity ``V_i``."""
+        """Return the name or source text of the velocity ``V_i`` at a stage."""
         if self.method.velocity_free and self.method.av[i] == self.method.b:
             return "v_end"
         return self.step.sum("v", self.slopes(self.method.av[i], self.known))
 
     def end_displacement(self) -> Terms:
-        """Return the increment of q over the step."""
+        """Return the increment of q over a Nyström step, as terms of source text."""
         return times_step(term(1, "v") + self.slopes(self.method.bbar, self.known))
 
     def end_increment(self) -> Terms:
-        """Return the increment of v over the step."""
+        """Return the increment of v over a Nyström step, as terms of source text."""
         return self.slopes(self.method.b, self.known)
 
     def stages(self, stages: Sequence[int]) -> None:
-        """Append the lines of these stages' forces; a position gets a name if the stage's rates are needed later."""
+        """Append the source lines that compute the forces at these stages.
+
+        A stage's position gets a name if the rates of quadratures are evaluated there later.
+        """
         step, quadratures, number = self.step, self.step.notation.quadratures, self.step.notation.number
         for i in stages:
             t, displacement = time_at(self.method.c[i], number), self.displacement(i)
@@ -313,7 +330,10 @@ class NystromLines:
             step.line(f"a{i + 1} = {self.force(t, self.places[i])}")
 
     def rates(self, stages: Sequence[int]) -> None:
-        """Append the lines of the quadratures' rates at these stages, once all forces are known."""
+        """Append the source lines of the rates of quadratures (integrals along the step) at these stages.
+
+        All forces must have been computed before.
+        """
         notation = self.step.notation
         for i in stages:
             names = ", ".join(["_", *(f"{name}{i + 1}" for name in notation.quadratures)])
@@ -321,7 +341,7 @@ class NystromLines:
             self.step.line(f"{names} = rates({t}, {q}, {self.velocity(i)}{notation.more})")
 
     def sums(self) -> list[str]:
-        """Return the texts of the quadratures' increments over the step."""
+        """Return the source texts of the increments of quadratures (integrals carried along the step) over the step."""
         notation = self.step.notation
         stages = [i for i in self.known if self.method.b[i]]
         weights = [self.method.b[i] for i in stages]
@@ -330,13 +350,14 @@ class NystromLines:
 
 
 def interpolated(c: Row, nodes: Sequence[int], digits: int = 50) -> tuple[Row, ...]:
-    """Return the coefficients ``av`` of stage velocities V_i with errors ``O(h**(len(nodes) + 1))``.
+    """Return coefficients ``av`` of a Nyström table, with which stage velocities are ``V_i = v + h sum_j av_ij K_j``.
 
-    V_i is the integral, up to the stage's time, of the polynomial through the forces at some stages.
+    V_i is the integral, up to the stage's time, of the polynomial through the forces K at the stages ``nodes``. Its
+    error is ``O(h**(len(nodes) + 1))``.
 
     Args:
-        c: the times of all stages.
-        nodes: the stages with these forces, counted from zero.
+        c: the times of all stages, as fractions of the step.
+        nodes: the stages, counted from zero, whose forces are interpolated.
         digits: decimals to which a coefficient is rounded, unless its denominator is shorter than that.
     """
     table = []

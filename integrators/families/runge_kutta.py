@@ -78,7 +78,7 @@ class RungeKutta(Method):
 
     @property
     def coupled(self) -> bool:
-        """True if stages depend on later ones, so that all stages are solved together."""
+        """True if stages of a Runge-Kutta method depend on later ones, so that all stages are solved together."""
         return any(any(row[i + 1 :]) for i, row in enumerate(self.a))
 
     @property
@@ -91,7 +91,7 @@ class RungeKutta(Method):
 
     @property
     def stages(self) -> tuple[int, ...]:
-        """The stages that a step without an error estimate needs, counted from zero."""
+        """The stages of a Runge-Kutta method, counted from zero, that a step without an error estimate needs."""
         return self.reached(self.b)
 
     @property
@@ -99,7 +99,10 @@ class RungeKutta(Method):
         return self.a, self.b
 
     def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
-        """Return the stages, counted from zero, on which rows of weights depend, directly or through other stages."""
+        """Return the stages, counted from zero, that have a weight other than zero in one of the ``rows``.
+
+        Stages on which these stages depend, directly or through others, are included.
+        """
         if self.coupled:
             return tuple(range(len(self.b)))
         reached = {i for row in rows for i, weight in enumerate(row) if weight}
@@ -110,7 +113,7 @@ class RungeKutta(Method):
 
     @property
     def first_same_as_last(self) -> bool:
-        """True if the last stage is the new state, so that its slope is also the first one of the next step."""
+        """True if a Runge-Kutta method's last stage is the new state: the next step can begin with its slope."""
         return len(self.b) > 1 and self.a[-1] == self.b and not any(self.a[0])
 
     @property
@@ -127,14 +130,20 @@ class RungeKutta(Method):
 
     @property
     def symplectic(self) -> bool:
-        """True if ``b_i a_ij + b_j a_ji = b_i b_j`` for all stages (Sanz-Serna 1988)."""
+        """True if a Runge-Kutta method is symplectic.
+
+        The condition is ``b_i a_ij + b_j a_ji = b_i b_j`` for all stages (Sanz-Serna 1988).
+        """
         a, b, stages = self.a, self.b, range(len(self.b))
         defects = (b[i] * a[i][j] + b[j] * a[j][i] - b[i] * b[j] for i in stages for j in stages)
         return all(abs(defect) < ROUNDED for defect in defects)
 
     @property
     def symmetric(self) -> bool:
-        """True if ``a_ij + a_(s+1-i)(s+1-j) = b_j`` for all stages (Hairer, Lubich & Wanner 2006, theorem V.2.3)."""
+        """True if a Runge-Kutta method with s stages is symmetric: a step of -h undoes one of h.
+
+        The condition is ``a_ij + a_(s+1-i)(s+1-j) = b_j`` for all stages (Hairer, Lubich & Wanner 2006, theorem V.2.3).
+        """
         a, b, last = self.a, self.b, len(self.b) - 1
         stages = range(last + 1)
         return all(abs(a[i][j] + a[last - i][last - j] - b[j]) < ROUNDED for i in stages for j in stages)
@@ -180,7 +189,10 @@ class RungeKutta(Method):
         return newton + step.source(self.title, ends, increments=increments)
 
     def write_starter(self, notation: Notation) -> str:
-        """Return the source of ``starter``, which returns mean slopes over a step instead of the new state."""
+        """Return the source of ``starter``, a Runge-Kutta step that returns mean slopes instead of the new state.
+
+        Multistep methods compute their history with it.
+        """
         step = StepLines(notation)
         newton = self._write_stages(step, self.stages)
         means = [self._mean_slope(name, self.stages, notation) for name in ("v", "a", *notation.quadratures)]
@@ -188,11 +200,14 @@ class RungeKutta(Method):
         return newton + definition(f"starter(t, q, v, h{notation.more})", self.title, lines)
 
     def _mean_slope(self, name: str, taken: Sequence[int], notation: Notation) -> str:
-        """Return the text of a mean over the stages, with the weights b, such as ``0.5*v1 + 0.5*v2`` for the name v."""
+        """Return the source text of a mean over stages with the weights b: ``0.5*v1 + 0.5*v2`` for the name v."""
         return combination([self.b[i] for i in taken], [f"{name}{i + 1}" for i in taken], notation.number)
 
     def _write_stages(self, step: StepLines, taken: Sequence[int]) -> str:
-        """Append the lines of these stages, counted from zero; return the source of the solver of implicit stages."""
+        """Append the source lines that compute these stages, counted from zero.
+
+        Returns the source of the function that solves implicit stages; empty for an explicit method.
+        """
         notation = step.notation
         quadratures, more, number = notation.quadratures, notation.more, notation.number
         stages = [i + 1 for i in taken]
@@ -228,7 +243,10 @@ class RungeKutta(Method):
         kept = ["a", *quadratures]
 
         def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
-            """Return the texts of q and v plus h times a weighted sum of the slopes of earlier stages."""
+            """Return the source texts of q and v at a stage: the start plus h times a weighted sum of earlier slopes.
+
+            ``before`` are the earlier stages, counted from zero.
+            """
             shares = [weights[i] for i in before]
             q = plus("q", shares, [f"v{i + 1}" for i in before], number)
             return q, plus("v", shares, [f"a{i + 1}" for i in before], number)
@@ -258,12 +276,15 @@ class RungeKutta(Method):
         return definition(f"step(t, q, v, {', '.join(kept)}, h{more})", self.title, lines)
 
     def _all_stages(self, taken: Sequence[int]) -> list[str]:
-        """Return the texts of two tuples, of all stages' velocities and accelerations; None for unused stages."""
+        """Return the source texts of two tuples, of all stages' velocities and accelerations; None for unused ones."""
         every = range(len(self.b))
         return [f"({''.join(f'{y}{i + 1}, ' if i in taken else 'None, ' for i in every)})" for y in "va"]
 
     def _compared(self, dense: bool = False) -> tuple[int, ...]:
-        """Return the stages, counted from zero, that a step with error estimates, and with ``dense``, needs."""
+        """Return the stages, counted from zero, that a step with error estimates needs.
+
+        With ``dense``, stages that only dense output needs are included.
+        """
         further = (self.dense.used(len(self.b)),) if dense and self.dense is not None else ()
         return self.reached(self.b, *(pair.b for pair in self.embedded), *further)
 

@@ -30,7 +30,7 @@ class SecondOrder(Started):
     """A multistep method for ``q'' = f(t, q)``: ``sum_j alpha_j q_(n+1-j) = h**2 sum_j beta_j f_(n+1-j)``.
 
     The step uses the summed form: it adds mean velocities ``u = (q_n - q_(n-1))/h`` instead of angles, so that rounding
-    errors grow more slowly (Henrici 1962, section 6.4). The velocity is the last mean velocity plus a quadrature of
+    errors grow more slowly (Henrici 1962, section 6.4). The velocity is the last mean velocity plus a weighted sum of
     earlier accelerations, ``v = u + h sum_j c_j f_(n-j)``. Raises MethodError if the method is not consistent.
 
     Attributes:
@@ -45,7 +45,8 @@ class SecondOrder(Started):
     def __post_init__(self) -> None:
         moments = [sum((x * (-j) ** m for j, x in enumerate(self.alpha)), Fraction(0)) for m in range(3)]
         if self.alpha[0] != 1 or moments[0] or moments[1] or moments[2] != 2 * sum(self.beta):
-            raise MethodError(f"{self.name}: alpha must begin with 1 and have the moments 0, 0 and 2 sum(beta).")
+            raise MethodError(f"{self.name}: the sums of alpha_j (-j)**m must be 0, 0 and 2 sum(beta) "
+                              "for m = 0, 1 and 2, and alpha must begin with 1.")
 
     @property
     def needs(self) -> frozenset[str]:
@@ -74,7 +75,7 @@ class SecondOrder(Started):
 
     @property
     def symmetric(self) -> bool:
-        """True if the coefficients are symmetric, so that a step of -h undoes a step of h."""
+        """True if a multistep method's coefficients are symmetric, so that a step of -h undoes a step of h."""
         length = len(self.alpha)
         beta = (*self.beta, *[Fraction(0)] * (length - len(self.beta)))
         return self.alpha == self.alpha[::-1] and len(beta) == length and beta == beta[::-1]
@@ -85,12 +86,15 @@ class SecondOrder(Started):
 
     @property
     def means(self) -> tuple[Fraction, ...]:
-        """The weights of earlier mean velocities in the new mean velocity, the newest first."""
+        """The weights of earlier mean velocities in a step's new mean velocity, the newest first."""
         return tuple(-x for x in list(accumulate(self.alpha))[1:-1])
 
     @cached_property
     def velocity(self) -> tuple[Fraction, ...]:
-        """The weights ``c_j`` of accelerations in the velocity, ``v = u + h sum_j c_j f_(n-j)``."""
+        """The weights ``c_j`` of accelerations in the velocity of a multistep method.
+
+        The velocity is ``v = u + h sum_j c_j f_(n-j)`` with the mean velocity u of the last step.
+        """
         return over_mean(self.past + 1)
 
     @property
@@ -112,7 +116,10 @@ class SecondOrder(Started):
         return self.write_starter(notation) + newton + self.define(begin, step, ends, kept, increments)
 
     def _ends_from_means(self, step: StepLines, forces: Sequence[str]) -> list[str]:
-        """Append the lines of a method with several mean velocities; return the names of q and v at the step's end."""
+        """Append the source lines of a step whose history holds several mean velocities ``(q_n - q_(n-1))/h``.
+
+        ``forces`` are the names of the history's accelerations. Returns the names of q and v at the step's end.
+        """
         more, number = step.notation.more, step.notation.number
         means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
         beta, c = self.beta, self.velocity
@@ -133,7 +140,11 @@ class SecondOrder(Started):
         return ["q_new", "v_new"]
 
     def _ends_from_increments(self, step: StepLines, forces: Sequence[str]) -> list[str]:
-        """Append the lines of a method with one mean velocity; return the names of q and v at the step's end."""
+        """Append the source lines of a step whose history holds one mean velocity ``(q_n - q_(n-1))/h``.
+
+        That mean velocity follows from v, so that q and v are advanced by increments. ``forces`` are the names of the
+        history's accelerations. Returns the names of q and v at the step's end.
+        """
         more, number = step.notation.more, step.notation.number
         beta, c = [*self.beta, *[Fraction(0)] * (len(forces) + 1 - len(self.beta))], self.velocity
         speeds = increment([x - y for x, y in zip(beta[1:], c, strict=True)], forces)
@@ -151,12 +162,12 @@ class SecondOrder(Started):
 
 
 def _stoermer(order: int, *beta: str) -> SecondOrder:
-    """Return Störmer's explicit method of this order, from its coefficients of forces."""
+    """Return Störmer's explicit method of this order; ``beta`` are the coefficients of its forces, newest first."""
     return SecondOrder(
         name=f"stoermer{order}",
         order=order,
         source=f"Störmer 1907, Arch. Sci. Phys. Nat. 24, 5; {HNW}, III.10",
-        summary=f"second difference from {order} forces: for forces free of the velocity, one a step",
+        summary=f"explicit, from the last {order} forces: for velocity-free forces, one evaluation per step",
         alpha=exact(1, -2, 1),
         beta=exact(0, *beta),
         starter=starter_of(order),
@@ -164,7 +175,7 @@ def _stoermer(order: int, *beta: str) -> SecondOrder:
 
 
 def _mirrored(*half: str) -> tuple[Fraction, ...]:
-    """Return a symmetric row of coefficients from its first half, which includes the middle one."""
+    """Return a symmetric row of coefficients from its first half, up to and including the middle coefficient."""
     return exact(*half, *half[-2::-1])
 
 
@@ -174,7 +185,7 @@ def _symmetric(name: str, order: int, source: str, alpha: str, beta: str, scale:
         name=name,
         order=order,
         source=source,
-        summary=f"symmetric, {2 * len(alpha.split()) - 2} steps, one force a step: orbits without drag, short steps",
+        summary=f"symmetric, {2 * len(alpha.split()) - 2} steps, one force per step: for short steps without drag",
         alpha=_mirrored(*alpha.split()),
         beta=tuple(x / scale for x in _mirrored(*beta.split())),
         starter=extrapolated_midpoint(order + 2),
@@ -191,7 +202,7 @@ STOERMER = (
         aliases=("cowell4",),
         order=4,
         source=f"Numerov 1924, Mon. Not. R. Astron. Soc. 84, 592; {HNW}, III.10",
-        summary="second difference from forces at both ends and between: for forces free of the velocity",
+        summary="implicit, from the new force and the last two: for velocity-free forces",
         alpha=exact(1, -2, 1),
         beta=exact("1/12", "5/6", "1/12"),
         starter=RK4,

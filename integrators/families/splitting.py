@@ -1,4 +1,4 @@
-"""Splitting methods: compositions of kicks, drifts, drags and pushes."""
+"""Splitting methods: compositions of kicks, drifts, exact drag flows, and pushes (kicks that include drag)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Splitting(Method):
     """A splitting method: sub-flows that are applied from left to right, each over a fraction c of the step.
 
     ``kick``: ``v += c h f(t, q)``; ``drift``: ``q += c h v``, and the time advances by c h; ``drag``: the exact flow of
-    the dissipation, left out if there is none; ``push``: ``v += c h a(t, q, v)``, with explicit drag.
-    Raises MethodError if a sub-flow is unknown or if kicks, drifts or drags do not sum to one whole step.
+    the dissipation, left out if there is none; ``push``: ``v += c h a(t, q, v)``, a kick that includes drag. Raises
+    MethodError if a sub-flow is unknown or if kicks, drifts or drags do not sum to one whole step.
 
     Attributes:
         flows: pairs of a kind of sub-flow and its fraction of the step.
@@ -40,22 +40,25 @@ class Splitting(Method):
         totals = dict.fromkeys((KICK, DRIFT, DRAG, PUSH), Fraction(0))
         for kind, fraction in self.flows:
             if kind not in totals:
-                raise MethodError(f"{self.name}: no sub-flow '{kind}'; there are {', '.join(totals)}.")
+                raise MethodError(f"{self.name}: unknown sub-flow '{kind}'; choose from {', '.join(totals)}.")
             totals[kind] += fraction
         sums = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
         if any(total != 1 for total in (sums[:2] if self.nystrom else sums)):
             text = ", ".join(map(str, sums))
             raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {text}.")
         if self.nystrom and any(kind in (DRAG, PUSH) for kind, _ in self.flows):
-            raise MethodError(f"{self.name}: a method for velocity-free forces has no drags and pushes.")
+            raise MethodError(f"{self.name}: a method for velocity-free forces must not contain drags or pushes.")
 
     def _kinds(self) -> list[str]:
-        """Return the kinds of the sub-flows in their order, without drags."""
+        """Return the kinds of a splitting's sub-flows (kick, drift, push) in their order, without drags."""
         return [kind for kind, _ in self.flows if kind != DRAG]
 
     @property
     def memory(self) -> tuple[str, ...]:
-        """The name of the force, if the step begins and ends with a kick: the next step begins with this force."""
+        """The memory of a splitting: ``a``, the force at the end of a step, if steps begin and end with a kick.
+
+        The next step begins with this force.
+        """
         return ("a",) if self._kinds()[0] == KICK == self._kinds()[-1] else ()
 
     @property
@@ -77,7 +80,10 @@ class Splitting(Method):
 
     @property
     def symplectic(self) -> bool:
-        """True: exact flows of Hamiltonians compose to a symplectic map; with drag it is conformally symplectic."""
+        """True, as exact flows of Hamiltonians compose to a symplectic map.
+
+        With drag the map is conformally symplectic: it multiplies all areas by one factor.
+        """
         return True
 
     @property
@@ -94,7 +100,7 @@ class Splitting(Method):
 
     @property
     def drag_limit(self) -> float | None:
-        """Infinity if drag acts by its exact flow; None if the limit is computed from the step."""
+        """The damping limit of a splitting: infinity with exact drag flows, else None (computed from the step)."""
         return math.inf if "split" in self.needs else None
 
     @property
@@ -105,9 +111,8 @@ class Splitting(Method):
     def write_step(self, notation: Notation) -> str:
         """Return the source of the functions ``begin`` and ``step`` of a splitting method.
 
-        The hooks ``kick``, ``drag`` and ``push`` return the increments of quadratures.
-
-        Raises MethodError if a quadrature has no such hook.
+        The problem's functions ``kick``, ``drag`` and ``push`` return the increments of quadratures (integrals carried
+        along the step, such as work). Raises MethodError if none of them adds to a quadrature.
         """
         hooks, more, number = notation.hooks, notation.more, notation.number
         step = notation.new_step()
@@ -121,7 +126,11 @@ class Splitting(Method):
         elapsed, fresh = Fraction(0), bool(self.memory)
 
         def call(function: str, arguments: str, change: Terms = ()) -> None:
-            """Append the call of a hook and its additions to quadratures; the first one of a name starts its sum."""
+            """Append the call of a problem's function such as ``kick``, and the lines that sum its increments.
+
+            These are increments of quadratures (integrals carried along the step, such as work). The first one of a
+            quadrature starts its sum.
+            """
             parts = hooks[function]
             step.flow(function, arguments, [f"d_{name}" for name in parts], change)
             for name in parts:
@@ -151,14 +160,15 @@ class Splitting(Method):
             step.line(f"{name} = {name} - (store(t + h, q{more}) - store(t + h, start{more}))")
         missing = [name for name in notation.quadratures if name not in counted]
         if missing:
-            raise MethodError(f"{self.name}: no sub-flow adds to {', '.join(missing)}; hooks for them are missing.")
+            raise MethodError(
+                f"{self.name}: no sub-flow integrates {', '.join(missing)}; a function for this is missing in hooks.")
         begin = begin_with_force(more) if self.memory else ""
         memory = {name: name for name in self.memory}
         return begin + step.source(self.title, ["q", "v"], memory, notation.quadratures)
 
 
 def _joined(flows: Sequence[tuple[str, Fraction]], apart: Sequence[str]) -> list[tuple[str, Fraction]]:
-    """Return the sub-flows with neighbours of one kind joined, except for the kinds in ``apart``."""
+    """Return sub-flows of a splitting with neighbours of one kind combined, except for the kinds in ``apart``."""
     joined: list[tuple[str, Fraction]] = []
     for kind, fraction in flows:
         if joined and joined[-1][0] == kind and kind not in apart:

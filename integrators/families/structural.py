@@ -17,7 +17,7 @@ HALF = Fraction(1, 2)
 
 @dataclass(frozen=True, kw_only=True)
 class GeneralizedAlpha(Multistep):
-    """The generalized-alpha method, whose acceleration ``a`` is a state variable of its own (Chung & Hulbert 1993).
+    """The generalized-alpha method, which advances an acceleration ``a`` besides q and v (Chung & Hulbert 1993).
 
     The force is taken once, at the averaged angle and velocity. Chung & Hulbert state the method for linear forces,
     where this is the average of the forces at both ends; :class:`MeanForceAlpha` averages the forces themselves. Kuhl &
@@ -27,7 +27,7 @@ class GeneralizedAlpha(Multistep):
     & Hulbert 2000, Comput. Methods Appl. Mech. Eng. 190, 305). The first step begins with the acceleration at t::
 
         q1 = q + h v + h**2 ((1/2 - beta) a + beta a1)        v1 = v + h ((1 - gamma) a + gamma a1)
-        (1 - alpha_m) a1 + alpha_m a = f(t + (1 - alpha_f) h, Q, V),   Q = (1 - alpha_f) q1 + alpha_f q, so V
+        (1 - alpha_m) a1 + alpha_m a = f(t + (1 - alpha_f) h, Q, V),   Q = (1 - alpha_f) q1 + alpha_f q, V likewise
 
     Raises MethodError unless ``gamma = 1/2 - alpha_m + alpha_f``, the condition of order 2.
     """
@@ -61,20 +61,23 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def lag(self) -> Fraction:
-        """The time, in steps after that of the state, whose acceleration ``a`` approximates after some steps."""
+        """The time, in steps after that of the state, at which ``a`` approximates the acceleration after some steps."""
         return self.alpha_m - self.alpha_f
 
     def settled_memory(
         self, t: Any, q: Any, v: Any, h: Any, acceleration: Acceleration, history: History
     ) -> tuple[Any, ...]:
-        """Return the value of ``a`` that the method has after many steps, with an error of ``O(h**2)``."""
+        """Return the value that the method's own acceleration ``a`` settles to after many steps, up to ``O(h**2)``.
+
+        It is the acceleration at the time ``t + lag h``.
+        """
         lag = h * self.lag.numerator / self.lag.denominator
         a = acceleration(t, q, v)
         return (acceleration(t + lag, q + lag * v, v + lag * a) if self.lag else a,)
 
     @property
     def explicit_first_stage(self) -> bool:
-        """True: work and heat are integrated by the trapezoidal rule."""
+        """True, as work and heat are integrated by the trapezoidal rule, with their rates at the step's start."""
         return True
 
     @property
@@ -83,7 +86,10 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def shifts(self) -> tuple[Polynomial, Polynomial]:
-        """Weights of old and new values in the equation of a step, as polynomials: those of ``a``, and of the state."""
+        """Weights of old and new values in the equation of a generalized-alpha step, as two polynomials.
+
+        The first is for the method's acceleration ``a``, the second for the state.
+        """
         return (self.alpha_m, 1 - self.alpha_m), (self.alpha_f, 1 - self.alpha_f)
 
     @property
@@ -171,7 +177,7 @@ class MeanForceAlpha(GeneralizedAlpha):
 
 
 def chung_hulbert(radius: Fraction) -> dict[str, Any]:
-    """Return the parameters of the generalized-alpha method with this spectral radius at infinity.
+    """Return the parameters of the generalized-alpha method with this spectral radius for infinitely long steps.
 
     Chung & Hulbert 1993, equations 17 and 25.
     """
@@ -204,7 +210,7 @@ STRUCTURAL = (
         order=2,
         a_stable=True,
         source="Hilber, Hughes & Taylor 1977, Earthq. Eng. Struct. Dyn. 5, 283: alpha = -1/10",
-        summary="force at the averaged place, alpha = -0.1: damps what the step does not resolve",
+        summary="force at the averaged state, alpha = -0.1: damps motion that the step does not resolve",
         **hilber_hughes_taylor(Fraction(-1, 10)),
     ),
     GeneralizedAlpha(
@@ -213,7 +219,7 @@ STRUCTURAL = (
         order=2,
         a_stable=True,
         source="Chung & Hulbert 1993, J. Appl. Mech. 60, 371: radius at infinity 4/5",
-        summary="force at the averaged place, radius 0.8 at infinity: damps fast motion, spares slow",
+        summary="force at the averaged state, spectral radius 0.8 at infinity: damps mainly fast motion",
         **chung_hulbert(Fraction(4, 5)),
     ),
     MeanForceAlpha(

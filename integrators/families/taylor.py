@@ -47,7 +47,10 @@ class Taylor(Method):
 
     @property
     def evaluations(self) -> int:
-        """One: the series of the acceleration, with about ``order**2/2`` products for every product or sine in it."""
+        """Number of evaluations of a Taylor step: one, of the Taylor series of the acceleration.
+
+        It costs about ``order**2/2`` products for every product or sine in the acceleration.
+        """
         return 1
 
     @property
@@ -60,12 +63,12 @@ class Taylor(Method):
 
     @property
     def embedded_orders(self) -> tuple[int, ...]:
-        """The order of the series with one term less, which estimates the error."""
+        """The order of the Taylor series without its last term, which is the estimate of the error."""
         return (self.order - 1,)
 
     @property
     def rounding(self) -> Fraction:
-        """Zero, since a series has no table with rounded coefficients."""
+        """Zero, since a Taylor series method has no table with rounded coefficients."""
         return Fraction(0)
 
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
@@ -93,14 +96,14 @@ class Taylor(Method):
 
 
 def of_order(order: int, **changes: Any) -> Taylor:
-    """Return the Taylor series method of this order; ``changes`` replace its other attributes.
+    """Return the Taylor series method of this order; ``changes`` are other values of its attributes by name.
 
     Raises MethodError unless the order is from 2 to 30.
     """
     return Taylor(**{
         "name": f"taylor{order}", "order": order,
         "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
-        "summary": f"Taylor series of order {order} by recurrences; any order as in taylor20", **changes,
+        "summary": f"Taylor series of order {order} by recurrences; other orders by name, such as taylor20", **changes,
     })
 
 
@@ -120,16 +123,16 @@ def named_order(name: str) -> Taylor | None:
 
 
 def results_of_series(order: int, quadratures: Sequence[str]) -> list[str]:
-    """Return names for the results of ``series(t, q, v, *extra)``: coefficients of q, v and the quadratures.
+    """Return names for Taylor coefficients of q, v and the quadratures (integrals along the step), such as ``v1``.
 
-    Those of q begin with ``q_2``, all others with order 1.
+    They name the results of ``series(t, q, v, *extra)``. Those of q begin with ``q2``, all others with order 1.
     """
     named = [("q", 2), ("v", 1), *((f"{name}_", 1) for name in quadratures)]
     return [f"{name}{k}" for name, first in named for k in range(first, order + 1)]
 
 
 def _series(names: Sequence[str]) -> Terms:
-    """Return ``h*(c_1 + h*(c_2 + h*(...)))``, a power series in h with coefficients of these names, from h on."""
+    """Return the terms of ``h*(c_1 + h*(c_2 + h*(...)))``, a power series in h without its constant term."""
     total: Terms = ()
     for name in reversed(names):
         total = times_step(term(1, name) + total)
@@ -137,7 +140,10 @@ def _series(names: Sequence[str]) -> Terms:
 
 
 def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], order: int) -> Callable[..., list[Any]]:
-    """Return the function ``series`` that a Taylor step calls, from a system's ``taylor_coefficients``."""
+    """Return the function ``series`` that a Taylor step calls: the coefficients of q from order 2, of v from order 1.
+
+    It is derived from a system's function ``taylor_coefficients``.
+    """
 
     def series(t: Any, q: Any, v: Any) -> list[Any]:
         terms = coefficients_(t, q, v, order + 1)
@@ -152,8 +158,8 @@ def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], orde
 def coefficients(acceleration: Acceleration) -> Callable[[Any, Any, Any, int], list[Any]]:
     """Return the function ``taylor_coefficients`` of a plain acceleration ``a(t, q, v)``, for any kind of numbers.
 
-    The acceleration is called once for every shape of q, with numbers that record the operations on them. The returned
-    function raises MethodError if the acceleration uses other operations than
+    The acceleration is called once for every array shape of q, with numbers that record the operations on them. The
+    returned function raises MethodError if the acceleration uses other operations than
     :data:`integrators.steps.tracing.LEAST_FUNCTIONS`.
     """
     compiled: dict[tuple[tuple[int, ...], int], Callable[..., Any]] = {}
@@ -172,7 +178,11 @@ def coefficients(acceleration: Acceleration) -> Callable[[Any, Any, Any, int], l
 
 
 def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) -> Callable[..., Any]:
-    """Return a function that computes the Taylor coefficients of q from order 2 on, for all components in a row."""
+    """Return a function that computes the Taylor coefficients of q from order 2 on, for arrays q of one shape.
+
+    It takes t, all components of q and all components of v as single arguments, and returns the coefficients of all
+    components in one list.
+    """
     trace = Trace()
     t = trace.leaf("t")
     size = int(np.prod(shape))
@@ -182,7 +192,8 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
         components = np.broadcast_to(np.asarray(result, dtype=object), shape).ravel() if shape else [result]
         lifted = [trace.lift(x) for x in components]
     except (TypeError, AttributeError, ValueError) as fault:
-        raise MethodError(f"Taylor series need a function of {LEAST_FUNCTIONS}; in this one, {fault}.") from fault
+        raise MethodError(
+            f"Taylor series need an acceleration that uses only {LEAST_FUNCTIONS}, but {fault}.") from fault
     slopes = [x for x in lifted if x is not None]
     if len(slopes) < len(lifted):
         raise MethodError(f"The acceleration must be numbers, not {result!r}.")
@@ -203,7 +214,7 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
 
 
 def _numbers(values: list[Traced], shape: tuple[int, ...]) -> Any:
-    """Return traced numbers as an array of this shape, or the only one for the shape ()."""
+    """Return recorded numbers as an object array of this shape; for the shape () the only number itself."""
     if not shape:
         return values[0]
     array = np.empty(len(values), dtype=object)
@@ -212,7 +223,7 @@ def _numbers(values: list[Traced], shape: tuple[int, ...]) -> Any:
 
 
 def add_twins(trace: Trace) -> None:
-    """Record the cosine of every sine and the sine of every cosine, as their recurrences need each other."""
+    """Record the cosine of every recorded sine and vice versa, as the recurrences of both need each other."""
     for operation in list(trace.operations):
         for one, other in (("sin", "cos"), ("cos", "sin")):
             if operation.name == one:

@@ -26,7 +26,7 @@ class StepSizeError(MethodError):
 
     Attributes:
         t: the time at which the integration stopped.
-        h: the step that would have come next.
+        h: length of the next step, which would have been too short.
     """
 
     def __init__(self, message: str, t: Any, h: Any) -> None:
@@ -49,7 +49,7 @@ class Tolerance:
     atol: Any
 
     def check_rounding(self) -> None:
-        """Check that double precision can meet the tolerance; raises MethodError if not."""
+        """Check that double precision can meet the relative tolerance; raises MethodError if it is too small."""
         if self.rtol < FINEST:
             raise MethodError(f"rtol must be at least {FINEST:.2g} in double precision, not {shown(self.rtol)}.")
 
@@ -66,7 +66,10 @@ class Tolerance:
         return fine / math.sqrt(fine + 0.01 * coarse) if fine else fine
 
     def square(self, pair: Sequence[Any], before: Sequence[Any], after: Sequence[Any]) -> Any:
-        """Return the mean square of a pair (for q and v) in units of the tolerance of a step between two states."""
+        """Return the mean square of errors (of q and v) in units of the tolerance of a step.
+
+        ``before`` and ``after`` are the states (q, v) at the ends of the step.
+        """
         total: Any = 0
         for value, old, new in zip(pair, before, after, strict=True):
             is_array = isinstance(value, np.ndarray)
@@ -95,7 +98,7 @@ class March:
     """Adaptive integration: the current state, the step-size control, and the numbers of steps.
 
     Args:
-        method, step: an embedded pair and its unrolled step with error estimates.
+        method, step: an embedded pair, and its generated step function that also returns error estimates.
         slope: the acceleration.
         tolerance: the tolerance of one step.
         t, q, v: the state at the start.
@@ -119,7 +122,7 @@ class March:
         self._recorder, self._step_values = recorder, ()
 
     def through(self, marks: Sequence[Any], zero: Any) -> list[tuple[Any, Any, Any]]:
-        """Integrate through the times ``marks`` and return (t, q, v) at each; the first one is the current time.
+        """Integrate through the times ``marks``, the first of which is the current time; return (t, q, v) at each.
 
         ``zero`` is a zero of the number type to be used. Raises MethodError if the acceleration at the start is not
         finite, and StepSizeError if no step meets the tolerance.
@@ -133,7 +136,7 @@ class March:
         return rows
 
     def _start(self, span: Any, zero: Any) -> None:
-        """Compute the acceleration at the start and, unless it is given, the length of the first step."""
+        """Compute the acceleration at the start of an integration and, unless given, the length of the first step."""
         self.sense, self.span, self._zero = 1 if span > 0 else -1, abs(span), zero
         try:
             with np.errstate(all="ignore"):
@@ -149,7 +152,7 @@ class March:
         self.h = self._first() if self.h is None else min(self.h, self.span)
 
     def _first(self) -> Any:
-        """Return the length of the first step, so short that Euler's method would change little and have a small error.
+        """Return a length for the first step, so short that Euler's method would have a small error in it.
 
         The algorithm is that of Hairer, Norsett & Wanner 1993, II.4.
         """
@@ -175,7 +178,7 @@ class March:
         return min(100 * h, like(self._zero, other), self.span)
 
     def _to(self, mark: Any) -> None:
-        """Advance the state exactly to the time ``mark``."""
+        """Take adaptive steps until the state is exactly at the time ``mark``."""
         last_accepted = True
         while self.t != mark:
             left = abs(mark - self.t)
@@ -216,7 +219,7 @@ class March:
             return float("nan"), ()
 
     def _check(self) -> None:
-        """Raise StepSizeError if a sixteenth of the next step would not change the time or the duration."""
+        """Raise StepSizeError if the next step is so short that a sixteenth of it would not change the time."""
         part = self.h / 16
         if abs(self.t) + part == abs(self.t) or self.span + part == self.span:
             raise StepSizeError(

@@ -43,7 +43,7 @@ Points = Sequence[Any]
 
 @dataclass(frozen=True)
 class Curve:
-    """Bezier curves of q and v over one step of length ``h`` from (q, v) at ``t``.
+    """Bezier curves of q and v for dense output over one step of length ``h`` from (q, v) at ``t``.
 
     The control points are relative to (q, v); the first one is zero and left out.
     """
@@ -56,7 +56,7 @@ class Curve:
     by_v: Points
 
     def at(self, theta: Any) -> tuple[Any, Any]:
-        """Return (q, v) at a fraction ``theta`` of the step: a number, or an array that broadcasts with q."""
+        """Return (q, v) of dense output at ``theta``, a fraction of the step or an array that broadcasts with q."""
         return self.q + _bezier(self.by_q, theta), self.v + _bezier(self.by_v, theta)
 
 
@@ -103,16 +103,16 @@ class DenseOutput:
 
     @property
     def _double(self) -> bool:
-        """True for double precision."""
+        """True if the solution is in double precision, not in another number type such as mpmath's."""
         return isinstance(self.curves[-1].h, float)
 
     @property
     def _sense(self) -> int:
-        """Direction of time: 1 forwards, -1 backwards."""
+        """Direction of time in a dense solution: 1 forwards, -1 backwards."""
         return -1 if self.curves[-1].t < self.curves[0].t else 1
 
     def _check(self, t: Any) -> None:
-        """Raise MethodError unless t is a finite time between the first and the last step."""
+        """Raise MethodError unless the steps of a dense solution cover the time t."""
         if not is_real(t):
             raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.")
         first, last = self.curves[0].t, self.curves[-1].t
@@ -120,19 +120,19 @@ class DenseOutput:
             raise MethodError(f"t = {t} is not between this solution's first and last time, {first} and {last}.")
 
     def _index(self, t: Any) -> int:
-        """Return the index of the step that contains the time t."""
+        """Return the index of the step of a dense solution that contains the time t."""
         sense = self._sense
         return bisect_right(self.curves, sense * t, key=lambda curve: sense * curve.t) - 1
 
     def _one_by_one(self, times: NDArray[Any]) -> tuple[Any, Any]:
-        """Return (q, v) at an array of times for numbers other than floats."""
+        """Return (q, v) at an array of times, computed one by one, for numbers other than floats."""
         values = np.empty((2, times.size), dtype=object)
         for k, t in enumerate(times.flat):
             values[:, k] = self(t)
         return values[0].reshape(times.shape), values[1].reshape(times.shape)
 
     def _at_many(self, times: NDArray[np.float64]) -> tuple[Any, Any]:
-        """Return (q, v) at an array of times in double precision, computed step by step."""
+        """Return (q, v) of a dense solution at an array of times in double precision, computed step by step."""
         shape = np.shape(self.curves[0].q)
         values = np.empty((2, times.size, *shape))
         starts = np.array([curve.t for curve in self.curves])
@@ -151,7 +151,7 @@ class Recorder:
 
     Args:
         method: the method that takes the steps.
-        slope: the acceleration, for further stages and the ends of steps.
+        slope: the acceleration, evaluated at further stages of a continuous extension and at the ends of steps.
         zero: a zero of the number type to be used.
     """
 
@@ -197,7 +197,7 @@ class Recorder:
         return DenseOutput(self.method.dense_order, (*self.curves, Curve(t, self.zero + 1, q, v, (), ())))
 
     def _numbers(self, row: Sequence[Fraction]) -> list[Any]:
-        """Convert coefficients to the problem's number type; zeros become None."""
+        """Convert coefficients of a continuous extension to the problem's number type; zeros become None."""
         if isinstance(self.zero, float):
             return [float(x) if x else None for x in row]
         return [(self.zero + 1) * x.numerator / x.denominator if x else None for x in row]
@@ -205,7 +205,7 @@ class Recorder:
     def _extended(
         self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], stages: Sequence[Any], end: Any
     ) -> tuple[Points, Points]:
-        """Return the control points of q and v from the stages of a step and the further stages of the extension.
+        """Return the Bezier control points of q and v over a step, from its stages and those of the extension.
 
         ``end`` is the acceleration at the end of the step, or None if it is not known.
         """
@@ -225,7 +225,7 @@ class Recorder:
     def _hermite(
         self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], ends: tuple[Any, Any] | None
     ) -> tuple[Points, Points]:
-        """Return the control points of q and v by Hermite interpolation between the ends of a step."""
+        """Return the Bezier control points of q and v over a step by Hermite interpolation between its ends."""
         (q, v), (q1, v1) = before, after
         if ends is None:
             a = self.slope(t, q, v) if self._end is None else self._end

@@ -61,7 +61,7 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
 
 
 def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> bool:
-    """Return True unless the acceleration at (t, q) differs between four velocities or is not finite for some."""
+    """Return True if the acceleration at (t, q) is equal for four trial velocities, or not finite for all of them."""
     values: list[Any] = []
     for w in (v, v + 0.7390851, -v - 1.2020569, v - v):
         try:
@@ -74,7 +74,10 @@ def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> boo
 
 
 def counted(system: System, calls: list[int], also: Sequence[str] = ()) -> System:
-    """Return a copy of a system that counts its evaluations in ``calls[0]``; ``also`` names further functions."""
+    """Return a copy of a system that counts calls of its forces and flows in ``calls[0]``.
+
+    ``also`` names further functions to count.
+    """
 
     def counting(function: Callable[..., Any] | None) -> Any:
         if function is None:

@@ -199,12 +199,15 @@ def _equal_steps(
 
 
 def _same_step(part: Any, last: Any, t: Any) -> bool:
-    """Return True if two step lengths differ by no more than the rounding of times, so that the memory stays valid."""
+    """Return True if step lengths ``part`` and ``last`` agree up to the rounding of the time t.
+
+    The values that the last step passed on (forces, a history) are then valid for the next one.
+    """
     return bool(part == last) or (is_double(part) and abs(part - last) <= 2.0**-51 * (abs(t) + abs(part)))
 
 
 def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
-    """Return the number of steps in each interval; raises MethodError if there are too many in all."""
+    """Return the number of equal steps in each interval between times; MethodError if they are too many in all."""
     sizes = []
     for gap in gaps:
         try:
@@ -221,7 +224,7 @@ def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
 
 
 def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:
-    """Return the error message for a step whose result is not finite."""
+    """Return the error message for a step of a method whose result is not finite, that is, which has diverged."""
     unsolved = "Newton's method finds no solution of the stage equation, " if method.implicit else ""
     return (f"{method.name} left the finite range in step {step}, from t = {t}{fault}: {unsolved}"
             "the step is too long or the force is not finite there.")

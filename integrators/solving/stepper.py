@@ -60,7 +60,7 @@ def stepper(
         namespace["drag"] = system.dissipative_flow
 
     def constant(value: Fraction) -> str:
-        """Return the name of a coefficient, after storing it in the problem's number type and precision."""
+        """Store a coefficient in the problem's number type and precision, and return its name in the source."""
         name = f"c{value.numerator}_{value.denominator}".replace("-", "m")
         namespace[name] = (like - like + 1) * value.numerator / value.denominator
         return name
@@ -78,19 +78,19 @@ def stepper(
 
 
 def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
-    """Return the empty memory of a method without a memory."""
+    """Return the empty tuple: ``begin`` of a method that passes no values from one step to the next."""
     return ()
 
 
 @lru_cache(maxsize=256)
 def _program(method: Method, drag: bool, **options: Any) -> CodeType:
-    """Return the compiled source of a method's step in double precision; cached."""
+    """Return the code object of a method's generated step in double precision; cached."""
     source = unroll(method, hooks={"drag": ()} if drag else {}, **options)
     return compile(source, f"<{method.name}>", "exec")
 
 
 def _force(system: System) -> Callable[[Any, Any], Any]:
-    """Return the velocity-free part f(t, q) of a system's acceleration."""
+    """Return the velocity-free part f(t, q) of a system's acceleration, as a function."""
     if system.force is not None:
         return system.force
     return lambda t, q: system.acceleration(t, q, q - q)

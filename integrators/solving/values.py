@@ -32,7 +32,7 @@ def widened(value: Any) -> Any:
 
 
 def of_kind(zero: Any, value: Any) -> Any:
-    """Convert integers and integer arrays to the number type of ``zero``; return other values unchanged."""
+    """Convert an integer or an integer array to the number type of ``zero``; return other values unchanged."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "iu":
         return value.astype(np.float64) if isinstance(zero, float) else value + zero
     return value + zero if isinstance(value, int) else value
@@ -61,9 +61,10 @@ def is_real(value: Any) -> bool:
 
 
 def zero_of(*values: Any) -> Any:
-    """Return zero in the number type of the sum of the values; arrays do not count.
+    """Return zero in the number type of the sum of the values; arrays are ignored.
 
-    Raises MethodError if their types cannot be added.
+    The type of q, v, times and tolerances decides the arithmetic of a solution. Raises MethodError if their types
+    cannot be added.
     """
     kinds = {type(value): value - value for value in values if not isinstance(value, np.ndarray)}
     try:
@@ -93,7 +94,7 @@ def column(values: list[Any]) -> Any:
 
 
 def misshapen(actual: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Return the error message for an acceleration that does not have the shape of the state."""
+    """Return the error message for an acceleration whose shape differs from that of the state q and v."""
     return f"The acceleration must have the shape of q and v, {shape}, not {actual}."
 
 

@@ -1,1 +1,1 @@
-"""Shared parts of the source of steps: expressions, Newton iterations, compensated sums, error estimates."""
+"""Building blocks of generated steps: expressions, Newton iterations, compensated sums, error estimates."""

@@ -1,8 +1,8 @@
 """Implicit steps on NumPy arrays: Newton's method with the full matrix of derivatives, from finite differences.
 
 Implicit steps of single numbers are written as source by :func:`integrators.unroll`. Only the steps on arrays may have
-coupled components of ``q``. A stage whose equation Newton's method cannot solve is nan, which :func:`integrators.solve`
-reports.
+coupled components of ``q``. A stage whose equation Newton's method cannot solve becomes nan; :func:`integrators.solve`
+then reports the step.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def stages_step(
         slopes = np.zeros((len(weights), *np.shape(v)))
 
         def motion(rows: list[int]) -> tuple[Array, Array]:
-            """Return the positions and velocities of the stages in these rows of the table."""
+            """Return positions and velocities of the stages ``rows`` (counted from zero) of an implicit step."""
             speeds = v + h * np.tensordot(table, slopes, 1)
             return q + h * np.tensordot(table[rows], speeds, 1), speeds[rows]
 

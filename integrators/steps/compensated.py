@@ -28,17 +28,18 @@ from integrators.method import MethodError
 from integrators.solving.values import check_truth
 
 LOST = ("lost_q", "lost_v")
-"""Names of the lost parts of q and v, which a compensated step takes and returns after q, v and its memory."""
+"""Names of the rounding errors of q and v, which a compensated step takes and returns after q, v and its memory."""
 
 SPLITTER = 134217729.0
 """2**27 + 1; multiplication by it splits a double into halves of 26 bits (Dekker 1971, Numer. Math. 18, 224)."""
 
 
 def added(x: Any, lost: Any, change: Any, low: Any) -> tuple[Any, Any]:
-    """Return the double nearest to ``x + lost + change + low``, and the remainder, for small ``lost`` and ``low``.
+    """Return the double nearest to ``x + lost + change + low``, and the remainder: one compensated addition.
 
-    The sum ``x + change`` and its rounding error are exact, whichever of the two is larger (Moller 1965; Knuth 1998,
-    4.2.2, theorem B).
+    ``lost`` is the stored rounding error of x, and ``low`` the rounding error of ``change``; both must be small. The
+    sum ``x + change`` and its rounding error are exact, whichever of the two is larger (Moller 1965; Knuth 1998, 4.2.2,
+    theorem B).
     """
     total = x + change
     part = total - x
@@ -48,7 +49,10 @@ def added(x: Any, lost: Any, change: Any, low: Any) -> tuple[Any, Any]:
 
 
 def scaled(factor: Any, low: Any, h: Any) -> tuple[Any, Any]:
-    """Return the double nearest to ``(factor + low)*h``, and the remainder (Dekker 1971), for a small ``low``."""
+    """Return the double nearest to ``(factor + low)*h``, and the remainder (Dekker 1971).
+
+    ``low`` is the small part of a coefficient that its double ``factor`` leaves out.
+    """
     product = factor * h
     shifted = factor * SPLITTER
     head = shifted - (shifted - factor)
@@ -60,7 +64,7 @@ def scaled(factor: Any, low: Any, h: Any) -> tuple[Any, Any]:
 
 
 def check_compensated(compensated: bool, rtol: Any) -> bool:
-    """Return the keyword ``compensated`` as a bool.
+    """Check the keyword ``compensated`` (compensated summation) and return it as a bool.
 
     Raises MethodError unless it is True or False, and if it is True together with a tolerance ``rtol``.
     """
@@ -73,7 +77,10 @@ def check_compensated(compensated: bool, rtol: Any) -> bool:
 
 
 def stepping(step: Callable[..., tuple[Any, Any]]) -> Callable[..., tuple[Any, ...]]:
-    """Return a compensated step, from a function ``step(t, q, v, h)`` that returns the increments of q and v."""
+    """Return a step with compensated summation, from a function that returns the increments of q and v.
+
+    That function is ``step(t, q, v, h)``.
+    """
 
     def compensated_step(t: Any, q: Any, v: Any, lost_q: Any, lost_v: Any, h: Any) -> tuple[Any, ...]:
         change_q, change_v = step(t, q, v, h)

@@ -18,22 +18,27 @@ from integrators.steps.terms import Notation, Product, StepLines, Terms, literal
 
 @dataclass(frozen=True)
 class CompensatedNotation(Notation):
-    """The names and numbers of a step with compensated sums; coefficients get low parts where they are float literals.
+    """Names and number format in the source of a step with compensated sums.
+
+    Coefficients written as float literals get low parts, which the literals leave out.
 
     Attributes:
-        glides: True if the hooks ``kick`` and ``push`` do more than ``v + h a``: their result is then taken as it is,
-            and a velocity of zero has no lost part.
+        glides: True if the problem's functions ``kick`` and ``push`` do more than ``v + h a``, because of dry friction:
+            their result is then taken as it is, and a velocity of zero has no rounding error.
     """
 
     glides: bool = False
 
     def new_step(self) -> StepLines:
-        """Return an empty step with compensated sums, to which a family adds its lines."""
+        """Return an empty :class:`CompensatedLines`, to which a family of methods adds its source lines."""
         return CompensatedLines(self)
 
 
 class CompensatedLines(StepLines):
-    """Lines of one step function that add to q and v by ``added``, with products ``coefficient*h`` by ``scaled``."""
+    """Source lines of one step function with compensated sums.
+
+    The lines add to q and v by calls of the function ``added``, and compute products ``coefficient*h`` by ``scaled``.
+    """
 
     carried = LOST
 
@@ -75,12 +80,15 @@ class CompensatedLines(StepLines):
         return super().source(title, ends, memory, increments)
 
     def _parts(self, total: Terms) -> tuple[str, str]:
-        """Return the text of a sum and of its low part, which rounded coefficients leave out; empty for none."""
+        """Return the source texts of a sum and of its low part, which rounded coefficients leave out.
+
+        The low part is empty if there is none.
+        """
         parts = [(term.weight < 0, *self._product(term)) for term in total]
         return signed((sign, high) for sign, high, _ in parts), signed((sign, low) for sign, _, low in parts if low)
 
     def _product(self, term: Product) -> tuple[str, str]:
-        """Return the text of a term without its sign, and of its low part; empty for none."""
+        """Return the source texts of a term without its sign, and of its low part; empty if there is none."""
         weight, factors = abs(term.weight), term.factors
         timed = factors[0] == "h"
         high, low = self._step(weight) if timed else self._coefficient(weight)
@@ -98,12 +106,18 @@ class CompensatedLines(StepLines):
         return "*".join(size), low
 
     def _coefficient(self, weight: Fraction) -> tuple[str, str]:
-        """Return the text of a coefficient, empty for one, and of its low part, which a float literal leaves out."""
+        """Return the source texts of a coefficient, empty for one, and of its low part.
+
+        The low part is the rest that the coefficient's float literal leaves out.
+        """
         low = float(weight - Fraction(float(weight))) if self.notation.number is literal else 0.0
         return "" if weight == 1 else self.notation.number(weight), repr(low) if low else ""
 
     def _step(self, weight: Fraction) -> tuple[str, str]:
-        """Return the text of a coefficient times h, and of its low part; the step computes such a product once."""
+        """Return the source texts of a coefficient times h, and of the low part of this product.
+
+        The step computes this product once and stores it under a name.
+        """
         high, low = self._coefficient(weight)
         if self.notation.number is not literal or (not low and math.frexp(weight)[0] == 0.5):
             return f"{high}*h" if high else "h", ""

@@ -27,11 +27,11 @@ class Extension:
     a: tuple[tuple[Fraction, ...], ...] = ()
 
     def used(self, stages: int) -> tuple[Fraction, ...]:
-        """Return a row with 1 for every stage of the method that the polynomials need, and 0 for the others."""
+        """Return a row with one entry per stage of a method: 1 if dense output needs the stage, else 0."""
         return tuple(Fraction(any(self.b[i]) or any(row[i] for row in self.a)) for i in range(stages))
 
     def fault(self, b: Sequence[Fraction], allowed: Fraction) -> str:
-        """Return a sentence on the first misfit between the polynomials and a method's weights b; empty if all fits.
+        """Return a sentence on the first contradiction between the polynomials and a method's weights b, or "".
 
         Args:
             b: the weights of the method.
@@ -49,5 +49,5 @@ class Extension:
 
     @property
     def ends(self) -> tuple[Fraction, ...]:
-        """The weights ``b_i(1)`` at the end of the step: those of the method, and zero for further stages."""
+        """The weights ``b_i(1)`` of dense output at the end of the step: the method's, and zero for further stages."""
         return tuple(row[-1] for row in self.b)

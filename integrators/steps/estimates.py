@@ -15,23 +15,29 @@ from integrators.method import Method, MethodError
 
 
 def has_estimates(method: Method) -> bool:
-    """Return True if a method estimates its error: explicit methods with embedded weights, and Taylor series."""
+    """Return True if a method can estimate its error: explicit with embedded weights, or a Taylor series."""
     return bool(method.embedded_orders)
 
 
 def check_estimates(method: Method) -> None:
-    """Check that a method estimates its error; raise MethodError if not."""
+    """Raise MethodError if a method does not estimate its error."""
     if not has_estimates(method):
         raise MethodError(f"{method.name} has no embedded weights that would estimate its error.")
 
 
 def embedded_orders(method: Method) -> tuple[int, ...]:
-    """Return the orders of the results with which a method compares its own; for a Taylor series, of one term less."""
+    """Return the orders of the embedded results with which a method compares its own to estimate the error.
+
+    A Taylor series is compared with the series without its last term.
+    """
     return method.embedded_orders
 
 
 def evaluations_tried(method: Method) -> int:
-    """Return the force evaluations of one step with error estimates, including that at its end if the step needs it."""
+    """Return the number of force evaluations of one step with error estimates.
+
+    It includes the evaluation at the end of the step, if the step needs that.
+    """
     return method.evaluations_tried
 
 

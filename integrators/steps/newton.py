@@ -52,7 +52,7 @@ def one_stage(more: str, mean: bool = False, apart: bool = False) -> str:
     """Return the source of ``solve_stage(t, q, v, d)``, which solves ``k = a(t, q + d w, w)``, ``w = v + d k``.
 
     Args:
-        more: the text of further arguments, such as ``, p``.
+        more: the text of further arguments of the function, such as ``, p``.
         mean: True to average forces from the old to the new angle.
         apart: True for ``solve_stage(t, q, v, c, d)``, which solves ``k = a(t, q + c k, v + d k)``.
     """
@@ -73,9 +73,9 @@ def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], mor
     result is nan.
 
     Args:
-        a, nodes: the table.
-        more: the text of further arguments, such as ``, p``.
-        number: writes a coefficient.
+        a, nodes: the coefficients a_ij and nodes c_i of the Butcher table.
+        more: the text of further arguments of the function, such as ``, p``.
+        number: function that returns a coefficient as source text.
     """
     stages = range(1, len(a) + 1)
     square = [[sum((x * row[j] for x, row in zip(line, a, strict=True)), Fraction(0)) for j in range(len(a))]
@@ -107,14 +107,15 @@ def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], mor
 
 
 def _sizes(letter: str, stages: Sequence[int]) -> str:
-    """Return the text of the sum of absolute values of ``k1``, ``k2``, ... for the letter k."""
+    """Return the source text of ``abs(k1) + abs(k2) + ...`` for ``count`` stages and the letter k."""
     return " + ".join(f"abs({letter}{i})" for i in stages)
 
 
 def _entry(diagonal: bool, by_q: Fraction, by_v: Fraction, i: int, number: Number) -> str:
-    """Return the text of one entry of Newton's matrix: ``1.0 - h*(0.25*w1) - h*h*(0.0625*p1)``.
+    """Return the source text of one entry of Newton's matrix, such as ``1.0 - h*(0.25*w1) - h*h*(0.0625*p1)``.
 
-    The 1.0 stands on the diagonal only. ``by_q`` and ``by_v`` are the coefficients of p and w in row i.
+    The 1.0 stands on the diagonal only. p and w are the derivatives of the acceleration by q and v at a stage; ``by_q``
+    and ``by_v`` are their coefficients in row i.
     """
     text = "1.0" if diagonal else ""
     for power, weight, name in (("h", by_v, "w"), ("h*h", by_q, "p")):
@@ -125,9 +126,9 @@ def _entry(diagonal: bool, by_q: Fraction, by_v: Fraction, i: int, number: Numbe
 
 
 def _elimination(count: int, nan: str) -> list[str]:
-    """Return lines that solve the linear equations ``m d = r`` by Gaussian elimination with exchange of rows.
+    """Return source lines that solve the linear equations ``m d = r`` by Gaussian elimination with row exchange.
 
-    They return the text ``nan`` if the matrix is singular.
+    If the matrix is singular, these lines return the source text ``nan``.
     """
     lines = []
     stages = range(1, count + 1)

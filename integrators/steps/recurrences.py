@@ -27,25 +27,28 @@ Over = Callable[[str, int], str]
 
 
 def divided(text: str, k: int) -> str:
-    """Return the text of a term divided by k > 1, exact in numbers of any precision."""
+    """Return the source text of a term divided by an integer k > 1, exact in numbers of any precision."""
     return f"{text}/{k}"
 
 
 def times_reciprocal(text: str, k: int) -> str:
-    """Return the text of a term times the double nearest to 1/k, which is faster than a division and errs by an ulp."""
+    """Return the source text of a term times the double nearest to 1/k.
+
+    This is faster than a division, and errs by one unit in the last place.
+    """
     return f"{1.0 / k!r}*{text}"
 
 
 
 class Writer:
-    """Writes source lines for the Taylor coefficients of all operations of one trace, order by order.
+    """Writer of source lines that compute the Taylor coefficients of an acceleration's recorded operations.
 
     Args:
-        trace: the operations. In the source its leaves "t", "q" and "v" have these names, followed by a component's
-            number if there are several. The rate of the time has the name ``one``.
-        steady: writes the value of a leaf "steady".
+        trace: the recorded operations (the trace). In the source its leaves "t", "q" and "v" have these names, followed
+            by a component's number if there are several. The rate of the time has the name ``one``.
+        steady: function that returns the source text of a constant, recorded as a leaf "steady".
         accelerations: the second derivative of every component.
-        calls: templates of function calls, as :data:`CALLS`.
+        calls: texts of function calls with a placeholder for the argument, as :data:`CALLS`.
         over: divides a term by a whole number: :func:`divided` or :func:`times_reciprocal`.
 
     Attributes:
@@ -69,11 +72,11 @@ class Writer:
                 self.motion[name, i, 0] = name if only else f"{name}{i}"
 
     def write(self, order: int, highest: int) -> None:
-        """Append the lines of all coefficients.
+        """Append the source lines of the Taylor coefficients of all operations and of the motion.
 
         Args:
-            order: the highest order of v; coefficients of the operations have lower orders.
-            highest: the highest order of q, at most ``order + 1``.
+            order: highest order of the coefficients of v; those of the operations are of lower order.
+            highest: highest order of the coefficients of q, at most ``order + 1``.
         """
         for k in range(order):
             for place in range(len(self.trace.operations)):
@@ -87,36 +90,45 @@ class Writer:
                     self._divide("q", i, k + 2, self._v(i, k + 1))
 
     def coefficient(self, number: Traced, k: int) -> str:
-        """Return the name of the coefficient of order k of a recorded number; "0" if it vanishes."""
+        """Return the name of the Taylor coefficient of order k of a recorded number; "0" if it vanishes."""
         return self.known.get((number.place, k), "0")
 
     def of_motion(self, name: str, i: int, k: int) -> str:
-        """Return the name of the coefficient of order k of component i of ``q`` or ``v``; "0" if it vanishes."""
+        """Return the name of the Taylor coefficient of order k of component i of ``q`` or ``v``; "0" if it vanishes."""
         return self.motion.get((name, i, k), "0")
 
     def _divide(self, name: str, i: int, k: int, rate: str) -> None:
-        """Append the line of a component's coefficient of order k: the coefficient of its rate, divided by k."""
+        """Append the line of the Taylor coefficient of order k of component i of ``q`` or ``v``.
+
+        It is the coefficient ``rate`` of the rate of change, divided by k.
+        """
         if rate:
             self.lines.append(f"{name}{i}_{k} = {self.over(rate, k) if k > 1 else rate}")
             self.motion[name, i, k] = f"{name}{i}_{k}"
 
     def _v(self, i: int, k: int) -> str:
-        """Return the name of the coefficient of order k of component i of v; empty if it vanishes."""
+        """Return the name of the Taylor coefficient of order k of component i of v; empty if it vanishes."""
         return self.motion.get(("v", i, k), "")
 
     def _keep(self, place: int, k: int, text: str) -> None:
-        """Store the formula of a coefficient; if it is not a name already, append a line that gives it one."""
+        """Store the formula of an operation's Taylor coefficient of order k.
+
+        If the formula is more than a name, a line is appended that gives it a name.
+        """
         if not text.isidentifier():
             self.lines.append(f"c{place}_{k} = {text}")
             text = f"c{place}_{k}"
         self.known[place, k] = text
 
     def _get(self, place: int, k: int) -> str:
-        """Return the name of the coefficient of order k of an operation's result; empty if it vanishes."""
+        """Return the name of the Taylor coefficient of order k of an operation's result; empty if it vanishes."""
         return self.known.get((place, k), "")
 
     def _rate(self, place: int, k: int) -> str:
-        """Return the name of ``k x_k``, the coefficient of a result's rate of change; append its line if it is new."""
+        """Return the name of ``k x_k``, which occurs in the Taylor series of a result's rate of change.
+
+        The line that computes it is appended when it is needed for the first time.
+        """
         name = self._get(place, k)
         if not name or k == 1:
             return name
@@ -129,11 +141,11 @@ class Writer:
         return self.rates[place, k]
 
     def _products(self, pairs: Sequence[tuple[str, str]]) -> str:
-        """Return the text of a sum of products, without products that have an empty factor."""
+        """Return the source text of a sum of products of two factors; products with an empty factor are left out."""
         return " + ".join(f"{x}*{y}" for x, y in pairs if x and y)
 
     def _coefficient(self, place: int, k: int) -> str:
-        """Return the formula of the coefficient of order k of an operation's result; empty if it vanishes."""
+        """Return the formula of the Taylor coefficient of order k of an operation's result; empty if it vanishes."""
         operation = self.trace.operations[place]
         name, operands = operation.name, operation.operands
         if name in ("q", "v"):
@@ -186,7 +198,10 @@ class Writer:
         return f"sign{place}*{name}" if name else ""
 
     def _fed(self, k: int, x: int, other: int) -> str:
-        """Return the text of ``sum_(j>0) j x_j y_(k-j)``, which recurrences of sin, cos and exp share."""
+        """Return the source text of ``sum_(j>0) j x_j y_(k-j)``.
+
+        This sum occurs in the recurrences of the Taylor coefficients of sin, cos and exp.
+        """
         return self._products([(self._rate(x, j), self._get(other, k - j)) for j in _latest_last(1, k, k + 1)])
 
     def _sin(self, k: int, place: int, x: int) -> str:
@@ -200,7 +215,7 @@ class Writer:
         return self._sum_over(k, self._fed(k, x, place))
 
     def _twin(self, name: str, x: int) -> int:
-        """Return the place of the cosine that belongs to a sine, or of the sine that belongs to a cosine."""
+        """Return the index of the recorded operation ``name`` (sin or cos) with the operand at index x."""
         return self.trace.places[name, (x,)]
 
     def _log(self, k: int, place: int, x: int) -> str:
@@ -214,7 +229,10 @@ class Writer:
         return f"({top})/(2*{self._get(place, 0)})"
 
     def _power(self, k: int, place: int, x: int, y: int) -> str:
-        """Return the formula of ``(x**y)_k``: ``k x_0 (x**y)_k = sum_(j<k) (y (k - j) - j) x_(k-j) (x**y)_j``."""
+        """Return the source text of the Taylor coefficient of order k of ``x**y`` with a constant y.
+
+        The recurrence is ``k x_0 (x**y)_k = sum_(j<k) (y (k - j) - j) x_(k-j) (x**y)_j``.
+        """
         exponent = self._get(y, 0)
         terms = [
             f"({k - j}*{exponent} - {j})*{self._get(x, k - j)}*{self._get(place, j)}"
@@ -223,10 +241,13 @@ class Writer:
         return f"({' + '.join(terms)})/({k}*{self._get(x, 0)})" if terms else ""
 
     def _sum_over(self, k: int, text: str) -> str:
-        """Return the text of a sum divided by k; empty for an empty sum."""
+        """Return the source text of a sum divided by k; empty for an empty sum."""
         return self.over(f"({text})", k) if text and k > 1 else f"({text})" if text else ""
 
 
 def _latest_last(first: int, last: int, total: int) -> list[int]:
-    """Return the indices j of a sum, those nearest to ``total/2`` first, as their factors are known earliest."""
+    """Return the indices j from ``first`` to ``last`` of a sum of products ``x_j y_(total-j)``, ordered for speed.
+
+    Those nearest to ``total/2`` come first, as their factors are known earliest.
+    """
     return sorted(range(first, last + 1), key=lambda j: max(j, total - j))

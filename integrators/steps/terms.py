@@ -1,4 +1,4 @@
-"""How a family of methods writes a step: sums of exact coefficients times names, and the lines of a step function."""
+"""How a family of methods writes the source of a step: sums of coefficients times names, and source lines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Number = Callable[[Fraction], str]
 
 
 def literal(value: Fraction) -> str:
-    """Return a coefficient, rounded once to double precision, as a Python float literal."""
+    """Return an exact coefficient as the text of a Python float literal, rounded once to double precision."""
     return repr(float(value))
 
 
@@ -19,13 +19,13 @@ def literal(value: Fraction) -> str:
 
 @dataclass(frozen=True)
 class Product:
-    """One term of a sum in a step: an exact coefficient times factors, multiplied from left to right.
+    """One term of a sum in a step's source: an exact coefficient times factors, multiplied left to right.
 
     ``Product(Fraction(1, 2), ("h", "a"))`` is ``0.5*h*a``. The step's length ``h`` stands first among the factors.
 
     Attributes:
         weight: the coefficient, with its sign.
-        factors: names, and sums as tuples of terms.
+        factors: names in the source, and sums in parentheses, given as tuples of terms.
     """
 
     weight: Fraction
@@ -37,17 +37,17 @@ Terms = tuple[Product, ...]
 
 
 def term(weight: Fraction | int, *factors: str | Terms) -> Terms:
-    """Return a product of a coefficient and factors, as a sum of one term."""
+    """Return a product of a coefficient and factors (names or sums), as a sum of this one term."""
     return (Product(Fraction(weight), factors),)
 
 
 def weighted(weights: Sequence[Fraction], names: Sequence[str]) -> Terms:
-    """Return the sum of names times their weights, as terms, without those of weight zero."""
+    """Return the sum of names times their weights as a tuple of terms, without those of weight zero."""
     return tuple(Product(weight, (name,)) for weight, name in zip(weights, names, strict=True) if weight)
 
 
 def times_step(total: Terms) -> Terms:
-    """Return a sum times the step's length h, as one term; an empty sum stays empty."""
+    """Return a sum of terms multiplied by the step's length h, as one term; an empty sum stays empty."""
     if not total:
         return ()
     single = len(total) == len(total[0].factors) == total[0].weight == 1
@@ -55,12 +55,15 @@ def times_step(total: Terms) -> Terms:
 
 
 def increment(weights: Sequence[Fraction], slopes: Sequence[str]) -> Terms:
-    """Return h times a weighted sum of slopes, the increment of the angle or the velocity in a step or stage."""
+    """Return h times a weighted sum of slopes as terms: the increment of q or v in a step or stage."""
     return times_step(weighted(weights, slopes))
 
 
 def signed(parts: Iterable[tuple[bool, str]]) -> str:
-    """Return the text of a sum from its terms' texts, each with True if the term is subtracted: ``-x + y``."""
+    """Return the source text of a sum, such as ``-x + y``, from the texts of its terms.
+
+    Each pair is True if the term is subtracted, and the text of the term without its sign.
+    """
     text = ""
     for negative, part in parts:
         minus = negative != part.startswith("-")
@@ -69,34 +72,34 @@ def signed(parts: Iterable[tuple[bool, str]]) -> str:
 
 
 def text_of(total: Terms, number: Number) -> str:
-    """Return the text of a sum, such as ``0.5*h*a - h*(b + c)``; empty for an empty sum."""
+    """Return the source text of a sum of terms, such as ``0.5*h*a - h*(b + c)``; empty for an empty sum."""
     return signed((term.weight < 0, _product(term, number)) for term in total)
 
 
 def _product(term: Product, number: Number) -> str:
-    """Return the text of a term without its sign."""
+    """Return the source text of a term of a sum, without its sign."""
     size = [number(abs(term.weight))] if abs(term.weight) != 1 else []
     return "*".join([*size, *(x if isinstance(x, str) else f"({text_of(x, number)})" for x in term.factors)])
 
 
 def combination(weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:
-    """Return the text of a sum of weighted names without its zero terms, ``0.5*k1 - k3``; empty if all are zero."""
+    """Return the source text of a weighted sum of names, such as ``0.5*k1 - k3``; empty if all weights are 0."""
     return text_of(weighted(weights, names), number)
 
 
 def plus(base: str, weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:
-    """Return the text of ``base + h*(sum of weighted names)``, or ``base`` alone if all weights are zero."""
+    """Return the source text of ``base + h*(weighted sum of names)``, or ``base`` alone if all weights are 0."""
     change = text_of(increment(weights, names), number)
     return f"{base} + {change}" if change else base
 
 
 def fraction_of(fraction: Fraction, number: Number) -> str:
-    """Return the text of a fraction of the step's length: ``0.5*h``."""
+    """Return the source text of a fraction of the step's length, such as ``0.5*h``."""
     return "h" if fraction == 1 else f"{number(fraction)}*h"
 
 
 def time_at(fraction: Fraction, number: Number) -> str:
-    """Return the text of the time at a fraction of the step: ``t + 0.5*h``."""
+    """Return the source text of the time at a fraction of the step, such as ``t + 0.5*h``."""
     return "t" if fraction == 0 else f"t + {fraction_of(fraction, number)}"
 
 
@@ -104,14 +107,18 @@ def time_at(fraction: Fraction, number: Number) -> str:
 
 
 def definition(signature: str, doc: str, lines: Sequence[str]) -> str:
-    """Return the source of one function, from its signature, docstring and lines."""
+    """Return the Python source of one function, from its signature, docstring and body lines."""
     body = "\n".join(f"    {line}" for line in lines)
     return f'def {signature}:\n    """{doc}"""\n{body}\n'
 
 
 def begin_with_force(more: str) -> str:
-    """Return the source of ``begin`` for methods whose memory is the force; ``more`` ends its list of arguments."""
-    return definition(f"begin(t, q, v, h{more})", "The force.", [f"return force(t, q{more})"]) + "\n\n"
+    """Return the source of ``begin``, which computes the force before the first step.
+
+    It serves methods that pass only the force from one step to the next. ``more`` is the text of further arguments.
+    """
+    doc = "Return the force with which the first step begins."
+    return definition(f"begin(t, q, v, h{more})", doc, [f"return force(t, q{more})"]) + "\n\n"
 
 
 @dataclass(frozen=True)
@@ -121,9 +128,9 @@ class Notation:
     Attributes:
         quadratures: names of integrals that are carried along the step.
         extra: names of further run-time arguments of all functions.
-        hooks: functions that the problem brings -> the quadratures to which the function adds.
-        number: writes a coefficient.
-        exact_drag: True if two drag flows in a row are one flow.
+        hooks: name of a function that the problem brings, such as ``kick`` -> the quadratures to which it adds.
+        number: function that returns a coefficient as source text.
+        exact_drag: True if two drag flows in a row equal one flow over both times.
         dense: True for a step that also returns its stages.
     """
 
@@ -136,29 +143,32 @@ class Notation:
 
     @property
     def more(self) -> str:
-        """The further arguments, as they end a list of arguments: ``, p, u``."""
+        """The source text of further run-time arguments at the end of a list of arguments, such as ``, p, u``."""
         return "".join(f", {name}" for name in self.extra)
 
     @property
     def slope(self) -> str:
-        """The name of the function that returns slopes: ``rates`` if there are quadratures, else ``acceleration``."""
+        """Name of the function that a step calls for slopes: ``rates`` or ``acceleration``.
+
+        ``rates`` also returns the rates of quadratures (integrals carried along the step, such as work).
+        """
         return "rates" if self.quadratures else "acceleration"
 
     def new_step(self) -> StepLines:
-        """Return an empty step, to which a family adds its lines."""
+        """Return an empty :class:`StepLines`, to which a family of methods adds the source lines of a step."""
         return StepLines(self)
 
 
 class StepLines:
-    """The source lines of one step function, in the order in which they run.
+    """Source lines of one step function, in the order in which they run; a family of methods appends them.
 
     Lines that add to the angle q or the velocity v go through ``sum``, ``advance``, ``end`` and ``flow``. These methods
     know the terms of the sum, so that :mod:`integrators.steps.compensated_lines` can add compensated sums instead.
 
     Attributes:
-        notation: names and numbers.
+        notation: names and number format of the source.
         lines: the lines so far.
-        carried: further values that a step takes and returns after its memory.
+        carried: names of further values that a step takes and returns, such as the rounding errors of q and v.
     """
 
     carried: tuple[str, ...] = ()
@@ -168,28 +178,31 @@ class StepLines:
         self.lines: list[str] = []
 
     def line(self, text: str) -> None:
-        """Append a source line to the step; the line must not change q or v."""
+        """Append a line to a step's source; the line must not change the angle q or the velocity v."""
         self.lines.append(text)
 
     def sum(self, y: str, change: Terms) -> str:
-        """Return the text of a stage's angle or velocity, ``y + change``, where ``y`` is ``q`` or ``v``."""
+        """Return the source text of the angle or velocity at a stage: ``y + change``, where ``y`` is ``q`` or ``v``."""
         return f"{y} + {text_of(change, self.notation.number)}" if change else y
 
     def advance(self, y: str, change: Terms, name: str = "") -> None:
-        """Append the line ``y = y + change``, where ``y`` is ``q`` or ``v``, or ``name = y + change``."""
+        """Append a source line that advances the angle or the velocity, ``y = y + change``.
+
+        ``y`` is ``q`` or ``v``. With ``name``, the line is ``name = y + change``.
+        """
         self.line(f"{name or y} = {self.sum(y, change)}")
 
     def end(self, y: str, change: Terms) -> str:
-        """Return the text of the angle or velocity at the step's end, ``y + change``."""
+        """Return the source text of the angle or velocity at the step's end: ``y + change``, y being q or v."""
         return self.sum(y, change)
 
     def flow(self, function: str, arguments: str, increments: Sequence[str] = (), change: Terms = ()) -> None:
-        """Append the call of a sub-flow of the problem, which returns the new velocity and increments of quadratures.
+        """Append the call of a problem's function such as ``kick``, which returns the new velocity and increments.
 
         Args:
-            function: the sub-flow's name.
+            function: the function's name.
             arguments: the text of the call's arguments, without further run-time arguments.
-            increments: names for the increments of quadratures.
+            increments: names for the increments of quadratures (integrals carried along the step, such as work).
             change: the increment of the velocity, which holds unless dry friction acts; () if it is unknown.
         """
         self.line(f"{', '.join(['v', *increments])} = {function}({arguments}{self.notation.more})")
@@ -202,8 +215,9 @@ class StepLines:
         Args:
             title: the step's docstring.
             ends: the names or texts of q and v at the step's end.
-            memory: name of a value that one step hands on to the next -> its name or text at the step's end.
-            increments: the texts of the quadratures' increments, and of anything else that the step returns.
+            memory: name of a value that one step passes to the next one -> its name or text at the step's end.
+            increments: the texts of the increments of quadratures (integrals carried along the step), and of anything
+                else that the step returns.
         """
         memory = memory or {}
         arguments = ", ".join(["t", "q", "v", *memory, *self.carried, "h"])

@@ -19,18 +19,18 @@ LEAST_FUNCTIONS = ("+ - * /, powers of fixed exponents, abs, and sin, cos, exp, 
 
 
 class TraceError(TypeError):
-    """Raised for an operation on a traced number that cannot be recorded."""
+    """Error raised for an operation on a recorded number that cannot be recorded, such as a comparison."""
 
 
 @dataclass(frozen=True)
 class Operation:
-    """One recorded operation.
+    """One recorded operation of a function, or one of its given numbers (a leaf).
 
     Attributes:
         name: such as "add" or "sin"; leaves are "t", "q", "v" and "steady".
-        operands: places of the operands in the list of operations; () for a leaf.
+        operands: indices of the operands in the list of operations; () for a leaf.
         steady: True if the result does not change along the motion.
-        value: of a leaf: the number of a component, or any constant.
+        value: for a leaf "q" or "v" the index of the component, for "steady" the constant.
     """
 
     name: str
@@ -41,25 +41,31 @@ class Operation:
 
 @dataclass
 class Trace:
-    """The list of recorded operations: operands before the operations that use them, equal operations only once."""
+    """List of the recorded operations of a function, operands before the operations that use them.
+
+    Equal operations are recorded only once.
+    """
 
     operations: list[Operation] = field(default_factory=list)
     places: dict[tuple[str, tuple[int, ...]], int] = field(default_factory=dict)
 
     def leaf(self, name: str, value: Any = None) -> Traced:
-        """Append a given number: "t", "q" or "v" with the number of a component, or "steady" with a constant."""
+        """Append a given number (a leaf) to the recorded operations and return it as a traced number.
+
+        ``name`` is "t", "q" or "v" with the index of a component as ``value``, or "steady" with a constant.
+        """
         self.operations.append(Operation(name, (), name == "steady", value))
         return Traced(self, len(self.operations) - 1)
 
     def lift(self, value: Any) -> Traced | None:
-        """Return a number as a traced number of this trace; None if the value is not a number."""
+        """Return a constant or a traced number as a traced number of this trace; None if it is not a number."""
         if isinstance(value, Traced):
             return value
         scalar = isinstance(value, numbers.Number) or (hasattr(value, "__sub__") and not hasattr(value, "__len__"))
         return self.leaf("steady", value) if scalar else None
 
     def apply(self, name: str, *operands: Traced) -> Traced:
-        """Return the result of an operation, recorded if it is new."""
+        """Return an operation's result as a traced number; equal operations are recorded only once."""
         places = tuple(operand.place for operand in operands)
         key = (name, places)
         if key not in self.places:
@@ -70,7 +76,7 @@ class Trace:
 
 
 def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
-    """Return a method of :class:`Traced` that records an operation of two numbers."""
+    """Return a method of :class:`Traced`, such as ``__add__``, that records an operation of two numbers."""
 
     def operator(self: Traced, other: Any) -> Any:
         lifted = self.trace.lift(other)
@@ -82,12 +88,12 @@ def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
 
 
 def _unary(name: str) -> Callable[[Traced], Traced]:
-    """Return a method of :class:`Traced` that records an operation of one number."""
+    """Return a method of :class:`Traced`, such as ``__abs__``, that records an operation of one number."""
     return lambda self: self.trace.apply(name, self)
 
 
 def _refused(operation: str) -> Callable[..., Any]:
-    """Return a method of :class:`Traced` that raises TraceError."""
+    """Return a method of :class:`Traced` that raises TraceError, for an operation that cannot be recorded."""
 
     def operator(self: Traced, *others: Any) -> Any:
         raise TraceError(f"{operation} cannot be recorded")
@@ -96,7 +102,7 @@ def _refused(operation: str) -> Callable[..., Any]:
 
 
 class Traced:
-    """A number whose value is known later, and whose operations are recorded in a trace."""
+    """A number whose value is known later; operations on it are recorded in a list, for Taylor series."""
 
     __slots__ = ("place", "trace")
 
@@ -139,7 +145,7 @@ class Traced:
 
 
 def power(x: Any, y: Any) -> Any:
-    """Return ``x**y`` for x > 0 and an exponent y that does not change along the motion."""
+    """Record ``x**y`` for x > 0 and an exponent y that does not change along the motion; return the result."""
     if not isinstance(x, Traced):
         return x**y
     exponent = x.trace.lift(y)
@@ -149,7 +155,7 @@ def power(x: Any, y: Any) -> Any:
 
 
 def _function(name: str, doc: str) -> Callable[[Any], Any]:
-    """Return an elementary function for traced numbers, floats and mpmath's numbers."""
+    """Return an elementary function such as ``sin`` for recorded numbers, floats and mpmath's numbers."""
 
     def function(x: Any) -> Any:
         return getattr(x, name)() if isinstance(x, Traced) else _known(name, x)
@@ -160,7 +166,7 @@ def _function(name: str, doc: str) -> Callable[[Any], Any]:
 
 
 def _known(name: str, x: Any) -> Any:
-    """Return an elementary function of a float or of a number of mpmath; raise TraceError for other numbers."""
+    """Return an elementary function's value at a float or mpmath number; raise TraceError for other numbers."""
     if isinstance(x, (int, float)):
         return getattr(math, name)(x)
     home = getattr(x, "context", None)

@@ -46,13 +46,13 @@ def unroll(
 
     Args:
         method: the method.
-        quadratures: names of integrals that are carried along the step; their rates come from ``rates``, their
-            increments over sub-flows from ``kick``, ``push`` and ``drag``.
+        quadratures: names of integrals that are carried along the step, such as work; their rates come from ``rates``,
+            their increments over sub-flows from ``kick``, ``push`` and ``drag``.
         extra: names of further run-time arguments, which are passed on to every function of the problem.
         hooks: name of a sub-flow that the problem brings, ``kick``, ``push`` or ``drag`` -> the quadratures to which it
             adds. With ``store``, a function of time and angle, ``kick`` also takes the angle at the step's start, and
             the change of the store between both angles, at the step's end, is subtracted from the quadratures.
-        number: writes a coefficient; the default is a float literal.
+        number: function that returns a coefficient as source text; the default gives a float literal.
         exact_drag: False if the hook ``drag`` is a symmetric composition of several flows, so that two calls in a row
             are not the same as one over both times.
         estimates: True for a step that also returns its estimated errors; see :mod:`integrators.steps.estimates`.
@@ -72,9 +72,9 @@ def unroll(
     source = method.write_step(CompensatedNotation(*names, glides=glides) if compensated else Notation(*names, dense))
     missing = [name for name in quadratures if name not in source]
     if missing:
-        raise MethodError(f"{method.name}: its step adds nothing to {', '.join(missing)}, which it should integrate.")
+        raise MethodError(f"{method.name}: its step does not integrate {', '.join(missing)}.")
     if compensated and LOST[0] not in source:
         raise MethodError(
-            f"{method.name} cannot be compensated: its step is no sum of the old state and increments."
+            f"{method.name} cannot be compensated: its step does not add increments to the old state."
         )
     return source

@@ -1,4 +1,4 @@
-"""Functions that build Butcher tables and the polynomials of their dense output from few numbers."""
+"""Functions that compute Butcher tables and polynomials of dense output from a few given coefficients."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Polynomial = tuple[Fraction, ...]
 
 
 def row(total: int | str | Fraction, *others: int | str | Fraction) -> tuple[Fraction, ...]:
-    """Return coefficients whose sum is ``total``: the first one is ``total`` minus the sum of the ``others``.
+    """Return a row of coefficients with the given sum: ``total`` minus the sum of the ``others``, then the ``others``.
 
     ``row("3/4", 0, "3/4")`` is the row of a Butcher table at the node 3/4 without its zeros at the end.
     """
@@ -22,7 +22,7 @@ def row(total: int | str | Fraction, *others: int | str | Fraction) -> tuple[Fra
 
 
 def triangle(*rows: tuple[Fraction, ...]) -> tuple[tuple[Fraction, ...], ...]:
-    """Return the square table of an explicit method, filled with zeros, from its rows after the first."""
+    """Return an explicit method's square Butcher table from its rows after the first, filled with zeros."""
     return tuple((*line, *[Fraction(0)] * (len(rows) + 1 - len(line))) for line in ((), *rows))
 
 
@@ -33,7 +33,10 @@ def root(value: int | Fraction, digits: int = 60) -> Fraction:
 
 
 def bernstein(*powers: Fraction) -> Polynomial:
-    """Return the Bernstein coefficients 1 to n of the polynomial with these coefficients of theta, ..., theta**n."""
+    """Return the Bernstein coefficients 1 to n of a polynomial without a constant term.
+
+    The arguments are its coefficients of theta, ..., theta**n.
+    """
     n = len(powers)
     terms = [power / comb(n, k) for k, power in enumerate(powers, 1)]
     return tuple(sum((comb(j, k) * x for k, x in enumerate(terms[:j], 1)), Fraction(0)) for j in range(1, n + 1))
@@ -43,10 +46,11 @@ def smooth(
     order: int, b: Sequence[Fraction], end: int, inner: Sequence[Polynomial], source: str,
     further: Sequence[tuple[Fraction, ...]] = (),
 ) -> Extension:
-    """Return dense output with a continuous slope: that of the first stage at 0, and that of stage ``end`` at 1.
+    """Return polynomials of dense output whose derivative at both ends of the step is the slope there.
 
-    The polynomials have the values ``b`` at 1. ``inner`` holds their other Bernstein coefficients, three fewer than the
-    degree; () means zeros. If the method has no stage at the end of the step, that stage is added before ``further``.
+    It is the slope of the first stage at 0, and that of stage ``end`` at 1. The polynomials have the values ``b`` at 1.
+    ``inner`` holds their other Bernstein coefficients, three fewer than the degree; () means zeros. If the method has
+    no stage at the end of the step, that stage is added before the stages ``further``.
     """
     degree = max(map(len, inner)) + 3
     last = [*b, *[Fraction(0)] * (len(inner) - len(b))]
@@ -60,7 +64,7 @@ def smooth(
 
 
 def interpolating(order: int, c: Sequence[Fraction], source: str) -> Extension:
-    """Return dense output by integrating the polynomial through the slopes at the nodes c.
+    """Return polynomials of dense output, by integrating the polynomial through the slopes at the nodes c.
 
     ``b_i`` is the integral of the Lagrange polynomial for the node ``c_i``.
     """

@@ -17,7 +17,10 @@ R3, R6, R15, R30 = root(3), root(6), root(15), root(30)
 
 
 def _gauss8() -> tuple[tuple[tuple[Fraction, ...], ...], tuple[Fraction, ...]]:
-    """Return Butcher's table (a, b) of the four-stage Gauss method; e1, f1, ... are his omega1, omega1', ..."""
+    """Return the Butcher table (a, b) of the four-stage Gauss method.
+
+    In the code e1, f1, ... are the numbers that Butcher calls omega1, omega1', ...
+    """
     e1, f1 = Fraction(1, 8) - R30 / 144, Fraction(1, 8) + R30 / 144
     e2, f2 = root((15 + 2 * R30) / 35) / 2, root((15 - 2 * R30) / 35) / 2
     e3, f3 = e2 * (Fraction(1, 6) + R30 / 24), f2 * (Fraction(1, 6) - R30 / 24)

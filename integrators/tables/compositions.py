@@ -50,7 +50,7 @@ COMPOSITIONS = (
         name="yoshida6b",
         order=6,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 1, solution B",
-        summary="seven Verlet steps, with longer steps backwards than solution A",
+        summary="seven Verlet steps, with longer steps backwards than yoshida6a",
         flows=with_drag(composed(
             "1.4398481679767830909304992814790231821071", "0.0042606818707920161960837138286697913321",
             "-2.1322852220014515207059933722207962878542",
@@ -60,7 +60,7 @@ COMPOSITIONS = (
         name="yoshida6c",
         order=6,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 1, solution C",
-        summary="seven Verlet steps, the longest in the middle; larger error than solution A",
+        summary="seven Verlet steps, the longest in the middle; larger error than yoshida6a",
         flows=with_drag(composed(
             "1.4477825623992979328978966632989267382363", "-2.1440353163053893106013018066598891940697",
             "0.0015288622842492702522672386172055917578",
@@ -126,7 +126,7 @@ COMPOSITIONS = (
         name="yoshida8d",
         order=8,
         source="Yoshida 1990, Phys. Lett. A 150, 262, table 2, solution D",
-        summary="fifteen Verlet steps: the most accurate of the five solutions",
+        summary="fifteen Verlet steps: the most accurate of the five methods yoshida8a to yoshida8e",
         flows=with_drag(composed(
             "0.9148442462297915667487934898475096045181", "0.2536933365662113541461460206899420760977",
             "-1.4448522368606051576947306575373903549559", "-0.1582406353680501752040667767597542477554",

@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta tables of any even order by extrapolation; they start multistep methods with a long history."""
+"""Explicit Runge-Kutta tables of any even order by extrapolation; they compute long histories of multistep methods."""
 
 from __future__ import annotations
 

@@ -21,7 +21,9 @@ OTHER = {KICK: DRIFT, DRIFT: KICK}
 
 
 def alternating(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Flows:
-    """Return alternating kicks and drifts, the outer ones of the kind ``first``.
+    """Return a splitting of alternating kicks and drifts that begins with the kind ``first``.
+
+    ``outer`` has the fractions of that kind, ``inner`` those of the other kind.
 
     One more kick and one more drift are added, so that the fractions of each kind sum to 1.
     """
@@ -30,7 +32,7 @@ def alternating(first: str, outer: Sequence[Number], inner: Sequence[Number]) ->
 
 
 def mirrored(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Flows:
-    """Return a palindrome of kicks and drifts from the fractions of its first half.
+    """Return a symmetric splitting, kicks and drifts in turn, from the fractions of its first half.
 
     ``outer`` has the fractions of the kind ``first``, ``inner`` those of the other kind. The middle flow and the two
     next to it follow, because the fractions of each kind sum to 1. The middle flow is of the kind ``first`` if
@@ -46,7 +48,10 @@ def mirrored(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Fl
 
 
 def composed(*gammas: Number) -> Flows:
-    """Return a symmetric composition of velocity Verlet steps from the fractions before the middle step."""
+    """Return a symmetric composition of velocity Verlet steps, as kicks and drifts.
+
+    ``gammas`` are the lengths of the steps before the middle one, as fractions of the whole step.
+    """
     half = exact(*gammas)
     drifts = (*half, 1 - 2 * sum(half, Fraction(0)), *half[::-1])
     kicks = [(x + y) / 2 for x, y in zip((Fraction(0), *drifts), (*drifts, Fraction(0)), strict=True)]
@@ -54,15 +59,16 @@ def composed(*gammas: Number) -> Flows:
 
 
 def _interleaved(first: str, outer: Sequence[Fraction], inner: Sequence[Fraction]) -> Flows:
-    """Return sub-flows with fractions of ``outer`` (of the kind ``first``) and ``inner`` in turn."""
+    """Return kicks and drifts in turn: fractions ``outer`` of the kind ``first``, ``inner`` of the other kind."""
     kinds, turns = cycle((first, OTHER[first])), cycle((iter(outer), iter(inner)))
     return tuple((next(kinds), next(next(turns))) for _ in range(len(outer) + len(inner)))
 
 
 def with_drag(flows: Flows) -> Flows:
-    """Insert drag flows into kicks and drifts, so that ``drag, kick, drift`` and ``drift, kick, drag`` alternate.
+    """Insert exact drag flows into a splitting of kicks and drifts.
 
-    Neighbouring drifts are combined. :func:`integrators.unroll` combines neighbouring drags if they are exact flows.
+    The orders ``drag, kick, drift`` and ``drift, kick, drag`` then alternate. Neighbouring drifts are combined.
+    :func:`integrators.unroll` combines neighbouring drags if they are exact flows.
     """
     parts: list[tuple[str, Fraction]] = []
     left = Fraction(0)

@@ -48,7 +48,7 @@ IMPLICIT = (
         a_stable=True,
         l_stable=True,
         source="Alexander 1977, SIAM J. Numer. Anal. 14, 1006",
-        summary="two implicit stages of one diagonal, 1 - sqrt(1/2): second order and L-stable",
+        summary="two implicit stages with the diagonal coefficient 1 - sqrt(1/2): second order and L-stable",
         a=((ALEXANDER, Fraction(0)), (1 - ALEXANDER, ALEXANDER)),
         b=(1 - ALEXANDER, ALEXANDER),
     ),

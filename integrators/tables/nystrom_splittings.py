@@ -52,7 +52,7 @@ NYSTROM_SPLITTINGS = (
         name="mclachlan_atela5",
         order=5,
         source="McLachlan & Atela 1992, Nonlinearity 5, 541",
-        summary="six kicks, not symmetric: odd order",
+        summary="six kicks, not symmetric, because the order is odd",
         nystrom=True,
         flows=alternating(
             KICK,

@@ -38,7 +38,7 @@ EXPLICIT = (
         aliases=("improved_euler",),
         order=2,
         source="Heun 1900, Z. Math. Phys. 45, 23",
-        summary="mean of the slopes at both ends, the far one predicted by Euler",
+        summary="mean of the slopes at both ends, the one at the end predicted by Euler",
         a=(exact(0, 0), exact(1, 0)),
         b=exact("1/2", "1/2"),
     ),

@@ -29,10 +29,12 @@ HALF_SWING = 16
 
 
 class Agent(Protocol):
-    """Protocol of an object that steps with actions: a machine here, an environment in the tests.
+    """Protocol of an object that takes control steps under actions.
+
+    It is a machine (compiled program of a scene with a method) in the hard cases, and an environment in the tests.
 
     Attributes:
-        hold: steps per control step.
+        hold: integration steps per control step.
     """
 
     hold: int
@@ -49,7 +51,7 @@ Start = Callable[[Method, float], Agent]
 
 
 class Motored:
-    """Agent that steps a machine with a motor by actions."""
+    """Agent that advances a pendulum with a motor by one control step per action, without Gymnasium."""
 
     def __init__(self, method: Method, phase: float) -> None:
         self.hold = max(8, fewest_substeps(method, PUSHED))
@@ -61,12 +63,16 @@ class Motored:
         """Take a control step and return angle [rad] and velocity/omega0; raises ActionError for an invalid action."""
         share = torque_share(action)
         if self._machine.advance(self._state, share, self._h, self.hold):
-            raise ArithmeticError("The run stopped under bounded torque.")
+            raise ArithmeticError(
+                "The run stopped early (it diverged), although the torque is bounded; take shorter steps.")
         return float(self._state[ANGLE]), float(self._state[VELOCITY]) / PUSHED.omega0
 
 
 def followed(shares: Array, phase: float, start: Start = Motored) -> Try:
-    """Return a test function that takes given actions and compares the motion with the closed form."""
+    """Return a function that judges a method by its motion under given actions, against the closed form.
+
+    ``shares`` are the actions, and ``phase`` is omega0 times the control step.
+    """
 
     def attempt(method: Method) -> Finding:
         agent = start(method, phase)
@@ -78,7 +84,10 @@ def followed(shares: Array, phase: float, start: Start = Motored) -> Try:
 
 
 def random_shares() -> Array:
-    """Return uniform random actions, rounded to float32; every tenth is 1.5 times as large, and may need clipping."""
+    """Return uniform random actions, rounded to float32.
+
+    Every tenth is 1.5 times as large, so that some lie beyond the bounds -1 and 1 and must be clipped.
+    """
     generator = np.random.default_rng(20)
     shares = generator.uniform(-1.0, 1.0, STEPS)
     shares[::10] *= 1.5
@@ -86,12 +95,18 @@ def random_shares() -> Array:
 
 
 def resonant_shares() -> Array:
-    """Return actions of full torque in alternating directions, half a period each; the amplitude grows by 2 ANSWER."""
+    """Return actions of full torque that change sign after every half period of the pendulum.
+
+    The amplitude of the swing grows by 2 ANSWER in each half period.
+    """
     return np.where(np.arange(STEPS) // HALF_SWING % 2, 1.0, -1.0)
 
 
 def refused(action: Any, start: Start = Motored) -> Try:
-    """Return a test function that sends an invalid action: it must raise ActionError and leave the state unchanged."""
+    """Return a function that judges a method's run in which an invalid action is sent.
+
+    The action must raise ActionError and leave the state unchanged.
+    """
 
     def attempt(method: Method) -> Finding:
         tried, plain = start(method, PHASE), start(method, PHASE)
@@ -112,7 +127,10 @@ def refused(action: Any, start: Start = Motored) -> Try:
 
 
 def clipped(action: Any, bound: float, start: Start = Motored) -> Try:
-    """Return a test function that sends an action beyond the bounds: it must act exactly like the bound."""
+    """Return a function that judges a method's run in which an action beyond the bounds is sent.
+
+    The action must act exactly like the action ``bound``.
+    """
 
     def attempt(method: Method) -> Finding:
         tried, plain = start(method, PHASE), start(method, PHASE)
@@ -123,7 +141,10 @@ def clipped(action: Any, bound: float, start: Start = Motored) -> Try:
 
 
 def attempts(start: Start = Motored) -> dict[str, Try]:
-    """Return the test function of each case, by the name of the case."""
+    """Return, by name of the hard case, the function that judges a method under valid or invalid actions.
+
+    ``start`` creates the agent that takes the control steps.
+    """
     return {
         "random actions": followed(random_shares(), PHASE, start),
         "bang-bang": followed(resonant_shares(), math.pi / HALF_SWING, start),
@@ -140,12 +161,13 @@ _ROTATIONS = "the driven oscillator in closed form (Landau & Lifshitz 1976, sect
 _BOX = "the action space Box(-1, 1) and its clipping, as documented for gym.make"
 _REFUSED = "ActionError, then exactly the motion without this action"
 _INFINITE = "An infinite action is beyond the action space and cannot be scaled to a torque."
-_OVERFLOW = "If it were scaled before it is clipped, it would overflow."
+_OVERFLOW = "If such an action were scaled to a torque before it is clipped, it would overflow."
 _TEXTS = {
-    "random actions": ("The torque jumps at random, and some actions lie beyond the bounds.", _CLOSED, _ROTATIONS),
+    "random actions": ("The torque jumps at random, and some actions lie beyond the bounds -1 and 1.", _CLOSED,
+                       _ROTATIONS),
     "bang-bang": ("Full torque in phase with the swing increases the amplitude and every phase error.", _CLOSED,
                   _ROTATIONS),
-    "NaN": ("One NaN would stay in the state forever.", _REFUSED, _BOX),
+    "NaN": ("A single action of NaN would make the state NaN for the rest of the run.", _REFUSED, _BOX),
     "infinity": (_INFINITE, _REFUSED, _BOX),
     "minus infinity": (_INFINITE, _REFUSED, _BOX),
     "1e308": (_OVERFLOW, "exactly the motion of action 1", _BOX),

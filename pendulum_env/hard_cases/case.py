@@ -6,7 +6,7 @@ run with one method at a time and has one of five outcomes::
     accurate   the error is within the tolerance that follows from the method's order
     stable     not accurate, but bounded and of the right kind, as the case defines it
     diverged   the run stopped, reported divergence, and kept its last finite state
-    refused    the scene does not meet a need of the method
+    refused    the scene does not meet a need of the method, which the rollout reported
     wrong      finite but false, or a crash: a failure for every method
 """
 
@@ -89,7 +89,7 @@ class Case:
     long: bool = False
 
     def tried(self, method: Method) -> Finding:
-        """Run a method in this case and return its result; a crash counts as WRONG."""
+        """Run a method in this hard case and return its result; an exception counts as WRONG."""
         missing = method.needs - offers(self.scene)
         if missing:
             return self._refused(method, " and ".join(NEEDS.get(need, need) for need in sorted(missing)))
@@ -99,7 +99,10 @@ class Case:
             return Finding(WRONG, note=f"{type(error).__name__}: {error}")
 
     def _refused(self, method: Method, needs: str) -> Finding:
-        """Check that a rollout refuses a method whose needs the scene does not meet; WRONG if it runs."""
+        """Check that a rollout refuses a method whose needs the scene does not meet.
+
+        The outcome is REFUSED, or WRONG if the method runs. ``needs`` is the text of the unmet needs.
+        """
         try:
             rollout(self.scene, integrator=method, duration=1e-3, dt=1e-3, backend="python", warn=False)
         except MethodError:
@@ -107,46 +110,52 @@ class Case:
         return Finding(WRONG, note=f"it ran although the scene does not offer {needs}")
 
     def as_expected(self, method: Method, finding: Finding) -> bool:
-        """Return True if the outcome is allowed for this method, or a refusal because of an unmet need."""
+        """Return True if an outcome is allowed for a method in this case, or is a refusal because of an unmet need."""
         unmet = finding.outcome == REFUSED and not method.needs <= offers(self.scene)
         return unmet or finding.outcome in self.may(method)
 
 
 def always(*outcomes: str) -> Rule:
-    """Return a rule that allows these outcomes for every method."""
+    """Return a function of a method that allows these outcomes for every method."""
     allowed = frozenset(outcomes)
     return lambda _method: allowed
 
 
 def resolved(method: Method) -> frozenset[str]:
-    """Allow only ACCURATE, and STABLE for methods of order 1, whose steps are too long for tens of radians here."""
+    """Return the outcomes allowed where steps resolve the motion: ACCURATE.
+
+    STABLE is also allowed for methods of order 1, whose steps are too long for the tens of radians in these cases.
+    """
     return frozenset({ACCURATE, STABLE} if method.order == 1 else {ACCURATE})
 
 
 def known(allowed: Callable[[Method], float], most: float, *otherwise: str) -> Rule:
-    """Return a rule that allows only ACCURATE if a method's error bound is at most ``most``, else the other outcomes.
+    """Return a function of a method that allows ACCURATE if its error bound is at most ``most``.
 
-    ``allowed`` computes the error bound of a method.
+    If the bound is larger, the outcomes ``otherwise`` are allowed. ``allowed`` computes the error bound of a method.
     """
     return lambda method: frozenset({ACCURATE} if allowed(method) <= most else otherwise)
 
 
 def sooner(method: Method, steps: float) -> Backend:
-    """Return the faster backend for a run of ``steps`` steps, if nothing is compiled yet; results are bit-identical."""
+    """Return the backend that is faster for a run of ``steps`` steps, if the program is not compiled yet.
+
+    Results are bit-identical with both backends.
+    """
     work = steps * method.evaluations * (NEWTON if method.implicit else 1.0)
     return "python" if work < COMPILING else "auto"
 
 
 def ran(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) -> Rollout:
-    """Run a rollout of ``steps`` steps of ``dt`` [s]; ``options`` go to rollout."""
+    """Run a rollout of ``steps`` steps of ``dt`` [s]; ``options`` are further arguments of ``rollout``."""
     settings = {"backend": sooner(method, steps), "warn": False, **options}
     return rollout(scene, integrator=method, dt=dt, duration=steps * dt, **settings)
 
 
 def stopped(run: Rollout) -> Finding | None:
-    """Return the finding for a run that stopped early, or None for a complete run.
+    """Return the result (Finding) of a run that stopped early, or None for a complete run.
 
-    DIVERGED if the run reported divergence and kept finite values; WRONG if not.
+    The outcome is DIVERGED if the run reported divergence and all its values are finite, else WRONG.
     """
     if run.stop_reason != "diverged":
         return None if run.stop_reason == "" else Finding(WRONG, note=f"it stopped with the reason {run.stop_reason!r}")
@@ -160,7 +169,7 @@ def stopped(run: Rollout) -> Finding | None:
 def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Finding:
     """Judge a run by its errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
 
-    A run that stopped early is judged by :func:`stopped`, whatever its error.
+    A run that stopped early is DIVERGED or WRONG whatever its error, see :func:`stopped`.
     """
     return stopped(run) or graded(error, tolerance, wrong)
 
@@ -168,7 +177,7 @@ def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Findi
 def graded(error: Any, tolerance: float, wrong: str = "", note: str = "") -> Finding:
     """Judge errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
 
-    ``note`` is the note of a finding that is not wrong. Errors that are not finite are WRONG.
+    ``note`` is added to an outcome other than WRONG. Errors that are not finite are WRONG.
     """
     largest, tolerance = float(np.max(np.abs(error))), float(tolerance)
     if not math.isfinite(largest):
@@ -179,7 +188,7 @@ def graded(error: Any, tolerance: float, wrong: str = "", note: str = "") -> Fin
 
 
 def check_unique(cases: tuple[Case, ...]) -> tuple[Case, ...]:
-    """Return the cases; raises SceneError if two have the same name."""
+    """Return the hard cases unchanged; raises SceneError if two have one name."""
     names = [case.name for case in cases]
     repeated = {name for name in names if names.count(name) > 1}
     if repeated:

@@ -74,12 +74,14 @@ Array = NDArray[np.float64]
 
 
 def own(method: Method) -> float:
-    """Return the force error [1/s²] that is equivalent to a method's error per step."""
+    """Return the constant force error [1/s²] whose effect equals that of a method's truncation errors."""
     return float(error_constant(method) * PACE * (PACE * PERIOD / STEPS) ** method.order)
 
 
 class Stroboscope:
-    """Poincaré map by one method: the state (angle [rad], velocity [rad/s]) after one period of the drive, at phase 0.
+    """Poincaré map of the driven pendulum, computed with one method.
+
+    A call with the state (angle [rad], velocity [rad/s]) at phase 0 of the drive returns the state one period later.
 
     Raises ArithmeticError if the run stops, which must not happen here.
     """
@@ -94,12 +96,12 @@ class Stroboscope:
         return np.array([at[ANGLE] + TWO_PI * at[TURNS], at[VELOCITY]])
 
     def derivative(self, state: Any) -> Array:
-        """Return the Jacobian of the map at a state, by central differences."""
+        """Return the Jacobian of the Poincaré map (one period of the drive) at a state, by central differences."""
         ends = [self(state + APART * unit) - self(state - APART * unit) for unit in np.eye(2)]
         return np.array(ends).T / (2.0 * APART)
 
     def derivative_of(self, state: Array, periods: int) -> Array:
-        """Return the Jacobian of the map over several periods."""
+        """Return the Jacobian of the Poincaré map over several periods of the drive, from a state on."""
         jacobian = np.eye(2)
         for _ in range(periods):
             jacobian = self.derivative(state) @ jacobian
@@ -107,7 +109,7 @@ class Stroboscope:
         return jacobian
 
     def orbit(self, near: Any, periods: int) -> tuple[Array, Array]:
-        """Return a state whose motion repeats after ``periods`` periods, and the Jacobian of the map over them.
+        """Return a state on a periodic orbit of this many periods, and the Poincaré map's Jacobian over them.
 
         The state is found by Newton's method with the Jacobian at the starting guess ``near``.
         """
@@ -125,17 +127,20 @@ class Stroboscope:
 
 
 def state_of(truth: Truth) -> Array:
-    """Return angle and velocity of a reference solution at its first time."""
+    """Return angle and velocity of a reference solution at its first time as an array."""
     return np.array([truth.angle[0], truth.velocity[0]])
 
 
 def driven(strength: float) -> Scene:
-    """Return the chaotic scene with a drive of this strength, in units of m g L."""
+    """Return the scene of the chaotic pendulum with a drive torque of this strength, in units of m g L."""
     return SCENE.replace(drive_torque=strength)
 
 
 def _areas(method: Method) -> Finding:
-    """Judge a method by the sum of the Lyapunov exponents: the growth rate of areas over one period from one start."""
+    """Judge a method by the sum of the Lyapunov exponents: the growth rate of areas in phase space.
+
+    The rate is measured over one period of the drive from one start, and must be -1/q, the rate of damping.
+    """
     jacobian = Stroboscope(STRENGTH, method, 4).derivative(np.array([0.2, 0.0]))
     area = float(np.linalg.det(jacobian))
     if area <= 0.0:
@@ -145,16 +150,20 @@ def _areas(method: Method) -> Finding:
 
 
 def _quiet(method: Method) -> Finding:
-    """Judge a method by the larger exponent of a periodic orbit; both are equal, as the multipliers are conjugate."""
+    """Judge a method by the larger Lyapunov exponent of a periodic orbit.
+
+    Both exponents are equal, as the orbit's multipliers are complex conjugates.
+    """
     _, jacobian = Stroboscope(QUIET_STRENGTH, method, 20).orbit(state_of(QUIET), 1)
     largest = math.log(float(np.max(np.abs(np.linalg.eigvals(jacobian))))) / PERIOD
     return graded(largest + 0.5 * DAMPING, own(method) + ROUNDING)
 
 
 def _doubling(truth: Doubling) -> Try:
-    """Return a test function that computes the drive strength of a period doubling by Newton's method.
+    """Return a function that judges a method by the drive strength at which its motion doubles its period.
 
-    At a doubling a multiplier is -1, so that 1 + trace + determinant = 0. The slope is that of the reference solution.
+    At a doubling a multiplier is -1, so that 1 + trace + determinant of the Poincaré map's Jacobian is zero. The zero
+    is computed by Newton's method, with the derivative by the strength from the reference solution.
     """
 
     def attempt(method: Method) -> Finding:
@@ -173,9 +182,9 @@ def _doubling(truth: Doubling) -> Try:
 
 
 def _exponent(strength: float) -> Try:
-    """Return a test function that computes the largest Lyapunov exponent.
+    """Return a function that judges a method by its largest Lyapunov exponent.
 
-    It is the mean rate at which two motions separate, with their distance reset to 1e-8 after each period.
+    The exponent is the mean rate at which two motions separate, with their distance reset to 1e-8 after each period.
     """
     truth, scatter = EXPONENTS[strength]
     periods, apart = 2000, 1e-8
@@ -199,17 +208,23 @@ def _exponent(strength: float) -> Try:
 
 
 def _first(method: Method) -> float:
-    """Return a bound of a method's error of the angle after one period [rad]."""
+    """Return a bound of a method's error of the angle after one period of the drive [rad]."""
     return float(own(method) * AMPLIFIED[0])
 
 
 def _periods(method: Method, most: float = math.inf) -> int:
-    """Return the number of periods with a method's error up to KNOWN_TO and an amplification below ``most``."""
+    """Return the number of periods for which the motion is predictable with a method.
+
+    Within them the method's error is at most KNOWN_TO, and errors are amplified by less than ``most``.
+    """
     return len(list(takewhile(lambda size: own(method) * size <= KNOWN_TO and size < most, AMPLIFIED)))
 
 
 def _apart(method: Method) -> Finding:
-    """Judge a method by the derivative of the motion by its start, from two nearby starts, while it is predictable."""
+    """Judge a method by the derivative of the motion by its starting angle, from two nearby starts.
+
+    Only the periods for which the motion is predictable with the method count.
+    """
     periods = _periods(method, 2e3)
     if not periods:
         return Finding(STABLE, note=TOO_CRUDE)
@@ -228,9 +243,10 @@ def _apart(method: Method) -> Finding:
 
 
 def _horizon(method: Method) -> Finding:
-    """Judge a method by the angle after each period, while its amplified error is below KNOWN_TO.
+    """Judge a method by the angle after each period of the drive, while the motion is predictable.
 
-    After that only the speed is checked, which stays below q (1 + g) because |v|' <= -|v|/q + 1 + g.
+    It is predictable while the method's amplified error is below KNOWN_TO. After that only the speed is checked, which
+    stays below q (1 + g) because |v|' <= -|v|/q + 1 + g.
     """
     periods = _periods(method)
     advance, state = Stroboscope(STRENGTH, method, len(AMPLIFIED)), np.array([0.2, 0.0])
@@ -250,7 +266,10 @@ def _horizon(method: Method) -> Finding:
 
 
 def _claimed(method: Method) -> Finding:
-    """Judge the ``error_estimate`` of a rollout after each period: true errors must be below ten times the estimate."""
+    """Judge the ``error_estimate`` of a chaotic rollout after each period of the drive.
+
+    True errors must be below ten times the estimate.
+    """
     run = ran(driven(STRENGTH), method, dt=PERIOD / STEPS, steps=STEPS * len(AMPLIFIED), every=STEPS, angle=0.2,
               velocity=0.0, estimate_error=True)
     ended = stopped(run)
@@ -266,7 +285,7 @@ def _claimed(method: Method) -> Finding:
 
 def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule, *, strength: float = STRENGTH,
           long: bool = False) -> Case:
-    """Return a hard case of the driven pendulum."""
+    """Return a hard case of the chaotic driven pendulum."""
     return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long)
 
 
@@ -274,21 +293,23 @@ MATRICES = "40-digit Taylor series of the motion and its first variation; see pe
 TAYLOR = "Taylor 2005, Classical Mechanics, table 12.1, and Floquet multipliers by DOP853, to 9 digits"
 
 CASES = (
-    _case("areas shrink by exp(-t/q)", "The sum of the Lyapunov exponents is known exactly for every motion.",
+    _case("areas shrink by exp(-t/q)",
+          "The sum of the Lyapunov exponents is known exactly, so that small errors in the growth of areas show.",
           "the Lyapunov exponents sum to -1/q, to rounding for methods with the exact flow of drag", _areas,
           "Liouville's theorem; Baker & Gollub 1996, 5.5", always(ACCURATE)),
     _case("a quiet drive's exponents",
-          "A periodic orbit has to be found, with neighbouring motions that spiral around it.",
+          "A periodic orbit has to be located although neighbouring motions spiral around it.",
           "both exponents are -1/(2q) at g = 0.9", _quiet, "conjugate multipliers of product exp(-T/q) (Floquet)",
           always(ACCURATE), strength=QUIET_STRENGTH),
     *(
         _case(f"the doubling to {2 * truth.periods} periods",
-              "Close to a period doubling, transients decay arbitrarily slowly.",
+              "Close to a period doubling, the motion approaches its periodic orbit arbitrarily slowly.",
               f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}", _doubling(truth),
               TAYLOR, known(own, truth.range, STABLE), strength=truth.strength, long=truth.periods > 1)
         for truth in DOUBLINGS
     ),
-    _case("neighbours part", "Derivatives by the start grow a thousandfold within ten periods.",
+    _case("neighbours part",
+          "The derivatives of the motion by its start grow a thousandfold within ten periods of the drive.",
           "the derivative by the starting angle after each period", _apart, MATRICES, known(_first, KNOWN_TO, STABLE)),
     _case("an honest horizon", "Every error grows until the motion is unpredictable, sooner for less accurate methods.",
           "the motion in 40 digits while the method's amplified error is below 0.3 rad; then |v| <= q (1 + g)",
@@ -300,7 +321,7 @@ CASES = (
           always(ACCURATE), long=True),
     *(
         _case(f"the largest exponent at g = {strength:g}",
-              "A chaotic motion that looks right may separate at the wrong rate.",
+              "Two chaotic motions that look right may separate from each other at a wrong rate.",
               f"{value:.4f} +- {scatter:.4f} 1/s, within the statistical error of 2000 periods", _exponent(strength),
               "40 000 periods of the motion with its first variation; see pendulum_env.truth.chaos",
               known(own, 0.5 * value, STABLE),

@@ -61,11 +61,12 @@ TERMS = 20_000
 
 @lru_cache(maxsize=16)
 def half_trace(share: float) -> float:
-    """Return half the trace of the map over one period of the pivot near the top, for b/L = ``share``.
+    """Return half the trace of the matrix that advances a small tilt near the top by one period of the pivot.
 
-    Near the top the tilt y obeys Mathieu's equation y'' + (a - 2 q cos 2 tau) y = 0 with a = -4 ratio², q = -2 b/L,
-    tau = Omega t/2. Half the trace is cos(pi nu) = 1 - 2 D sin²(pi sqrt(a)/2), where D is the determinant with the rows
-    (x_k, 1, x_k), x_k = q/(4 k² - a) (Hill 1886; Whittaker & Watson 1927, 19.42).
+    ``share`` is the pivot's amplitude b/L, and Omega its angular frequency. The tilt y obeys Mathieu's equation y'' +
+    (a - 2 q cos 2 tau) y = 0 with a = -4 ratio², q = -2 b/L, tau = Omega t/2. Half the trace is cos(pi nu) = 1 - 2 D
+    sin²(pi sqrt(a)/2), where D is the determinant with the rows (x_k, 1, x_k), x_k = q/(4 k² - a) (Hill 1886; Whittaker
+    & Watson 1927, 19.42).
     """
     a = -4.0 * SLOWNESS**2
     before, last, x = 1.0, 1.0, 0.0
@@ -76,9 +77,10 @@ def half_trace(share: float) -> float:
 
 
 def returns(share: float) -> Array:
-    """Return the tilt relative to its start after each period, from rest when the pivot is at its highest point.
+    """Return the tilt of Kapitza's pendulum relative to its start, after each period of the pivot.
 
-    It is Chebyshev's T_n of half the trace, because the motion is even in time there and the determinant is 1.
+    The pendulum starts at rest when the pivot is at its highest point; ``share`` is the pivot's amplitude b/L. The tilt
+    is Chebyshev's polynomial T_n of half the trace, because the motion is even in time there and the determinant is 1.
     """
     mean = half_trace(share)
     tilts = [1.0, mean]
@@ -109,7 +111,7 @@ def _kapitza(share: float) -> Case:
     where = "at" if share == limit else f"{abs(share / limit - 1.0):.0%} {'below' if share < limit else 'above'}"
     return Case(
         f"upright, {where} the {edge} edge", GROUP,
-        "At a stability edge errors grow as the square of the time and decide on stability.",
+        "Close to the limit of stability errors grow as the square of the time and may make a stable motion grow.",
         "the tilt after each period of the pivot is Chebyshev's T_n of half the trace of Mathieu's equation; the "
         "tolerance is 2 pi n² (Omega h)^p, at most a tenth; stable: at most ten times the true tilt",
         "Hill 1886, Acta Math. 8, 1; Whittaker & Watson 1927, 19.42; edges: McLachlan 1947; DLMF 28.17",
@@ -129,8 +131,9 @@ HOLD = 8
 def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Array]:
     """Return the exact angle [rad] and velocity/omega0 of small swings after each control step, under given torques.
 
-    ``shares`` are the fractions of the full torque, ``phase`` = omega0 dt, and the motion starts at rest at ``start``
-    [rad]. In each control step the state rotates about the equilibrium angle (Landau & Lifshitz 1976, section 22).
+    ``shares`` are the fractions of the full torque, one per control step; ``phase`` is omega0 times the control step.
+    The motion starts at rest at ``start`` [rad]. In each control step the state rotates about the equilibrium angle
+    (Landau & Lifshitz 1976, section 22).
     """
     angle, speed, rows = start, 0.0, [(start, 0.0)]
     cosine, sine = math.cos(phase), math.sin(phase)
@@ -144,9 +147,10 @@ def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Arra
 
 
 def driven(method: Method, shares: Array, phase: float, start: float, hold: int) -> tuple[Array, Array, int]:
-    """Return angle [rad] and velocity/omega0 after each control step by a method, and the stop code, 0 for none.
+    """Return angle [rad] and velocity/omega0 after each control step of a method's run, and the stop code.
 
-    ``hold`` is the number of steps per control step. After an early stop the second array is the step at which it was.
+    ``hold`` is the number of steps per control step. The stop code is 0 for a complete run. After an early stop the
+    first array is empty and the second holds the number of the step at which the run stopped.
     """
     machine = Machine(PUSHED, method, backend=sooner(method, hold * len(shares)))
     state, omega0 = machine.state(start, 0.0), PUSHED.omega0
@@ -161,7 +165,7 @@ def driven(method: Method, shares: Array, phase: float, start: float, hold: int)
 
 
 def against_pushed(method: Method, shares: Array, phase: float, start: float, hold: int) -> Finding:
-    """Judge a method under piecewise constant torque against the closed form."""
+    """Judge a method's motion under piecewise constant torque against the closed form."""
     angle, speed, code = driven(method, shares, phase, start, hold)
     if code:
         return Finding(DIVERGED, stop_time=float(speed[0]) * phase / PUSHED.omega0 / hold)
@@ -169,14 +173,20 @@ def against_pushed(method: Method, shares: Array, phase: float, start: float, ho
 
 
 def answered(method: Method, states: Array, truth: Array, phase: float, hold: int) -> Finding:
-    """Judge angles and velocities/omega0 after control steps; the relative tolerance is (omega0 h)^p omega0 t."""
+    """Judge angles and velocities/omega0 after control steps against the reference ``truth``.
+
+    The relative tolerance is (omega0 h)^p omega0 t for a method of order p.
+    """
     size = float(np.max(np.hypot(*truth))) + ANSWER
     allowed = size * order_bound(method, phase / hold, phase * (truth.shape[1] - 1)) + 1e-12
     return graded(states - truth, allowed, "it grows" if np.max(np.abs(states)) > 10.0 * size else "")
 
 
 def _flipping(hold: int) -> Try:
-    """Return a test function with full torque in alternating directions, for 200 control steps of omega0 dt = 0.1."""
+    """Return a function that judges a method under full torque that changes sign at each control step.
+
+    There are 200 control steps of omega0 dt = 0.1, of ``hold`` steps each.
+    """
     shares = np.where(np.arange(200) % 2, -1.0, 1.0)
     return lambda method: against_pushed(method, shares, 0.1, 0.3, hold)
 
@@ -225,7 +235,7 @@ def gust_path(seed: int, span: float, count: int) -> Array:
 
 @lru_cache(maxsize=1)
 def blown() -> tuple[Array, Array]:
-    """Return the reference angle and velocity after each control step in wind, with gusts constant in each step."""
+    """Return the reference angle and velocity after each control step of a pendulum in wind with gusts."""
     state, rows = (TURNED, 0.0), [(TURNED, 0.0)]
     area = 0.5 * DENSITY * C_D * math.pi * RADIUS**2
     for k, gust in enumerate(gust_path(SEED, CONTROL, COUNT)):
@@ -243,7 +253,7 @@ def blown() -> tuple[Array, Array]:
 
 
 def _gusts(method: Method) -> Finding:
-    """Judge a method in gusty wind against the reference solution."""
+    """Judge a method's motion in gusty wind against the reference solution."""
     h = CONTROL / HELD
     run = ran(WINDY, method, dt=h, steps=HELD * COUNT, every=HELD, substeps=HELD, seed=SEED, angle=TURNED, velocity=0.0)
     ended = stopped(run)
@@ -265,10 +275,11 @@ CASES = (
     Case("torque changing sign each control step", GROUP, "The force jumps at each control step, and its mean is "
          "nearly zero.", "a rotation for each control step; the tolerance is (omega0 h)^p omega0 t", ROTATIONS, PUSHED,
          resolved, _flipping(HOLD)),
-    Case("torque changing sign each step", GROUP, "The force jumps at each step, so that no method can use a history.",
+    Case("torque changing sign each step", GROUP,
+         "The force jumps at each step, so that forces of earlier steps say nothing about the next step.",
          "a rotation for each step; the tolerance is (omega0 h)^p omega0 t", ROTATIONS, PUSHED, resolved,
          _flipping(1)),
-    Case("gusts", GROUP, "The wind jumps at each control step, by up to its own size.",
+    Case("gusts", GROUP, "The wind speed jumps at each control step, by up to its mean value.",
          "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the tolerance is "
          "(omega0 h)^p omega0 t of the largest angle",
          "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",

@@ -62,20 +62,26 @@ HLW = "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration"
 
 
 def steps_for(method: Method, steps: int, most: float = MOST_WORK) -> int:
-    """Return ``steps``, or fewer if a method needs more than ``most`` force evaluations for them."""
+    """Return the number of steps for a method in a long run.
+
+    It is ``steps``, or fewer if the method would need more than ``most`` force evaluations for them.
+    """
     return int(min(steps, most / (method.evaluations * (NEWTON if method.implicit else 1.0))))
 
 
 def rounding(method: Method) -> float:
-    """Return the relative rounding error of a step, in units of its increments.
+    """Return a bound of the relative rounding error of a method's step, in units of its increments.
 
-    It has the same sign in every step, because it comes from the rounded coefficients.
+    The error has one sign in every step, because it comes from the rounded coefficients.
     """
     return ULPS * rounding_factor(method) * 2.0**-52
 
 
 def conserving(method: Method) -> bool:
-    """Return True if a method's energy error does not grow except by rounding: symplectic and symmetric methods."""
+    """Return True if a method's energy error does not grow, except by rounding.
+
+    This holds for symplectic and symmetric methods.
+    """
     return method.symplectic or method.symmetric
 
 
@@ -100,23 +106,29 @@ def drift(method: Method, steps: float) -> float:
 
 
 def _run(method: Method, steps: int) -> Rollout:
-    """Run a method from rest at 1 rad; about 3000 states are recorded, with an odd stride to sample every phase."""
+    """Run a method from rest at 1 rad for a number of steps and return the run.
+
+    About 3000 states are recorded, with an odd stride, so that all phases of the swing are sampled.
+    """
     return ran(SCENE, method, dt=PRODUCT / SCENE.omega0, steps=steps, every=max(1, steps // 3000) | 1, angle=1.0,
                velocity=0.0)
 
 
 def _known(allowed: Callable[[Method], float]) -> Rule:
-    """Return the rule that a method must be ACCURATE if its error bound is small, else STABLE or DIVERGED."""
+    """Return the rule of allowed outcomes by a method's error bound, computed by the function ``allowed``.
+
+    A method must be ACCURATE if the bound is small; else STABLE or DIVERGED are allowed.
+    """
     return known(allowed, SMALL, STABLE, DIVERGED)
 
 
 def _energy_drift(wanted: int, method: Method) -> float:
-    """Return the bound of the energy drift for as many of the wanted steps as a method can take."""
+    """Return the bound of a method's energy drift over ``wanted`` steps, or as many of them as it can take."""
     return drift(method, steps_for(method, wanted))
 
 
 def _energy(wanted: int, method: Method) -> Finding:
-    """Judge a method by the drift of its energy over many steps."""
+    """Judge a method by the drift of its energy over ``wanted`` steps, or as many of them as it can take."""
     steps = steps_for(method, wanted)
     run = _run(method, steps)
     ended = stopped(run)
@@ -135,7 +147,7 @@ def _energy(wanted: int, method: Method) -> Finding:
 
 
 def _phase_error(method: Method) -> float:
-    """Return a bound of a method's angle error after SHORT steps [rad], with the effect of an energy drift."""
+    """Return a bound of a method's angle error after SHORT steps [rad], including the effect of an energy drift."""
     turned = SHORT * PRODUCT
     lost = 0.0 if conserving(method) else 0.5 * drift(method, SHORT)
     order = 0.0
@@ -145,7 +157,7 @@ def _phase_error(method: Method) -> float:
 
 
 def _phase(method: Method) -> Finding:
-    """Judge a method by its angle over SHORT steps against Jacobi's elliptic functions."""
+    """Judge a method by its angle over SHORT steps against Jacobi's elliptic functions (the exact solution)."""
     run = _run(method, SHORT)
     ended = stopped(run)
     if ended is not None:
@@ -188,7 +200,14 @@ def _rounded(starts: int, steps: int, method: Method) -> Finding:
 
 @dataclass(frozen=True)
 class Rotation:
-    """Fast rotation from 0.3 rad with ``speed`` [rad/s], by ``each`` [rad] per step."""
+    """Case of a fast rotation: the angle must be right after many turns.
+
+    Attributes:
+        scene: the pendulum.
+        speed: initial angular velocity [rad/s]; the motion starts at 0.3 rad.
+        each: angle per step [rad].
+        steps: number of steps.
+    """
 
     scene: Scene
     speed: float
@@ -196,7 +215,10 @@ class Rotation:
     steps: int
 
     def error(self, method: Method) -> float:
-        """Return a bound of a method's angle error [rad]; gravity changes the speed by the part (omega0/speed)**2."""
+        """Return a bound of a method's angle error [rad] in a fast rotation.
+
+        Gravity changes the speed by the fraction (omega0/speed)**2.
+        """
         count, kick = steps_for(method, self.steps), (self.scene.omega0 / self.speed) ** 2
         order = 0.0 if math.isinf(method.order) else float(self.each**method.order)
         lost = 0.0
@@ -205,7 +227,10 @@ class Rotation:
         return count * self.each * (rounding(method) + kick * (order + lost))
 
     def attempt(self, method: Method) -> Finding:
-        """Judge a method by the turns it counts and by the angle, measured from the nearer of bottom and top."""
+        """Judge a method's fast rotation by the turns it counts and by its angle.
+
+        The angle is measured from the nearer of bottom and top.
+        """
         h, count = self.each / self.speed, steps_for(method, self.steps)
         machine = Machine(self.scene, method, ())
         state = machine.state(0.3, self.speed)
@@ -241,16 +266,18 @@ CASES = (
     _case("1e5 steps, phase", "The energy may be right while the phase of the motion is wrong.",
           "Jacobi's functions, to n (omega0 h)^(p+1) and the drift of the frequency with the energy", _phase,
           f"{HLW}, X.3; Whittaker & Watson 1927, 44", _known(_phase_error)),
-    _case("1e5 steps, 1.6e5 free turns", "Turns must be counted without a loss of digits of the angle.",
+    _case("1e5 steps, 1.6e5 free turns",
+          "The angle must not lose digits while the turns of a fast rotation are counted.",
           "theta = theta0 + v t without gravity, to the rounding of v t", FREE.attempt, "Newton's first law",
           _known(FREE.error), FREE.scene),
     _case("1e8 steps, energy", "Rounding errors accumulate as well as the method's own error.", ENERGY,
           partial(_energy, LONG),
           f"{HLW}, IX.8 and XI.3", _known(partial(_energy_drift, LONG)), long=True),
-    _case("a million turns under gravity", "Turns must be counted while gravity changes the speed in each turn.",
+    _case("a million turns under gravity",
+          "The turns of a fast rotation must be counted while gravity changes the speed in each turn.",
           "Jacobi's elliptic functions, to the rounding of the angle", ROUND.attempt, "Whittaker & Watson 1927, 44",
           _known(ROUND.error), long=True),
     _case("1e5 steps there and back, compensated",
-          "Only rounding errors remain; they must be random, not of one sign.", BACK,
+          "With compensated sums only random rounding errors may remain, none that add up with one sign.", BACK,
           partial(_rounded, 32, SHORT), BROUWER, lambda m: frozenset({ACCURATE if retraces(m) else STABLE}), long=True),
 )

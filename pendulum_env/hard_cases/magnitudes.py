@@ -52,7 +52,7 @@ SHARE = 0.05
 
 
 def rounding(method: Method) -> float:
-    """Return the relative rounding error of a step of a method."""
+    """Return a bound of the relative rounding error of a method's step, in units of its increments."""
     return ULPS * rounding_factor(method) * 2.0**-52
 
 
@@ -66,14 +66,14 @@ def _pendulum(length: float = 1.0, mass: float = 1.0, gravity: float = 9.81, pow
 
 
 def _swing(scene: Scene, method: Method) -> Rollout:
-    """Run a method from 2 rad with 0.3 omega0, with full control."""
+    """Run a method on a scaled pendulum from 2 rad with the velocity 0.3 omega0, under full motor control."""
     return ran(scene, method, dt=PRODUCT / scene.omega0, steps=STEPS, angle=2.0, velocity=0.3 * scene.omega0,
                control=1.0)
 
 
 @cache
 def unit_run(method: Method, powered: bool) -> Rollout:
-    """Return the run of a method on the pendulum of 1 m and 1 kg; cached."""
+    """Return the run of a method on the pendulum of 1 m and 1 kg, with which scaled ones are compared; cached."""
     return _swing(_pendulum(powered=powered), method)
 
 
@@ -91,7 +91,7 @@ def _error(method: Method) -> float:
 
 
 def _right(method: Method) -> Finding:
-    """Judge a method on the pendulum of 1 m and 1 kg against the closed form."""
+    """Judge a method's run on the pendulum of 1 m and 1 kg against the closed form (elliptic functions)."""
     scene, run = _pendulum(), unit_run(method, False)
     ended = stopped(run)
     if ended is not None:
@@ -102,7 +102,10 @@ def _right(method: Method) -> Finding:
 
 
 def _similar(scene: Scene) -> Try:
-    """Return a test function that compares a scaled pendulum with the one of 1 m and 1 kg, in dimensionless units."""
+    """Return a function that judges a method by its run on a pendulum of very small or large size.
+
+    In dimensionless units this run must equal that on the pendulum of 1 m and 1 kg.
+    """
 
     def attempt(method: Method) -> Finding:
         run = _swing(scene, method)
@@ -129,7 +132,10 @@ FREE_SPEED = 1e6
 
 
 def _free(method: Method) -> Finding:
-    """Judge a method on a rotation without gravity: 1e6 rad/s for 0.2 s, 1000 rad per step, theta = theta0 + v t."""
+    """Judge a method on a fast rotation without gravity, whose angle is theta0 + v t.
+
+    The speed is 1e6 rad/s for 0.2 s, which is 1000 rad per step.
+    """
     run = ran(FREE, method, dt=1e-3, steps=STEPS, angle=0.3, velocity=FREE_SPEED)
     ended = stopped(run)
     if ended is not None:
@@ -140,7 +146,10 @@ def _free(method: Method) -> Finding:
 
 
 def _small(scene: Scene, angle: float) -> Try:
-    """Return a test function with a tiny swing, angle cos(omega0 t), whose square is negligible or underflows."""
+    """Return a function that judges a method on a tiny swing, whose angle is ``angle`` cos(omega0 t).
+
+    The square of the angle is negligible or underflows.
+    """
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=PRODUCT / scene.omega0, steps=STEPS, angle=angle, velocity=0.0)
@@ -157,10 +166,10 @@ def _small(scene: Scene, angle: float) -> Try:
 
 
 def _lost_phase(method: Method) -> Finding:
-    """Judge a method under a drive of 1e8 rad/s: beyond a phase of 8.4e8 rad the run has to stop as diverged.
+    """Judge a method under a drive of 1e8 rad/s: it must stop as diverged when the phase exceeds 8.4e8 rad.
 
-    There the cosine cannot be computed. The run may stop earlier, because stages can lie beyond the end of the step,
-    and no step resolves such a drive.
+    The cosine of a larger phase cannot be computed. The run may stop earlier, because stages can lie beyond the end of
+    the step, and no step resolves such a drive.
     """
     h = PRODUCT / LATE.omega0
     run = ran(LATE, method, dt=h, steps=STEPS, angle=0.1, velocity=0.0)
@@ -197,24 +206,27 @@ def _case(name: str, scene: Scene, why: str, truth: str, source: str, attempt: T
 
 CASES = (
     *(
-        _case(name, scene, "Absolute tolerances or smallest numbers in the code would be wrong at this scale.",
+        _case(name, scene, "Absolute tolerances or smallest numbers in the code would be wrong at such sizes.",
               "angle, velocity/omega0 and energy/(m g L) equal those of the pendulum of 1 m and 1 kg, to rounding",
               "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", _similar(scene))
         for name, scene in SIMILAR
     ),
-    _case("right at 1 m and 1 kg", _pendulum(), "All other sizes are compared with this run.",
+    _case("right at 1 m and 1 kg", _pendulum(),
+          "The pendulums of all other sizes are compared with this run, so that it must be right.",
           "Jacobi's elliptic functions, to the error of the method's order near a pole of theirs",
           "Whittaker & Watson 1927, 44", _right,
           known(_error, KNOWN_TO, ACCURATE, STABLE)),
-    _case("no gravity", FREE, "There is no natural frequency, and a step has 160 turns.",
+    _case("no gravity", FREE,
+          "Without gravity there is no natural frequency, and the pendulum turns 160 times in a step.",
           "theta = theta0 + v t, with v and the energy constant", "Newton's first law", _free),
     *(
         _case(f"{angle:g} rad, {scene.effects[0].name}", scene,
-              "The squared angle and finally the angle itself underflow.",
+              "The swing is so small that the squared angle, and finally the angle itself, underflows to 0.",
               "angle cos(omega0 t)", "the linear pendulum; sin(x) = x to x**3/6", _small(scene, angle))
         for scene in (TINY, LINEAR) for angle in ANGLES
     ),
-    _case("a drive of lost phase", LATE, "A double cannot hold a very large phase of a drive exactly.",
+    _case("a drive of lost phase", LATE,
+          "The phase of a very fast drive becomes so large that a double cannot represent it accurately.",
           "reported divergence when the phase is 8.4e8 rad, the end of the range of the cosine",
           "the range of the reduction by three parts of pi/2 (Cody & Waite 1980)", _lost_phase,
           always(DIVERGED)),

@@ -1,4 +1,4 @@
-"""Results of methods in hard cases: a matrix with one entry for each pair of case and method."""
+"""Matrix of results: one entry for each pair of hard case and method that was run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Entry = MatrixEntry
 
 @dataclass(frozen=True)
 class Matrix:
-    """Results of methods in hard cases.
+    """Matrix of results of methods in hard cases.
 
     Attributes:
         cases, methods: all cases and methods of the run.
@@ -49,17 +49,17 @@ class Matrix:
 
     @property
     def failures(self) -> tuple[MatrixEntry, ...]:
-        """Entries whose outcome is not allowed and that are not known failures."""
+        """Results whose outcome is not allowed for the method, without known failures."""
         return tuple(entry for entry in self.entries if not (entry.expected or entry.known))
 
     @property
     def outdated(self) -> tuple[MatrixEntry, ...]:
-        """Known failures whose outcome is now an allowed one."""
+        """Results listed as known failures whose outcome is now allowed, so that the list must be shortened."""
         return tuple(entry for entry in self.entries if entry.expected and entry.known)
 
     @property
     def table(self) -> Table:
-        """Table with a row per case: the number of methods with each outcome, and of failures."""
+        """Table with one row per hard case: the number of methods with each outcome, and of failures."""
         rows = []
         for case in self.cases:
             own = [entry for entry in self.entries if entry.case is case]
@@ -70,7 +70,7 @@ class Matrix:
 
     @property
     def text(self) -> str:
-        """Number of combinations that ran, followed by one line for each failure."""
+        """Text with the number of case and method pairs that ran, followed by one line for each failure."""
         size = f"{len(self.cases)} cases and {len(self.methods)} methods"
         lines = [f"{len(self.entries)} of {len(self.cases) * len(self.methods)} combinations of {size} ran; "
                  f"{len(self.failures)} failed{'.' if self.complete else '; interrupted before the end.'}"]

@@ -22,7 +22,10 @@ SCENE = SCENES["vacuum"]
 
 
 def _release(offset: float) -> Try:
-    """Return a test function that releases the bob at rest ``offset`` [rad] from the top, until the tilt is 0.1 rad."""
+    """Return a function that judges a method released at rest ``offset`` [rad] from the top.
+
+    The run lasts until the tilt is 0.1 rad.
+    """
 
     def attempt(method: Method) -> Finding:
         angle, growth = math.pi - offset, math.acosh(max(0.1 / offset, 1.5))
@@ -36,7 +39,10 @@ def _release(offset: float) -> Try:
 
 
 def _float_pi(method: Method) -> Finding:
-    """Judge a method from rest at float(pi), 1.2246e-16 rad below pi: the tilt is 0.056 rad after 11 s on that side."""
+    """Judge a method released at rest at the angle float(pi), which lies 1.2246e-16 rad below pi.
+
+    After 11 s the pendulum must have fallen to that side, by a tilt of 0.056 rad.
+    """
     run = ran(SCENE, method, dt=STEP, steps=11_000, every=1000, angle=math.pi, velocity=0.0)
     truth, _ = exact.pendulum(run.time, math.pi, 0.0, SCENE.omega0)
     error = (run.angle[-1] - truth[-1]) / (math.pi - truth[-1])
@@ -45,16 +51,16 @@ def _float_pi(method: Method) -> Finding:
 
 
 def _upright(method: Method) -> Finding:
-    """Judge a method from rest at float(pi) for 100 steps, in which the tiny torque may not move the bob."""
+    """Judge a method released at float(pi): in 100 steps the angle may not change by more than rounding."""
     run = ran(SCENE, method, dt=STEP, steps=100, angle=math.pi, velocity=0.0)
     return judged(run, run.angle - math.pi, 1e-15, "it moves immediately")
 
 
 def _separatrix(method: Method) -> Finding:
-    """Judge a method on the separatrix: from the bottom with 2 omega0 the motion approaches the top forever.
+    """Judge a method on the separatrix: the motion from the bottom with 2 omega0, which never reaches the top.
 
-    It is theta = 2 gd(omega0 t) = 4 atan(tanh(omega0 t/2)). Runs are compared until the tilt is 0.05 rad; errors of
-    the size (omega0 h)^p omega0 t grow as exp(omega0 t).
+    The angle is theta = 2 gd(omega0 t) = 4 atan(tanh(omega0 t/2)). Runs are compared until the tilt is 0.05 rad; errors
+    of the size (omega0 h)^p omega0 t grow as exp(omega0 t).
     """
     omega0 = SCENE.omega0
     time = math.log(1.0 / math.tan(0.05 / 4.0)) / omega0
@@ -76,7 +82,7 @@ OFFSETS = tuple(10.0**-k for k in range(3, 13))
 CASES = (
     *(
         _case(f"release {offset:.0e} rad from the top",
-              "The angle near pi has few digits of the tilt, which grows as cosh.",
+              "An angle near pi stores few digits of the tilt from the top, which grows as cosh(omega0 t).",
               "the tilt when it is about 0.1 rad; the tolerance is the method's error (omega0 h)^p omega0 t",
               _release(offset))
         for offset in OFFSETS

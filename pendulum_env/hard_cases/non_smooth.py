@@ -56,7 +56,7 @@ EARTH = 9.81
 
 
 def unit(name: str, *effects: Effect, gravity: float = EARTH) -> Scene:
-    """Return a scene with 1 kg at 1 m, in which torques equal angular accelerations."""
+    """Return a scene with a bob of 1 kg at 1 m, in which torques equal angular accelerations."""
     return Scene(name, UNIT, effects=effects, gravity=gravity)
 
 
@@ -64,7 +64,7 @@ def unit(name: str, *effects: Effect, gravity: float = EARTH) -> Scene:
 
 
 def rested(run: Rollout, since: float) -> str:
-    """Return what is wrong with a run that should be at rest from ``since`` [s] on; "" if nothing is."""
+    """Return the fault of a run whose bob should be at rest from ``since`` [s] on; "" if it is at rest."""
     late = run.time >= since
     if not np.any(late):
         return ""
@@ -79,9 +79,10 @@ LINEAR_REST = unit("small angles with dry friction", SmallAngleGravity(), Coulom
 
 
 def dry_swing(phase: Array) -> tuple[Array, Array]:
-    """Return the exact angle and velocity/omega0 at omega0 t of a small swing under dry friction, from AMPLITUDE.
+    """Return the exact angle and velocity/omega0 of a small swing under dry friction, at the phases omega0 t.
 
-    Half swing k is a cosine about (-1)^k RATIO; it lasts pi/omega0 and reduces the amplitude by 2 RATIO.
+    The swing starts at AMPLITUDE. Half swing k is a cosine about (-1)^k RATIO; it lasts pi/omega0 and reduces the
+    amplitude by 2 RATIO.
     """
     half = np.minimum(np.floor(phase / math.pi), HALVES)
     moving, size = half < HALVES, AMPLITUDE - 2.0 * RATIO * half
@@ -115,7 +116,10 @@ FIRST = (AMPLITUDE - 2.0 * RATIO) / AMPLITUDE
 
 
 def coarse_rest(method: Method) -> Finding:
-    """Judge a method in coarse steps by its angle at rest, after ten times as many half swings as necessary."""
+    """Judge a method in coarse steps by the angle at which dry friction stops a small swing.
+
+    The run lasts ten times as many half swings as necessary.
+    """
     steps = round(10 * HALVES * math.pi / COARSE)
     run = ran(LINEAR_REST, method, dt=COARSE / LINEAR_REST.omega0, steps=steps, angle=AMPLITUDE, velocity=0.0)
     rest, _ = dry_swing(np.array([math.inf]))
@@ -125,7 +129,10 @@ def coarse_rest(method: Method) -> Finding:
 
 
 def rests_coarsely(method: Method) -> frozenset[str]:
-    """Allow ACCURATE and STABLE, and DIVERGED if the method's growth in half a swing exceeds the loss by friction."""
+    """Return the outcomes allowed for a method in coarse steps under dry friction: ACCURATE and STABLE.
+
+    DIVERGED is also allowed if the method's growth in half a swing exceeds the loss by friction.
+    """
     try:
         grows = spectral_radius(method, COARSE) ** (math.pi / COARSE) * FIRST > 1.0
     except MethodError:
@@ -156,7 +163,10 @@ def steep_rest(method: Method) -> Finding:
 
 
 def never_moves(scene: Scene, angle: float, h: float, steps: int) -> Try:
-    """Return a test function with a bob held by dry friction: no bit of angle, heat, work or residual may change."""
+    """Return a function that judges a method on a bob that dry friction holds at rest.
+
+    No bit of angle, heat, work or energy residual may change.
+    """
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=h, steps=steps, angle=angle, velocity=0.0)
@@ -174,7 +184,10 @@ EDGED = unit("small angles on the band's edge", SmallAngleGravity(), CoulombFric
 
 
 def a_hair(method: Method) -> Finding:
-    """Judge a method from EDGE (1 + HAIR): the bob slides by 2 EDGE HAIR, half a swing about EDGE, and stays."""
+    """Judge a method whose bob starts just beyond the band of angles in which dry friction holds it.
+
+    From EDGE (1 + HAIR) the bob must slide by 2 EDGE HAIR, half a swing about EDGE, and stay there.
+    """
     step = 0.01
     run = ran(EDGED, method, dt=step / EDGED.omega0, steps=480, angle=EDGE * (1.0 + HAIR), velocity=0.0)
     phase, size = np.minimum(EDGED.omega0 * run.time, math.pi), EDGE * HAIR
@@ -194,7 +207,10 @@ RISING = unit("dry friction under a rising torque", SmallAngleGravity(),
 
 
 def risen(time: Array) -> Array:
-    """Return the exact angle of the driven oscillator under PUSH sin(SLOW t) - LIMIT, from rest at LET_GO."""
+    """Return the exact angle of the oscillator under the torque PUSH sin(SLOW t), held by dry friction at first.
+
+    The bob slides from rest at LET_GO [s] on, against the friction LIMIT.
+    """
     since = np.maximum(time - LET_GO, 0.0)
     answer = PUSH / (1.0 - SLOW * SLOW)
     free = (LIMIT - answer * math.sin(SLOW * LET_GO)) * np.cos(since)
@@ -203,7 +219,10 @@ def risen(time: Array) -> Array:
 
 
 def rising(method: Method) -> Finding:
-    """Judge a method under a slowly rising torque: the bob must start to slide in the right step."""
+    """Judge a method under a slowly rising torque on a bob held by dry friction.
+
+    The bob must start to slide in the right step.
+    """
     h, slope = 0.05, PUSH * SLOW * math.cos(SLOW * LET_GO)
     run = ran(RISING, method, dt=h, steps=math.ceil((LET_GO + 3.0) / h), angle=0.0, velocity=0.0)
     before, after = run.time <= LET_GO, run.time > LET_GO + h
@@ -220,7 +239,7 @@ def rising(method: Method) -> Finding:
 
 def _against(scene: Scene, force: Force, limit: float, start: float, h: float, steps: int, every: int, rate: float,
              cap: int = 100) -> Try:
-    """Return a test function that compares a run with :mod:`piecewise` integration of a hand-written force.
+    """Return a function that judges a method against :mod:`piecewise` integration of a hand-written force.
 
     ``limit`` is the limit of dry friction, ``start`` the initial angle [rad], ``rate`` the angular frequency of the
     motion [rad/s], and ``cap`` the highest order that kinks allow.
@@ -266,22 +285,25 @@ HELD = unit("dry friction holding", Gravity(), CoulombFriction(0.5 * EARTH))
 
 
 def swing_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration by gravity and quadratic drag."""
+    """Return the acceleration of a pendulum under gravity and quadratic drag."""
     return -EARTH * math.sin(q) - DRAG * abs(v) * v
 
 
 def turns_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration by linearised gravity and a periodic torque."""
+    """Return the acceleration of a small-angle pendulum under a periodic torque."""
     return TORQUE * math.cos(RATE * t) - q
 
 
 def many_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration by gravity, quadratic drag and a periodic torque."""
+    """Return the acceleration of a pendulum under gravity, quadratic drag and a periodic torque."""
     return TORQUE * math.cos(RATE * t) - math.sin(q) - WEAK * abs(v) * v
 
 
 def shaken_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration by gravity and a pivot at x = b sin(RATE t), where -x'' acts along cos(theta)."""
+    """Return the acceleration of a pendulum whose pivot moves as x = b sin(RATE t), under gravity.
+
+    The pivot's acceleration, with the opposite sign, acts along cos(theta).
+    """
     return TORQUE * math.sin(RATE * t) * math.cos(q) - math.sin(q)
 
 
@@ -294,43 +316,53 @@ TableRow = tuple[str, str, str, str, Scene, Rule, Callable[[Method], Finding]]
 ALWAYS = always(ACCURATE)
 
 _TABLE: tuple[TableRow, ...] = (
-    ("Coulomb friction to rest, small angles", "The torque jumps at each turning point, and the final rest is forever.",
+    ("Coulomb friction to rest, small angles",
+     "The torque jumps at each turning point, and after coming to rest the bob must never move again.",
      "cosines about -+0.08 rad, 0.16 rad smaller in each half swing of pi/omega0, heat in proportion to the distance, "
      "rest at 0.02 rad; the tolerance is (omega0 h)^p omega0 t", "Lapidus 1970, Am. J. Phys. 38, 1360", LINEAR_REST,
      ALWAYS, linear_rest),
-    ("Coulomb friction to rest in coarse steps", "Each zero of the velocity is located within a step of half a radian.",
+    ("Coulomb friction to rest in coarse steps",
+     "The zeros of the velocity must be located, although a step is as long as half a radian of the swing.",
      "permanent rest within 0.08 rad; accurate if the angle at rest is that of the cosines to (omega0 h)^p omega0 t, "
      "at most a tenth",
      "Lapidus 1970, Am. J. Phys. 38, 1360", LINEAR_REST, rests_coarsely, coarse_rest),
-    ("Coulomb friction to rest, large angles", "Six turning points determine the angle at rest.",
+    ("Coulomb friction to rest, large angles",
+     "The angle at rest follows from six successive turning points, so that their errors add up.",
      "the angle at rest, by cos t1 - cos t0 = ratio (t0 + t1) from one turning angle to the next, their number, and "
      "permanent rest", "energy integral; Simbach & Priest 2005, Am. J. Phys. 73, 1079", STEEP_REST, ALWAYS,
      steep_rest),
-    ("within the band", "Rounding must not let the bob creep.", "no bit changes in 250 s", STUCK, HELD, ALWAYS,
+    ("within the band", "Rounding errors must not make a bob creep that dry friction holds at rest.",
+     "no bit changes in 250 s", STUCK, HELD, ALWAYS,
      never_moves(HELD, 0.4, 0.05, 5000)),
-    ("within the band, pivot shaken to and fro", "The torque repeatedly comes within 0.2 % of the limit of friction.",
+    ("within the band, pivot shaken to and fro",
+     "The torque on a bob at rest repeatedly comes within 0.2 % of the limit above which it slides.",
      "no bit changes in 1500 steps", STUCK, HELD_ACROSS, ALWAYS, never_moves(HELD_ACROSS, 0.0, 0.011, 1500)),
-    ("within the band, pivot shaken up and down", "The torque repeatedly comes within 0.2 % of the limit of friction.",
+    ("within the band, pivot shaken up and down",
+     "The torque on a bob at rest repeatedly comes within 0.2 % of the limit above which it slides.",
      "no bit changes in 1500 steps", STUCK, HELD_UP, ALWAYS, never_moves(HELD_UP, math.asin(0.8 / 1.4), 0.011, 1500)),
-    ("a hair within the band", "Gravity is one part in 1e7 below the limit of friction.",
+    ("a hair within the band",
+     "Gravity is one part in 1e7 below the limit of dry friction, so that the bob must stay at rest.",
      "no bit changes in 300 steps", STUCK, EDGED, ALWAYS, never_moves(EDGED, EDGE * (1.0 - HAIR), 0.01, 300)),
-    ("a hair beyond the band", "Gravity exceeds the limit of friction by one part in 1e7, and the bob has to slide.",
+    ("a hair beyond the band",
+     "Gravity exceeds the limit of dry friction by one part in 1e7, so that the bob must slide.",
      "half a cosine from 1e-8 rad beyond the edge to 1e-8 rad within, then permanent rest; the tolerance is "
      "(omega0 h)^p pi of this distance", "Lapidus 1970, Am. J. Phys. 38, 1360", EDGED, ALWAYS, a_hair),
-    ("a slowly rising torque", "The bob must stick for 46 s and start to slide within the right step.",
+    ("a slowly rising torque", "Dry friction must hold the bob for 46 s and let it slide from the right step on.",
      "no bit changes until arcsin(0.8)/0.02 s, then the driven oscillator; the tolerance is (omega0 h)^p omega0 t of "
      "the slope of the torque", "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)", RISING,
      ALWAYS, rising),
     ("sticking and sliding by turns", "13 stops and starts at times that are not known in advance.",
      f"piecewise integration; {WAY}", PIECES, TURNS, resolved,
      _against(TURNS, turns_force, LIMIT, 0.0, 0.02, 1000, 20, RATE)),
-    ("let go by a shaken pivot", "Whether the bob sticks depends on time and angle.",
+    ("let go by a shaken pivot", "Whether dry friction holds the bob depends on both time and angle.",
      f"piecewise integration; {WAY}", PIECES, SHAKEN, resolved,
      _against(SHAKEN, shaken_force, LIMIT, 0.3, 0.02, 600, 20, RATE)),
-    ("quadratic drag to rest in dry friction", "The torque has a jump and a kink at each zero of the velocity.",
+    ("quadratic drag to rest in dry friction",
+     "Friction jumps and drag has a kink at each zero of the velocity, where methods of high order lose accuracy.",
      f"piecewise integration; {WAY}", PIECES, BOTH, resolved,
      _against(BOTH, swing_force, WITH_BOTH * EARTH, 1.5, STEP / FALL, 2800, 40, FALL)),
-    ("dry friction, quadratic drag and a torque", "The torque has jumps and kinks, and the bob sticks and slides.",
+    ("dry friction, quadratic drag and a torque",
+     "The torque has jumps and kinks in time, and the bob sticks and slides in turn.",
      f"piecewise integration; {WAY}", PIECES, MANY, resolved,
      _against(MANY, many_force, LIMIT, 0.0, 0.02, 1000, 20, RATE)),
     ("the kinks of quadratic drag",

@@ -46,10 +46,10 @@ RESTARTS = 24
 
 
 def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
-    """Return a test function that runs forwards and back from ``angle`` [rad] with ``speed`` [omega0].
+    """Return a function that judges a method by a run forwards and back from ``angle`` [rad].
 
-    ``pace`` is the rate at which forces change [omega0], ``growth`` the factor by which the motion amplifies errors.
-    About ten ulps of rounding are allowed per step.
+    ``speed`` is the initial velocity and ``pace`` the rate at which forces change, both in units of omega0. ``growth``
+    is the factor by which the motion amplifies errors. About ten ulps of rounding are allowed per step.
     """
 
     def attempt(method: Method) -> Finding:
@@ -77,14 +77,15 @@ def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
 
 
 def _retracing(method: Method) -> frozenset[str]:
-    """Allow only ACCURATE for methods that retrace their steps, else ACCURATE and STABLE."""
+    """Return ACCURATE as allowed outcome for methods that retrace their steps, else ACCURATE and STABLE."""
     return frozenset({ACCURATE} if retraces(method) else {ACCURATE, STABLE})
 
 
 def _resumed(scene: Scene, hold: int, compiled: bool) -> Try:
-    """Return a test function that resumes a run from a saved state after every step and compares the ends bit for bit.
+    """Return a function that judges a method by resuming a run from a saved state after every step.
 
-    The run has RESTARTS steps and a new control every ``hold`` steps.
+    Its end must equal that of the uninterrupted run bit for bit. The run has RESTARTS steps and a new control every
+    ``hold`` steps.
     """
 
     def attempt(method: Method) -> Finding:
@@ -115,13 +116,13 @@ def _resumed(scene: Scene, hold: int, compiled: bool) -> Try:
 
 
 def _start(machine: Machine) -> Any:
-    """Return the initial state of a scene, with fixed random numbers."""
+    """Return a machine's initial state in its scene, with fixed random numbers for gusts."""
     run = machine.scene.run
     return machine.state(run.angle, run.velocity, [0.3] * len(machine.drawn))
 
 
 def _control(period: int) -> float:
-    """Return the fraction of the motor's torque in a control step."""
+    """Return the control of a control step, as a fraction of the motor's torque."""
     return (0.5, -1.0, 0.25)[period % 3]
 
 
@@ -146,17 +147,19 @@ SCENES_TO_RESUME = (("vacuum", 1), ("lab", 6), ("windy", 6), ("sticky_bearing", 
 
 CASES = (
     *(
-        _case(f"there and back, {name}", "Only rounding distinguishes forward from backward steps.", BACK, HLW,
-              _back(angle, speed, pace, growth), _retracing)
+        _case(f"there and back, {name}",
+              "A symmetric method retraces its steps, so that forward and backward steps may differ only by rounding.",
+              BACK, HLW, _back(angle, speed, pace, growth), _retracing)
         for name, angle, speed, pace, growth in FROM
     ),
     *(
-        _case(f"resumed at any step, {name}", "The memory of methods and effects has to be saved with the state.",
+        _case(f"resumed at any step, {name}", "The history of methods and effects must be saved with the state.",
               SAVED, "the definition of a state: the future depends on nothing else",
               _resumed(SCENES[name], hold, False), always(ACCURATE), SCENES[name])
         for name, hold in SCENES_TO_RESUME
     ),
-    _case("resumed at any step, compiled", "Compiled programs store their state in a separate array.", SAVED,
+    _case("resumed at any step, compiled",
+          "Compiled programs store their state in an array of their own, which must be saved and restored, too.", SAVED,
           "the definition of a state: the future depends on nothing else", _resumed(SCENE, 1, True),
           always(ACCURATE), long=True),
 )

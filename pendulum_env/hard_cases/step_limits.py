@@ -54,24 +54,26 @@ EXACTLY = "Gonzalez 1996, theorem 2.2, for the energy; Jacobi's elliptic functio
 
 
 def growth(method: Method, product: float) -> float:
-    """Return the log of the growth of an amplitude in STEPS steps of ``product`` = omega0 h."""
+    """Return the logarithm of an oscillation's growth by a method in STEPS steps of ``product`` = omega0 h."""
     radius = spectral_radius(method, product)
     return STEPS * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
 def spread(method: Method, product: float) -> float:
-    """Return the factor by which a bounded amplitude may vary: ``|M**n| <= cond(V) rho**n`` with the eigenvectors V.
+    """Return the factor by which the amplitude of bounded steps may vary.
 
-    For multistep methods, whose eigenvectors are longer than the state, it is 2.
+    By the step's matrix M with the eigenvectors V and the spectral radius rho, ``|M**n| <= cond(V) rho**n``. The factor
+    is cond(V), or 2 for multistep methods, whose eigenvectors are longer than the state.
     """
     matrix = amplification(method, product)
     return float(np.linalg.cond(np.linalg.eig(matrix)[1])) if len(matrix) == 2 else 2.0
 
 
 def in_time(method: Method, product: float, count: int) -> bool:
-    """Return True if a run that diverges may stop after ``count`` steps, according to its eigenvalues.
+    """Return True if a run may diverge after ``count`` steps, according to the eigenvalues of a step.
 
-    ``rho**n/cond(V) <= |M**n x|/|x| <= rho**n cond(V)``; the lower bound holds for complex eigenvalues only, which have
+    For the step's matrix M with spectral radius rho and eigenvectors V,
+    ``rho**n/cond(V) <= |M**n x|/|x| <= rho**n cond(V)``. The lower bound holds for complex eigenvalues only, which have
     equal moduli.
     """
     rate = growth(method, product) / STEPS
@@ -84,7 +86,10 @@ def in_time(method: Method, product: float, count: int) -> bool:
 
 
 def _linear_rule(product: float) -> Rule:
-    """Return the rule for steps of ``product`` = omega0 h in the small-angle scene, from the spectral radius."""
+    """Return the rule of allowed outcomes in the small-angle scene, for steps of ``product`` = omega0 h.
+
+    The rule follows from the spectral radius of a method's step.
+    """
 
     def may(method: Method) -> frozenset[str]:
         grown = growth(method, product)
@@ -98,7 +103,7 @@ def _linear_rule(product: float) -> Rule:
 
 
 def _linear(product: float) -> Try:
-    """Return a test function in the small-angle scene with steps of ``product`` = omega0 h.
+    """Return a function that judges a method in the small-angle scene, in steps of ``product`` = omega0 h.
 
     The tolerance is (omega0 h)^p times the phase, at most a tenth of the amplitude; the growth is bounded by the
     eigenvalues of the step.
@@ -136,10 +141,10 @@ def is_standard_map(method: Method) -> bool:
 
 
 def _full_rule(of_standard_map: str) -> Rule:
-    """Return the rule for full gravity.
+    """Return the rule of allowed outcomes in the scene with full gravity.
 
-    Methods that conserve energy must be accurate, the standard map must have the outcome ``of_standard_map``; for other
-    methods there is no theorem, and they may be stable or diverge.
+    Methods that conserve energy must be accurate. Those whose step is the standard map must have the outcome
+    ``of_standard_map``. For other methods there is no theorem; they may be stable or diverge.
     """
 
     def may(method: Method) -> frozenset[str]:
@@ -153,9 +158,9 @@ def _full_rule(of_standard_map: str) -> Rule:
 
 
 def _unlike(method: Method, product: float, angle: float, velocity: float) -> str:
-    """Return the reason why the first steps of a run are wrong; "" if they are right.
+    """Return the reason why the first steps of a method's run are wrong; "" if they are right.
 
-    They must agree with the method's table and, if its order implies it, with the pendulum's motion.
+    They must agree with the method's table and, if its order implies it, with the pendulum's exact motion.
     """
     h, omega0 = product / FULL.omega0, FULL.omega0
     run = ran(FULL, method, dt=h, steps=FIRST, angle=angle, velocity=velocity)
@@ -173,12 +178,12 @@ def _unlike(method: Method, product: float, angle: float, velocity: float) -> st
 
 
 def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
-    """Return a test function from rest at ``angle`` [rad] under full gravity, with steps of ``product`` = omega0 h.
+    """Return a function that judges a method from rest at ``angle`` [rad], in steps of ``product`` = omega0 h.
 
-    ``turning`` [rad] bounds |v| h for the standard map, if an invariant circle does. For methods without a theorem,
-    stable means a residual of at most ABSURD times ``m g L + E0``, which the package guarantees for every run. Verlet's
-    method starts with half a kick, to follow the orbit of the standard map. ``count`` is the number of steps; by
-    default WORK force evaluations.
+    Gravity is not linearised. ``turning`` [rad] is the bound of |v| h that an invariant circle of the standard map
+    implies; inf if there is none. For methods without a theorem, stable means a residual of at most ABSURD times
+    ``m g L + E0``, which the package guarantees for every run. Verlet's method starts with half a kick, to follow the
+    orbit of the standard map. ``count`` is the number of steps; by default WORK force evaluations.
     """
 
     def attempt(method: Method) -> Finding:
@@ -214,7 +219,7 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
 
 # --- the cases ------------------------------------------------------------------------------------------------------
 
-WHY = "The step is near or beyond what the method can resolve; growth must be reported as divergence."
+WHY = "The step is near or beyond the method's stability limit; growth must be reported as divergence."
 PRODUCTS = (0.5, 1.0, 1.5, 1.99, 2.01, 3.0, 5.0, 10.0, 20.0)
 """omega0 h in the small-angle scene."""
 PERIODS = 200.0 * math.pi
@@ -237,14 +242,14 @@ BELOW = math.sqrt(GREENE) * 0.994
 
 
 def _small(name: str, product: float) -> Case:
-    """Return a case of the small-angle scene with steps of ``product`` = omega0 h."""
+    """Return a hard case of the small-angle scene with steps of ``product`` = omega0 h."""
     place = replace(LINEAR)
     return Case(f"{name}, small angles", GROUP, WHY, NO_GROWTH, PUBLISHED, place, _linear_rule(product),
                 _linear(product))
 
 
 def _large(name: str, truth: str, source: str, rule: Rule, attempt: Try, long: bool = False) -> Case:
-    """Return a case of the scene with full gravity."""
+    """Return a hard case of the scene with full (not linearised) gravity."""
     return Case(f"{name}, full gravity", GROUP, WHY, truth, source, replace(FULL), rule, attempt, long)
 
 

@@ -1,4 +1,7 @@
-"""Hard cases: damping far faster than the step, from 1e4 rad/s, and slow creep under strong damping."""
+"""Hard cases: damping far faster than the step, and slow creep under strong damping.
+
+The runs with fast damping start with a velocity of 1e4 rad/s.
+"""
 
 from __future__ import annotations
 
@@ -53,18 +56,21 @@ BOUNDED = frozenset({STABLE, ACCURATE})
 
 
 def backwards(method: Method) -> bool:
-    """Return True for splittings with backward sub-steps, in which drag amplifies (Sheng 1989; Suzuki 1991)."""
+    """Return True for splittings with backward sub-steps, in which drag acts as growth (Sheng 1989; Suzuki 1991)."""
     return "reversible" in method.needs
 
 
 def growth(method: Method, product: float, gamma_h: float, steps: int) -> float:
-    """Return the log of the growth of an amplitude of the damped oscillator in ``steps`` steps."""
+    """Return the logarithm of a method's growth of the damped oscillator's amplitude in ``steps`` steps."""
     radius = spectral_radius(method, product, gamma_h)
     return steps * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
 def checked(finding: Finding, unlike: Callable[[], str]) -> Finding:
-    """Return a finding, changed to WRONG if the function ``unlike`` returns a reason why a completed run is wrong."""
+    """Return the result of a run, changed to WRONG if the function ``unlike`` returns a reason.
+
+    ``unlike`` is called only for complete runs; it returns why the run is wrong, or "".
+    """
     why = unlike() if finding.outcome in (STABLE, ACCURATE) else ""
     return replace(finding, outcome=WRONG, note=why) if why else finding
 
@@ -73,12 +79,15 @@ def checked(finding: Finding, unlike: Callable[[], str]) -> Finding:
 
 
 def linear_scene(gamma_h: float) -> Scene:
-    """Return the scene of a linear pendulum with linear drag of ``gamma h``."""
+    """Return the scene of a linear pendulum with linear drag gamma, for steps h with this ``gamma h``."""
     return Scene("linear drag", effects=(SmallAngleGravity(), LinearDrag(gamma=gamma_h / STEP)))
 
 
 def _linear_rule(gamma_h: float) -> Rule:
-    """Return the rule for linear drag, from the spectral radius and L-stability."""
+    """Return the rule of allowed outcomes under linear drag with this ``gamma h``.
+
+    The rule follows from a method's spectral radius and L-stability.
+    """
     scene = linear_scene(gamma_h)
 
     def may(method: Method) -> frozenset[str]:
@@ -101,7 +110,10 @@ def _flight(run: Rollout, angle: float) -> str:
 
 
 def _linear(gamma_h: float) -> Try:
-    """Return a test function under linear drag, which compares with the damped oscillator and the method's table."""
+    """Return a function that judges a method under linear drag.
+
+    The run is compared with the exact damped oscillator and with the steps that the method's table implies.
+    """
     scene = linear_scene(gamma_h)
 
     def attempt(method: Method) -> Finding:
@@ -122,12 +134,18 @@ def _linear(gamma_h: float) -> Try:
 
 
 def quadratic_scene(load: float, *effects: Any) -> Scene:
-    """Return a scene with quadratic drag of ``c v0 h = load`` and further effects."""
+    """Return a scene with quadratic drag c v² and further effects.
+
+    The coefficient c makes the drag in one step h from the initial velocity v0 as large as ``load``: ``c v0 h = load``.
+    """
     return Scene("quadratic drag", effects=(*effects, QuadraticDrag(c=load / (FAST * STEP))))
 
 
 def _quadratic_rule(load: float, alone: bool) -> Rule:
-    """Return the rule for quadratic drag of ``c v0 h = load``, alone or with gravity."""
+    """Return the rule of allowed outcomes under quadratic drag c v², with ``load`` = c v0 h.
+
+    The initial velocity is v0 and the step h. ``alone`` is True if there is no gravity.
+    """
 
     def may(method: Method) -> frozenset[str]:
         if math.isfinite(damping_limit(method)):  # all limits are below 2 load, the drag's derivative times h
@@ -144,7 +162,7 @@ def _quadratic_rule(load: float, alone: bool) -> Rule:
 
 
 def _alone(load: float) -> Try:
-    """Return a test function under quadratic drag alone, which compares the velocity with v0/(1 + c v0 t)."""
+    """Return a function that judges a method under quadratic drag alone, with the velocity v0/(1 + c v0 t)."""
     scene = quadratic_scene(load)
 
     def attempt(method: Method) -> Finding:
@@ -160,12 +178,15 @@ def _alone(load: float) -> Try:
 
 @lru_cache(maxsize=4)
 def falling_truth(load: float) -> Truth:
-    """Return the reference solution under gravity and quadratic drag of ``c v0 h = load``."""
+    """Return the reference solution under gravity and quadratic drag c v², with ``load`` = c v0 h."""
     return reference(quadratic_scene(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
 
 
 def _under_gravity(load: float) -> Try:
-    """Return a test function under gravity and quadratic drag, with the reference solution and the method's table."""
+    """Return a function that judges a method under gravity and quadratic drag c v², with ``load`` = c v0 h.
+
+    The run is compared with the reference solution and with the steps that the method's table implies.
+    """
     scene = quadratic_scene(load, Gravity())
 
     def attempt(method: Method) -> Finding:
@@ -187,21 +208,24 @@ HIGH = 2.0
 
 
 def creep(slow_time: Any) -> Any:
-    """Return the angle of the creep at ``slow_time`` = lambda t, the solution of theta' = -lambda sin(theta) [rad].
+    """Return the angle [rad] of slow creep under strong drag, at ``slow_time`` = lambda t.
 
-    It is ``tan(theta/2) = tan(HIGH/2) exp(-lambda t)``.
+    It solves theta' = -lambda sin(theta): ``tan(theta/2) = tan(HIGH/2) exp(-lambda t)``.
     """
     return 2.0 * np.arctan(math.tan(0.5 * HIGH) * np.exp(-slow_time))
 
 
 def _creep_scene(stiffness: float) -> Scene:
-    """Return the scene of a pendulum with linear drag gamma = ``stiffness`` omega0."""
+    """Return a scene with gravity and linear drag of the rate gamma = ``stiffness`` omega0."""
     free = Scene("creep", effects=(Gravity(),))
     return Scene("creep", effects=(Gravity(), LinearDrag(gamma=stiffness * free.omega0)))
 
 
 def _creep_rule(stiffness: float, steps: int) -> Rule:
-    """Return the rule for creep in a number of steps, from the spectral radius and the kind of method."""
+    """Return the rule of allowed outcomes for slow creep under strong drag, in a number of steps.
+
+    The rule follows from a method's spectral radius and its kind.
+    """
     product = CREEP / steps * stiffness
     gamma_h = product * stiffness
 
@@ -218,7 +242,10 @@ def _creep_rule(stiffness: float, steps: int) -> Rule:
 
 
 def _creep(stiffness: float, steps: int) -> Try:
-    """Return a test function with creep under strong drag, which compares the angle with its closed form."""
+    """Return a function that judges a method on slow creep under strong drag, against the closed form.
+
+    ``stiffness`` is gamma/omega0.
+    """
     scene, slow_step = _creep_scene(stiffness), CREEP / steps
 
     def attempt(method: Method) -> Finding:
@@ -234,7 +261,8 @@ def _creep(stiffness: float, steps: int) -> Try:
 # --- the cases ------------------------------------------------------------------------------------------------------
 
 FASTER = "Drag acts far faster than a step: explicit methods overshoot and grow, which must be reported as divergence."
-SLOWLY = "The fast component decays at once, and the slow one must be right in steps that do not resolve the fast one."
+SLOWLY = ("The fast component of the motion decays at once; the slow one must be right in steps that are too long to "
+          "resolve the fast one.")
 RIGID = ("Stable: never faster than at its start, never further away than without drag, slowed down as the method's "
          "table implies. Diverged: explicit methods beyond their stability limit, methods with backward sub-steps that "
          "amplify, and methods whose heat by the trapezoidal rule becomes absurd")

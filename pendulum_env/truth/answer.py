@@ -1,4 +1,4 @@
-"""Truth: a reference solution with its error estimate and its origin, to compare runs with."""
+"""Class Truth: a reference solution with its error estimate and its origin, to compare runs with."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Truth:
     Attributes:
         time, angle, velocity: [s, rad, rad/s], one entry per time.
         error: estimated error of the angle [rad]: one number for all times, or one per time.
-        how: origin of the solution, as text for figures.
+        how: text on how the solution was computed, for figures.
         closed: True for a closed form.
         turns: whole turns to be added to ``angle``; other than 0 only if angles are measured from the nearer of bottom
             and top, which keeps their digits near the top.
@@ -35,29 +35,30 @@ class Truth:
 
     @property
     def known(self) -> bool:
-        """True if the motion is known at any of the times."""
+        """True if the reference solution is known at any of its times (elsewhere it is nan)."""
         return bool(np.isfinite(self.angle).any())
 
     @property
     def error_estimate(self) -> float:
-        """Largest estimated error of the angle over all times [rad]."""
+        """Largest estimated error of the reference angle over all times [rad]."""
         return float(np.max(self.error))
 
     def __getitem__(self, rows: slice) -> Truth:
-        """Return the reference solution at some of its times."""
+        """Return the reference solution at some of its times, selected by the slice ``rows``."""
         error, turns = (value[rows] if np.ndim(value) else value  # type: ignore[index]
                         for value in (self.error, self.turns))
         return replace(self, time=self.time[rows], angle=self.angle[rows], velocity=self.velocity[rows], error=error,
                        turns=turns)
 
     def distance(self, angle: ArrayLike, turns: ArrayLike = 0.0) -> Array:
-        """Return the distance of a run's angles from the reference solution at each time [rad]."""
+        """Return the absolute difference of a run's angles from the reference solution at each time [rad]."""
         return np.asarray(np.abs(np.asarray(angle) - self.angle + 2.0 * math.pi * (np.asarray(turns) - self.turns)))
 
     def missed(self, angle: ArrayLike, velocity: ArrayLike) -> float:
         """Return the largest deviation of a run from the reference solution that exceeds its error; 0.0 if none does.
 
-        The run may be shorter than the solution. Angle [rad] and velocity [rad/s] are compared with the same ``error``.
+        The run may be shorter than the solution. Angle [rad] and velocity [rad/s] are both compared with the number
+        ``error``.
         """
         compared = self[: len(np.asarray(angle))]
         deviation = np.maximum(compared.distance(angle), np.abs(np.asarray(velocity) - compared.velocity))
@@ -65,7 +66,10 @@ class Truth:
         return float(np.max(deviation[beyond])) if beyond.any() else 0.0
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a pickled Truth; version 0.1 stored no times, and ``error_estimate`` in place of ``error``."""
+        """Restore a pickled reference solution, also one that version 0.1 has pickled.
+
+        Version 0.1 stored no times, and ``error_estimate`` in place of ``error``.
+        """
         if "error_estimate" in state:
             state = {"time": np.full(len(state["angle"]), np.nan), "error": state["error_estimate"],
                      **{name: value for name, value in state.items() if name != "error_estimate"}}

@@ -41,10 +41,10 @@ AT_ONCE = 2**20
 
 
 class LongTruth(Protocol):
-    """Protocol of a reference solution that is known near some given times (marks).
+    """Protocol of a reference solution of a long run, known only near some given times (marks).
 
     Attributes:
-        how: origin of the solution, as text for figures.
+        how: text on how the solution was computed, for figures.
         died: number of marks up to and including the first one at which the motion has decayed; all if it never has.
     """
 
@@ -61,10 +61,10 @@ def long_truth(
 ) -> LongTruth:
     """Return a reference solution for all times from ``reach`` [s] before each of ``marks`` [s] up to the mark.
 
-    The start is ``angle`` [rad] and ``velocity`` [rad/s]. If there is no closed form, two solutions with compensated
-    sums are computed: a Taylor series of order 20 and the other method of the highest order. Their largest difference
-    in the period before a time is the estimated error. If the drag has a kink at rest, dry friction of strength zero is
-    added, so that steps end at every zero of the velocity.
+    The start is ``angle`` [rad] and ``velocity`` [rad/s]; ``tell`` receives the progress. If there is no closed form,
+    two solutions with compensated sums are computed: a Taylor series of order 20 and the other method of the highest
+    order. Their largest difference in the period before a time is the estimated error. If the drag has a kink at rest,
+    dry friction of strength zero is added, because the engine then ends a step at every zero of the velocity.
 
     Raises StudyError for a scene with gusts, and for a motion that does not reach the last mark.
     """
@@ -74,7 +74,10 @@ def long_truth(
 
 
 def followers(scene: Scene) -> tuple[Method, Method]:
-    """Return the two explicit one-step methods of the highest order that fit a scene, without splittings."""
+    """Return the two explicit one-step methods of the highest order that fit a scene, to compute a reference solution.
+
+    The first is a Taylor series if it fits. Splittings are left out.
+    """
     series = integrators.get(SERIES)
     candidates = [method for method in fitting(scene).values() if method.family != series.family
             and not (method.implicit or method.memory or "split" in method.needs or math.isinf(method.order))]
@@ -84,7 +87,10 @@ def followers(scene: Scene) -> tuple[Method, Method]:
 
 
 def cut_at_turns(scene: Scene) -> Scene:
-    """Add dry friction of strength zero to a scene with quadratic drag, so that steps end at zeros of the velocity."""
+    """Add dry friction of strength zero to a scene with quadratic drag.
+
+    The engine then ends a step at every zero of the velocity, where quadratic drag has a kink.
+    """
     kinked = any(effect.torque and "speed" in arguments(effect.torque) for effect in scene.effects)
     if not kinked or moving(scene.effects) or any(effect.dry for effect in scene.effects):
         return scene
@@ -92,7 +98,7 @@ def cut_at_turns(scene: Scene) -> Scene:
 
 
 class _Closed:
-    """Reference solution from a closed form, whose error is the rounding of the phase."""
+    """Reference solution of a long run from a closed form, whose error is the rounding of the phase."""
 
     def __init__(self, scene: Scene, angle: float, velocity: float, marks: Array) -> None:
         self._scene, self._start = scene, (angle, velocity)
@@ -105,7 +111,7 @@ class _Closed:
                 break
 
     def _form(self, times: Array) -> Truth:
-        """Return the closed form at these times [s]."""
+        """Return the closed form of the scene's motion at these times [s]."""
         solution = closed_form(self._scene, *self._start, times)
         assert solution is not None
         return solution
@@ -116,7 +122,10 @@ class _Closed:
 
 
 class Pair:
-    """Reference solution from two methods: the first one is stored at every step near a mark, the second checks it."""
+    """Reference solution computed with two methods, near given times (marks).
+
+    The first method's states are stored at every step near a mark; the second method checks them.
+    """
 
     def __init__(
         self, scene: Scene, angle: float, velocity: float, marks: Array, reach: float, backend: Backend, tell: Tell
@@ -147,7 +156,10 @@ class Pair:
         self.how = f"{main.name} with {STEPS} steps a period, checked by {check.name} with {STEPS * FINER}"
 
     def _spans(self, marks: Array, reach: float) -> list[tuple[int, int]]:
-        """Return the first and the last step of each interval whose rows are stored, in order and without overlap."""
+        """Return first and last step of every interval whose states are stored, in order and without overlap.
+
+        An interval reaches from ``reach`` [s] before a mark to the mark.
+        """
         spans: list[tuple[int, int]] = []
         for mark in marks:
             low, high = max(0, math.floor((mark - reach) / self._h) - 1), math.ceil(mark / self._h)
@@ -163,7 +175,7 @@ class Pair:
         return Truth(times, _angle(rows), rows[:, VELOCITY], own, self.how)
 
     def _on(self, row: Array, time: float) -> Array:
-        """Return the state at a time [s], by a part of a step from the stored row before it."""
+        """Return the state at a time [s], by a fraction of a step from the last stored state (``row``) before it."""
         machine, h = self._machine, time - row[INDEX] * self._h
         if not h > 0.0:
             return row
@@ -175,7 +187,7 @@ class Pair:
 
 
 def _angle(rows: Array) -> Array:
-    """Return the angle [rad], with whole turns, of stored rows."""
+    """Return the total angle [rad], with whole turns, of stored states (one row per state)."""
     return np.asarray(rows[:, ANGLE] + TWO_PI * rows[:, TURNS])
 
 
@@ -183,9 +195,10 @@ def _followed(
     machine: Machine, angle: float, velocity: float, h: float, every: int, spans: list[tuple[int, int]],
     report: Callable[[float], None], dead: float = DEAD,
 ) -> Array:
-    """Run a machine and return its rows, one per ``every`` steps, in the given intervals until the motion has decayed.
+    """Run a machine (compiled program of a scene with a method) and return its states in some intervals.
 
-    ``spans`` are first and last row numbers of the intervals.
+    One state is stored per ``every`` steps, as a row of an array. ``spans`` are pairs of first and last row number of
+    the intervals. The run ends early when the motion has decayed.
     """
     state, first = machine.state(angle, velocity), 0.0
     blocks: list[Array] = []
@@ -203,7 +216,10 @@ def _followed(
 
 
 def on(machine: Machine, state: object, h: float, steps: int, report: Callable[[float], None]) -> int:
-    """Advance a machine by ``steps`` steps, reporting the steps taken so far; return the stop code, 0 for none."""
+    """Advance a machine (compiled program of a scene with a method) by ``steps`` steps.
+
+    ``report`` is called with the number of steps taken so far. Returns the stop code, 0 if the run did not stop early.
+    """
     code = 0
     while steps > 0 and not code:
         code = machine.advance(state, 0.0, h, min(steps, AT_ONCE))
@@ -213,7 +229,7 @@ def on(machine: Machine, state: object, h: float, steps: int, report: Callable[[
 
 
 def _check(machine: Machine, code: int, state: object, h: float) -> None:
-    """Raise StudyError if a stop code is not 0."""
+    """Raise StudyError with the reason and the time if the stop code of a run is not 0 (it stopped early)."""
     if code:
         at = float(state[INDEX]) * h  # type: ignore[index]
         raise StudyError(f"The motion of '{machine.scene.name}' ends at {at:.4g} s: {STOP_REASONS[code]}.")

@@ -32,7 +32,7 @@ LOOKS = 16
 
 
 class PieceError(ValueError):
-    """Error raised for a motion that cannot be computed accurately, because its torques change too fast."""
+    """Error raised for a reference solution that cannot be computed, because its torques change too fast."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class SceneEquation:
         acceleration: ``a(t, q, v, direction)`` [rad/s²].
         limit: largest acceleration by dry friction [rad/s²].
         longest: a time in which the velocity changes its sign at most once [s].
-        names, extra: names and values of the further arguments of the scene's functions, after t, q and v.
+        names, extra: names and values of the arguments that the scene's functions take after t, q and v.
         dry: True if these functions also take the direction of dry friction, as the last argument.
     """
 
@@ -55,7 +55,7 @@ class SceneEquation:
     dry: bool
 
     def hold(self, values: Mapping[str, float]) -> None:
-        """Set further arguments of the scene's functions; names that the functions do not take are ignored."""
+        """Set arguments of the scene's functions, such as the control; names that they do not take are ignored."""
         for i, name in enumerate(self.names):
             self.extra[i] = values.get(name, self.extra[i])
 
@@ -63,7 +63,7 @@ class SceneEquation:
 def problem_of(scene: Scene, functions: Mapping[str, Any] | None = None) -> SceneEquation:
     """Return the equation of motion of a scene with control, gusts and motor at zero.
 
-    ``functions`` replace functions of the generated source, such as ``sin``, by name.
+    ``functions`` maps names of functions in the generated source, such as ``sin``, to their replacements.
     """
     generated = program(scene, integrators.get("rk4"), ())
     acceleration = interpreted(generated.text, generated.title, functions)["acceleration"]
@@ -84,7 +84,7 @@ def problem_of(scene: Scene, functions: Mapping[str, Any] | None = None) -> Scen
 
 
 def path(problem: SceneEquation, advance: Advance, state: State, marks: Iterable[float], t: float = 0.0) -> list[State]:
-    """Return angle and velocity at each of ``marks`` [s], which do not decrease, from ``state`` at time ``t`` on."""
+    """Return angle and velocity at the times ``marks`` [s], in order, from ``state`` at time ``t`` on."""
     rows = []
     for mark in marks:
         while t < mark:
@@ -95,7 +95,7 @@ def path(problem: SceneEquation, advance: Advance, state: State, marks: Iterable
 
 
 def _piece(problem: SceneEquation, advance: Advance, t: float, state: State, end: float) -> tuple[float, State]:
-    """Advance a motion to ``end`` or to the first zero of the velocity before; return time and state.
+    """Advance a motion to the time ``end``, or only to the first zero of the velocity; return time and state.
 
     A bob that dry friction holds stays at rest until the torques exceed the limit.
     """
@@ -124,7 +124,7 @@ def _piece(problem: SceneEquation, advance: Advance, t: float, state: State, end
 
 
 def _breakaway(problem: SceneEquation, t: float, q: float, end: float) -> float:
-    """Return the time at which the torques on a bob held by dry friction exceed the limit, or ``end``."""
+    """Return the time at which the torques on a bob held by dry friction exceed its limit; ``end`` if they do not."""
     low = t
     for k in range(1, LOOKS + 1):
         high = t + (end - t) * k / LOOKS if k < LOOKS else end
@@ -142,10 +142,10 @@ def _breakaway(problem: SceneEquation, t: float, q: float, end: float) -> float:
 
 
 def halving(attempt: Attempt, agreement: float, enough: float = 0.0) -> Advance:
-    """Return a function that advances the motion and halves the span until two results of an attempt agree.
+    """Return a function that advances a motion in spans of time, halved until two results of ``attempt`` agree.
 
     They agree if they differ by at most the fraction ``agreement`` of the possible change of the motion in the span,
-    plus ``enough`` [rad, rad/s]. The function raises PieceError after SMALLEST halvings.
+    plus ``enough`` [rad, rad/s]. The function raises PieceError after SMALLEST halvings of one span.
     """
 
     def advance(problem: SceneEquation, t: float, state: State, end: float, direction: float, depth: int = 0) -> State:
@@ -171,7 +171,10 @@ def halving(attempt: Attempt, agreement: float, enough: float = 0.0) -> Advance:
 def _midpoints(
     problem: SceneEquation, t: float, state: State, span: float, direction: float, start: float
 ) -> tuple[State, State]:
-    """Extrapolate midpoint rules with 2, 4, 6, ... steps to step zero; return the best result and the second best."""
+    """Extrapolate results of the midpoint rule with 2, 4, 6, ... steps to a step of zero.
+
+    Returns the best result and the second best, whose difference estimates the error.
+    """
     f, (q, v) = problem.acceleration, state
     row: list[State] = []
     for n in range(2, 2 * COLUMNS + 1, 2):
@@ -188,7 +191,7 @@ def _midpoints(
 
 
 def extrapolated(enough: float = 0.0) -> Advance:
-    """Return an advance function by Gragg's extrapolated midpoint rule of order ``2 COLUMNS``.
+    """Return a function that advances a motion by Gragg's extrapolated midpoint rule of order ``2 COLUMNS``.
 
     ``enough`` is the accepted difference, see :func:`halving` (Gragg 1965, SIAM J. Numer. Anal. 2, 384).
     """
@@ -196,7 +199,7 @@ def extrapolated(enough: float = 0.0) -> Advance:
 
 
 def doubled(scene: Scene, method: Method, enough: float = 0.0) -> Advance:
-    """Return an advance function by an explicit Runge-Kutta method of order 8 or 9, with step doubling.
+    """Return a function that advances a motion by an explicit Runge-Kutta method of order 8 or 9.
 
     One step is compared with two half steps, whose result is used. Agreement to 1e-13 means an error about 2**order
     times smaller.

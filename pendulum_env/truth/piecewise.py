@@ -29,7 +29,7 @@ CLOSE = 1e-12
 
 
 def smooth(force: Force, start: tuple[float, float], begin: float, end: float) -> tuple[float, float]:
-    """Return angle and velocity at ``end`` by Dormand & Prince's method of order 8, for a smooth force.
+    """Return angle and velocity at the time ``end``, by Dormand & Prince's method of order 8, for a smooth force.
 
     (Hairer, Norsett & Wanner 1993, II.5.) Raises ArithmeticError if the integration fails.
     """
@@ -47,7 +47,7 @@ def smooth(force: Force, start: tuple[float, float], begin: float, end: float) -
 
 
 def _stop(force: Force, start: tuple[float, float], begin: float, end: float, side: float) -> float | None:
-    """Return the time at which the velocity returns to zero, or None if it does not before ``end``."""
+    """Return the time before ``end`` at which the velocity returns to zero; None if it does not."""
     from scipy.integrate import solve_ivp
 
     def turning(_t: float, y: Array) -> float:
@@ -67,7 +67,7 @@ def _stop(force: Force, start: tuple[float, float], begin: float, end: float, si
 
 
 def _let_go(force: Force, limit: float, angle: float, begin: float, end: float) -> float:
-    """Return the time at which the force on a bob at rest exceeds the limit of dry friction, or ``end``."""
+    """Return the time at which the force on a bob at rest exceeds the limit of dry friction; ``end`` if it does not."""
     from scipy.optimize import brentq
 
     def excess(t: float) -> float:
@@ -85,7 +85,7 @@ def _let_go(force: Force, limit: float, angle: float, begin: float, end: float) 
 
 
 def path(force: Force, limit: float, start: tuple[float, float], marks: Sequence[float]) -> Truth:
-    """Return the reference solution at the marks [s], increasing from 0.
+    """Return the reference solution of a motion with dry friction at the times ``marks`` [s], increasing from 0.
 
     ``limit`` is the largest acceleration by dry friction [rad/s²]; 0: no friction. Raises ArithmeticError if the
     integration fails, or the bob stops too often.
@@ -96,7 +96,7 @@ def path(force: Force, limit: float, start: tuple[float, float], marks: Sequence
         while t < mark:
             events += 1
             if events > MOST_EVENTS + len(marks):
-                raise ArithmeticError(f"The reference solution stops and starts too often near {t:g} s.")
+                raise ArithmeticError(f"The bob stops and starts too often near {t:g} s for a reference solution.")
             if state[1] == 0.0:
                 push = force(t, state[0], 0.0)
                 if side == 0.0 and abs(push) <= limit:

@@ -1,4 +1,7 @@
-"""Reference solutions of probe episodes by two independent methods, in pieces that end at every turning point."""
+"""Reference solutions of probe episodes, test runs with given controls on which methods are compared.
+
+Two independent methods compute every solution in pieces that end at every turning point.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ class Probe:
 
 
 class ProbeMotions:
-    """Reference solutions of probe episodes in one scene with control steps of ``dt`` [s]."""
+    """Reference solutions of probe episodes (test runs with given controls) in a scene, at control steps ``dt`` [s]."""
 
     def __init__(self, scene: Scene, dt: float) -> None:
         self.scene, self.dt = scene, dt
@@ -75,7 +78,10 @@ class ProbeMotions:
         return replace(solution, error=np.maximum.accumulate(solution.distance(other, others_turns)))
 
     def _path(self, probe: Probe, advance: Advance) -> Rows:
-        """Return the states of a probe episode, computed with one advance function, as far as it succeeds."""
+        """Return the states of a probe episode (test run with given controls) at its control steps.
+
+        They are computed with the function ``advance``; the list ends early where that fails.
+        """
         problem, machine, dt = self._problem, self._machine, self.dt
         start = machine.state(probe.angle, probe.velocity, probe.uniform)
         entries = dict(zip(machine.names, start, strict=True))

@@ -109,17 +109,17 @@ def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Tr
 
 
 def _linear(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
-    """Return angle and velocity of the damped harmonic oscillator at times t."""
+    """Return the exact angle and velocity of a scene's damped harmonic oscillator at times t."""
     return exact.linear(t, q, v, math.sqrt(values.get("spring_rate", 0.0)), values.get("linear_drag_rate", 0.0))
 
 
 def _pendulum(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
-    """Return angle and velocity of the undamped pendulum at times t; None without gravity."""
+    """Return the exact angle and velocity of a scene's undamped pendulum at times t; None without gravity."""
     return exact.pendulum(t, q, v, math.sqrt(values["gravity_rate"])) if values["gravity_rate"] else None
 
 
 def _drag(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
-    """Return angle and velocity under drag alone at times t."""
+    """Return angle and velocity of a bob under drag alone (no gravity) at times t."""
     way, speed = exact.drag_only(t, v, values.get("linear_drag_rate", 0.0), values.get("quadratic_drag_rate", 0.0))
     return q + way, speed
 
@@ -167,13 +167,16 @@ def true_motion(scene: Scene, angle: float, velocity: float, time: Array) -> Tru
 
 
 def _parts(scene: Scene, time: Array) -> int:
-    """Return the number of steps of the reference solution from one time to the next."""
+    """Return the number of steps that the reference solution takes between neighbouring entries of ``time``."""
     wanted = math.ceil(float(time[1]) * max(scene.omega0, 1.0) / FINE)
     return max(1, min(max(8, wanted), MOST[resolve("auto")] // len(time)))
 
 
 def _while_taut(scene: Scene, angle: Array, velocity: Array) -> tuple[Array, Array]:
-    """Replace angle and velocity by nan from the time on when a wire goes slack; a rod changes nothing."""
+    """Replace angle and velocity by nan from the time at which the pendulum's wire goes slack.
+
+    A pendulum on a rod is returned unchanged.
+    """
     gravity = scene.coefficients.get("gravity_rate")
     if scene.body.suspension == "rod" or gravity is None:
         return angle, velocity
@@ -182,7 +185,7 @@ def _while_taut(scene: Scene, angle: Array, velocity: Array) -> tuple[Array, Arr
 
 
 def _unknown(time: Array, why: str) -> Truth:
-    """Return a Truth that is nan at all times, with the reason."""
+    """Return a reference solution that is nan (not known) at all times, with the reason ``why``."""
     nothing = np.full(len(time), math.nan)
     return Truth(time, nothing, nothing, math.nan, why)
 
@@ -222,7 +225,7 @@ def accelerations(scene: Scene, times: ArrayLike, truth: Truth) -> Array:
 
 
 def _acceleration(problem: SceneEquation, t: float, q: float, v: float) -> float:
-    """Return the acceleration [rad/s²] at a state, with dry friction; 0 if it holds the bob."""
+    """Return the acceleration [rad/s²] at a state (q, v), with dry friction; 0 if dry friction holds the bob."""
     if v == 0.0 and problem.limit:
         free = problem.acceleration(t, q, 0.0, 0.0)
         return 0.0 if abs(free) <= problem.limit else problem.acceleration(t, q, 0.0, float(np.sign(free)))

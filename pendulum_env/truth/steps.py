@@ -1,4 +1,6 @@
-"""Step oracles: the states that a method's table implies, and the errors that its order and rounding allow.
+"""Step oracles: independent computation of the steps that a method's table of coefficients implies.
+
+They also give the errors that the method's order and rounding allow.
 
 An oracle reads a method's table and properties and computes the steps with its own arithmetic. It never calls the step
 of a family, nor reads the generated source. One class is registered for each kind of method; user-defined kinds
@@ -60,7 +62,10 @@ SAME = 1e-6
 
 @dataclass(frozen=True)
 class Equation:
-    """Test equation ``q'' = -pull sin(q) - drag v|v|**(power - 1)`` in any unit of time; ``small``: q for sin(q)."""
+    """Test equation ``q'' = -pull sin(q) - drag v|v|**(power - 1)`` of a pendulum, in any unit of time.
+
+    If ``small`` is True, sin(q) is replaced by q.
+    """
 
     pull: float = 1.0
     drag: float = 0.0
@@ -68,7 +73,7 @@ class Equation:
     small: bool = False
 
     def force(self, q: Any) -> Any:
-        """Return the acceleration by gravity at the angle q."""
+        """Return the acceleration of the test equation by gravity at the angle q."""
         return -self.pull * (q if self.small else np.sin(q))
 
     def gradient(self, q: Any) -> Any:
@@ -76,15 +81,15 @@ class Equation:
         return -self.pull * (np.ones_like(q) if self.small else np.cos(q))
 
     def acceleration(self, q: Any, v: Any) -> Any:
-        """Return the acceleration by gravity and drag."""
+        """Return the acceleration of the test equation by gravity and drag."""
         return self.force(q) - self.drag * v * np.abs(v) ** (self.power - 1)
 
     def slowing(self, v: Any) -> Any:
-        """Return the derivative of the acceleration by the velocity."""
+        """Return the derivative of the acceleration by the velocity, which is due to drag."""
         return -self.drag * self.power * np.abs(v) ** (self.power - 1)
 
     def slowed(self, v: float, time: float) -> float:
-        """Return the velocity after a time under drag alone, exactly; inf if it diverges backwards in time."""
+        """Return the velocity after a time under drag alone, exactly; inf if it diverges (negative times)."""
         if self.power == 1:
             return v * math.exp(min(-self.drag * time, 700.0))
         divisor = 1.0 + self.drag * abs(v) * time
@@ -95,7 +100,7 @@ class Equation:
 
 
 def _solved(problem: Equation, q: Any, of_q: Any, v: Any, of_v: Any) -> Floats:
-    """Solve the stage equation ``W = v + of_v a(q + of_q W, W)`` for W, of one or several stages.
+    """Solve the equation ``W = v + of_v a(q + of_q W, W)`` for the stage velocities W of an implicit step.
 
     Newton's method is used, with steps halved where they overshoot. The solution is unique for the implicit tables here
     under drag, which only takes energy (Hairer & Wanner 1996, IV.14), and in short steps under gravity. Under strong
@@ -128,13 +133,13 @@ def _solved(problem: Equation, q: Any, of_q: Any, v: Any, of_v: Any) -> Floats:
 
 
 def _floats(row: Sequence[Any]) -> Floats:
-    """Return coefficients as an array of floats."""
+    """Return a row of coefficients as an array of floats."""
     return np.array(row, dtype=float)
 
 
 @lru_cache(maxsize=32)
 def _over_mean(count: int) -> tuple[float, ...]:
-    """Return the weights c of the last ``count`` accelerations in a step's final velocity minus its mean velocity.
+    """Return weights c of the last ``count`` accelerations that give a step's final minus its mean velocity.
 
     They solve ``sum_j c_j j**m = 1/((m + 1) (m + 2))`` for all m below ``count``, in exact fractions.
     """
@@ -150,12 +155,14 @@ def _over_mean(count: int) -> tuple[float, ...]:
 
 
 class StepOracle:
-    """Step oracle of one method; this base class serves unregistered kinds of methods and knows almost nothing.
+    """Step oracle of a method: computes the steps that its table implies, without the method's own code.
+
+    This base class serves kinds of methods for which no class is registered; it does not know their steps.
 
     Attributes:
         rows: rows of coefficients whose sums form the stages.
         back: True if some sub-steps run backwards.
-        early: the method that takes the first steps.
+        early: the method that takes the first steps: a BDF method's starting method, else the method.
     """
 
     back = False
@@ -166,32 +173,29 @@ class StepOracle:
         self.early: Method = method
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
-        """Return the states after 0, 1, ... steps; None if the oracle does not know them."""
+        """Return the states (q, v) after 0, 1, ... steps; None if the step oracle does not know them."""
         return None
 
     def gains(self, z: float, steps: int) -> list[float]:
-        """Return an upper bound of what each step adds to |v| under forces of at most 1; inf if unknown.
-
-        ``z`` is the length of the step.
-        """
+        """Return upper bounds of what each step of length ``z`` adds to |v| under forces of at most 1, or inf."""
         return [math.inf] * steps
 
     def constant(self, power: int) -> float:
-        """Return the constant C of a step's error ``C (rate h)**power``; by default that of a Taylor series."""
+        """Return the constant C in the error ``C (rate h)**power`` of one step; by default that of a Taylor series."""
         return 1.0 / math.factorial(power)
 
 
 @singledispatch
 def table(method: Method) -> StepOracle:
-    """Return the step oracle of a method, from the class registered for its kind."""
+    """Return the step oracle (independent computation of the steps) of a method, by the class of the method."""
     return StepOracle(method)
 
 
 class OneStepOracle(StepOracle):
-    """Step oracle of a one-step method, whose steps do not depend on earlier ones."""
+    """Step oracle (independent computation of the steps) of a one-step method."""
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
-        """Return (q, v) after one step of length h."""
+        """Return the state (q, v) after one step of length h that the method's table implies."""
         raise NotImplementedError
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
@@ -203,7 +207,7 @@ class OneStepOracle(StepOracle):
 
 @table.register(RungeKutta)
 class RungeKuttaOracle(OneStepOracle):
-    """Step oracle of Runge-Kutta methods.
+    """Step oracle (independent computation of the steps) of Runge-Kutta methods.
 
     The stages ``W = v + h A K``, ``Q = q + h A W``, ``K = a(Q, W)`` are computed in turn, or together if implicit.
     """
@@ -246,7 +250,10 @@ class NystromOracle(OneStepOracle):
 
 @table.register(Splitting)
 class SplittingOracle(OneStepOracle):
-    """Step oracle of splittings: their sub-flows one after another, with drag in closed form."""
+    """Step oracle (independent computation of the steps) of splittings.
+
+    Sub-flows act one after another, with drag in closed form.
+    """
 
     def __init__(self, method: Splitting) -> None:
         super().__init__(method)
@@ -268,13 +275,19 @@ class SplittingOracle(OneStepOracle):
         return [z * float(sum(abs(part) for kind, part in self.method.flows if kind in (KICK, PUSH)))] * steps
 
     def constant(self, power: int) -> float:
-        """Return the error constant of a composition: errors of sub-steps c h add up in proportion to |c|**power."""
+        """Return the error constant C of a composition of sub-steps, for errors ``C (rate h)**power``.
+
+        Errors of sub-steps c h add up in proportion to |c|**power.
+        """
         return max(1.0, *(sum(abs(float(part)) ** power for part in row) for row in self.rows)) / math.factorial(power)
 
 
 @table.register(ForceGradient)
 class ForceGradientOracle(OneStepOracle):
-    """Step oracle of force-gradient methods: drifts, and kicks by ``f + c h**2 f f'``."""
+    """Step oracle (independent computation of the steps) of force-gradient methods.
+
+    Their steps are drifts, and kicks by ``f + c h**2 f f'``.
+    """
 
     def step(self, problem: Equation, q: float, v: float, h: float) -> State:
         for kind, part, c in self.method.flows:
@@ -287,7 +300,7 @@ class ForceGradientOracle(OneStepOracle):
 
 @table.register(Taylor)
 class TaylorOracle(OneStepOracle):
-    """Step oracle of Taylor series methods.
+    """Step oracle (independent computation of the steps) of Taylor series methods.
 
     Sine s and cosine c obey the recurrences ``k s_k = sum_j j q_j c_(k-j)`` and ``k c_k = -sum_j j q_j s_(k-j)``.
     """
@@ -311,7 +324,7 @@ class TaylorOracle(OneStepOracle):
 
 @table.register(Exact)
 class ExactOracle(OneStepOracle):
-    """Step oracle of the exact method: the closed form at each time, computed from the start."""
+    """Step oracle of the method "exact": every state is computed from the start by the closed form."""
 
     def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
         times, rate = h * np.arange(steps + 1.0), math.sqrt(problem.pull)
@@ -348,13 +361,16 @@ class DiscreteGradientOracle(OneStepOracle):
 
 
 class MultistepOracle(StepOracle):
-    """Step oracle of a multistep method; its error constant is at most 1/2 (Hairer et al. 1993, III.2)."""
+    """Step oracle (independent computation of the steps) of a multistep method.
+
+    The error constant of such a method is at most 1/2 (Hairer, Norsett & Wanner 1993, III.2).
+    """
 
     def constant(self, power: int) -> float:
         return 0.5
 
     def earlier(self, problem: Equation, q: float, v: float, h: float) -> list[State]:
-        """Return the current state and the history of earlier ones, which the starting method computes backwards."""
+        """Return the current state and the earlier states that the starting method computes backwards in time."""
         states = table(self.method.starter).follow(problem, q, v, -h, self.method.past)
         assert states is not None
         return states
@@ -513,10 +529,10 @@ class MeanForceAlphaOracle(GeneralizedAlphaOracle):
 
 
 def own_steps(method: Method, problem: Equation, angle: float, velocity: float, h: float, steps: int) -> Truth | None:
-    """Return the motion that a method's table implies, in the problem's unit of time; None if it is not known.
+    """Return the steps that a method's table implies, in the problem's unit of time; None if they are not known.
 
-    It is not known for unregistered kinds of methods, and for implicit tables if ``pull h**2 >= 1``, because their
-    equations may have several solutions (``pull h**2 |A A| < 1`` implies one solution).
+    They are not known for kinds of methods without a step oracle, and for implicit tables if ``pull h**2 >= 1``,
+    because their equations may have several solutions (``pull h**2 |A A| < 1`` implies one solution).
 
     The error is that of rounding. Without drag, a rounding error of 1e-14 in each state grows by at most
     ``(1 + z)**2`` per evaluation with ``z = sqrt(pull) h``, and in short steps by ``e**(6 z)`` per step. The error is
@@ -575,12 +591,15 @@ def order_bound(method: Method, product: float, phase: float) -> float:
 
 
 def retraces(method: Method) -> bool:
-    """Return True if a step of -h undoes a step of h; symmetric multistep methods restart instead, so it is False."""
+    """Return True if a method retraces its steps: a step of -h undoes a step of h.
+
+    It is False for symmetric multistep methods, which compute a new history after a reversal.
+    """
     return method.symmetric and len(method.memory) <= 1
 
 
 def rounding_factor(method: Method) -> float:
-    """Return the factor by which a step amplifies rounding errors: the largest sum of |coefficients| in a stage."""
+    """Return the factor by which a method's step amplifies rounding: the largest sum of |coefficients| in a stage."""
     return float(max([Fraction(1), *(sum(map(abs, row), Fraction(0)) for row in table(method).rows)]))
 
 
@@ -626,19 +645,19 @@ def order_error(method: Method, angle: float, z: float, steps: int) -> Floats:
 
 
 def speed_bounds(method: Method, z: float, steps: int) -> list[float]:
-    """Return upper bounds of the growth of |v| after each step, for forces of at most 1 at any angle; inf if unknown.
+    """Return upper bounds of |v| minus its initial value after each step, for forces of at most 1 at any angle.
 
-    A step adds at most z times the sum of its |weights|; BDF methods also pass on earlier gains, structural methods
-    their acceleration. It is unknown for Stoermer, force-gradient and Taylor methods, whose velocities contain
-    differences or derivatives.
+    A step of length ``z`` adds at most z times the sum of its |weights|; BDF methods also pass on increments of earlier
+    steps, structural methods their acceleration. The bounds are inf (unknown) for Stoermer, force-gradient and Taylor
+    methods, whose velocities contain differences or derivatives.
     """
     return [0.0, *accumulate(table(method).gains(z, steps))]
 
 
 def too_early(method: Method, angle: float, velocity: float, z: float, count: int) -> str:
-    """Return the reason why a run cannot have diverged as early as after ``count`` steps; "" if it can.
+    """Return the reason why a run cannot have diverged within its first ``count`` steps; "" if it can.
 
-    A run diverges when its energy, in units of m g L, differs from the initial one E by ABSURD times (1 + E).
+    A run diverges when its energy, in units of m g L, differs from the initial energy E by ABSURD times (1 + E).
     """
     start = 0.5 * velocity * velocity + 1.0 - math.cos(angle)
     needed = math.sqrt(2.0 * max(ABSURD * (1.0 + start) + start - 2.0, 0.0))

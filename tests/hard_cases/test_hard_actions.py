@@ -22,7 +22,7 @@ OMEGA0 = PUSHED.omega0
 
 
 class Environment:
-    """Agent that steps one environment."""
+    """Agent that takes control steps in a single environment."""
 
     kind: Any = LabPendulumEnv
 

@@ -342,7 +342,7 @@ def test_presets_at_their_usual_step_are_warned_of_only_where_they_diverge(name:
 @pytest.mark.parametrize("z", [0.03, SHORT[0]])
 @pytest.mark.parametrize("g", [0.0, 1e-3, SHORT[1]])
 def test_short_steps_are_within_every_limit(z: float, g: float) -> None:
-    """So no limit needs to be computed for them."""
+    """Warnings about short steps need no stability limits, so none is computed."""
     for method in integrators.METHODS.values():
         assert ("velocity_free" in method.needs and g) or not beyond_limit(method, z, g), method.name
 

@@ -160,7 +160,7 @@ def test_all_methods(case: Case) -> None:
 
 def made(name: str, finding: Finding | BaseException, group: str = "made up", scene: str = "vacuum",
          long: bool = False) -> Case:
-    """Return a case with a given outcome, in which methods may only be accurate."""
+    """Return a hard case with a given outcome, in which only ACCURATE is allowed."""
 
     def attempt(_: Any) -> Finding:
         if isinstance(finding, BaseException):

@@ -99,7 +99,7 @@ def test_orders_that_round_off_hides_are_not_made_up():
 
 def test_bad_names_are_refused():
     for measure in (driven_pendulum, lambda damped: observed_order("rk4", damped=damped), reference):
-        with pytest.raises(MethodError, match="no damping 'air'; there are None, 'linear', 'quadratic'"):
+        with pytest.raises(MethodError, match="no damping 'air'; choose from None, 'linear', 'quadratic'"):
             measure("air")
     for measure in (observed_order, leading_error, stability_limit, damping_limit, area_order):
         with pytest.raises(MethodError, match="no integrator 'rk5'; did you mean rk4"):

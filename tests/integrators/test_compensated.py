@@ -146,7 +146,7 @@ class PlainLines(TextStep):
 def test_a_step_that_is_no_sum_is_refused(kind: type[Method]) -> None:
     method = kind(name="made_up", order=1, source="none", summary="none")
     assert "lost_q" not in unroll(method)
-    with pytest.raises(MethodError, match="made_up cannot be compensated: its step is no sum of the old state and"):
+    with pytest.raises(MethodError, match="made_up cannot be compensated: its step does not add increments to"):
         unroll(method, compensated=True)
 
 

@@ -137,7 +137,7 @@ def test_compiled_steps_have_the_same_bits() -> None:
         (((KICK, "1/2", "0"), (DRIFT, "1", "0"), (KICK, "1/3", "0")), "the kicks sum to 5/6"),
         (((KICK, "1/2", "0"), (DRIFT, "1/2", "0"), (KICK, "1/2", "0")), "the drifts sum to 1/2"),
         (((DRIFT, "1/2", "0"), (KICK, "1", "0"), (DRIFT, "1/2", "0")), "with a kick first and last"),
-        (((KICK, "1/2", "1/24"), (DRIFT, "1", "0"), (KICK, "1/2", "0")), "nor do the kicks at both ends"),
+        (((KICK, "1/2", "1/24"), (DRIFT, "1", "0"), (KICK, "1/2", "0")), "only kicks between the first and the last"),
     ],
 )
 def test_malformed_ones_are_refused(flows: Any, message: str) -> None:
@@ -146,5 +146,5 @@ def test_malformed_ones_are_refused(flows: Any, message: str) -> None:
 
 
 def test_quadratures_want_hooks() -> None:
-    with pytest.raises(MethodError, match="chin4a: no sub-flow adds to work; hooks for them are missing"):
+    with pytest.raises(MethodError, match="chin4a: no sub-flow integrates work; a function for this is"):
         unroll(CHIN, quadratures=("work",), hooks={"kick": ("work",)})

@@ -510,7 +510,7 @@ def test_malformed_tables_are_refused(changes, message):
 @pytest.mark.parametrize(
     ("flows", "message"),
     [
-        ((("fall", HALF),), "no sub-flow 'fall'; there are kick, drift, drag, push"),
+        ((("fall", HALF),), "unknown sub-flow 'fall'; choose from kick, drift, drag, push"),
         (((KICK, HALF), (DRIFT, Fraction(1)), (DRAG, Fraction(1))), "must each sum to 1, not to 1, 1/2, 1"),
         (((KICK, Fraction(1)), (DRIFT, Fraction(1))), "must each sum to 1, not to 1, 1, 0"),
     ],

@@ -433,8 +433,8 @@ def test_a_force_that_fails_in_the_past_is_named() -> None:
     [
         ("ab2", {"b": exact("3/2", "1/2")}, "the weights b sum to 2, not to 1"),
         ("abm4", {"corrector": exact(1, 1)}, "the weights corrector sum to 2, not to 1"),
-        ("bdf2", {"alpha": exact(1, -1, 1)}, "must be 0 and sum_j -j alpha_j 1"),
-        ("numerov", {"beta": exact("1/12", "5/6", "1/6")}, "moments 0, 0 and 2 sum"),
+        ("bdf2", {"alpha": exact(1, -1, 1)}, "must be 0 and sum_j -j alpha_j must be 1"),
+        ("numerov", {"beta": exact("1/12", "5/6", "1/6")}, "must be 0, 0 and 2 sum"),
         ("hht_alpha", {"gamma": Fraction(1, 2)}, "gamma must be 1/2 - alpha_m [+] alpha_f"),
     ],
 )

@@ -36,7 +36,7 @@ VERLET = Nystrom(
 
 
 def euler_transform(counts: list[int]) -> list[int]:
-    """Return the number of multisets of each size from the numbers of elements."""
+    """Return the number of multisets of each total size, from the number of elements of each size."""
     found = [1]
     sums = [sum(d * counts[d] for d in range(1, n + 1) if n % d == 0) for n in range(len(counts))]
     for n in range(1, len(counts)):
@@ -165,8 +165,8 @@ def test_verlet_is_one_of_them() -> None:
         ({"bbar": exact("1/2")}, "bbar must be 2 numbers, like b"),
         ({"b": exact("1/2", 1)}, "the weights b sum to 3/2, not to 1"),
         ({"bbar": exact("1/2", 1)}, "the weights bbar sum to 3/2, not to 1/2"),
-        ({"a": (exact(0, 1), exact(0, 0))}, "a stage may depend only on earlier ones, so a must be lower"),
-        ({"velocity_free": False}, "a stage may depend only on earlier ones, so av must be lower"),
+        ({"a": (exact(0, 1), exact(0, 0))}, "a stage may depend only on earlier ones, so a must be zero on and above"),
+        ({"velocity_free": False}, "a stage may depend only on earlier ones, so av must be zero on and above"),
         ({"embedded": (EmbeddedNystrom(1, exact(1), None),)}, "embedded bbar must be 2 numbers, like b"),
         ({"embedded": (EmbeddedNystrom(1, exact("1/2", 0), exact(1, 1)),)}, "embedded b sum to 2, not to 1"),
     ],

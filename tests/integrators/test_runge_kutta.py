@@ -106,7 +106,7 @@ def test_forty_decimals_of_the_published_fractions(name: str, i: int, j: int) ->
 
 @pytest.mark.parametrize(("name", "theirs"), [("bs3", "RK23"), ("dopri5", "RK45"), ("dop853", "DOP853")])
 def test_tables_are_those_of_scipy(name: str, theirs: str) -> None:
-    """Equal in double precision; SciPy's error weights are differences to b."""
+    """Tables equal SciPy's in double precision; SciPy's error weights are differences to b."""
     method, other = PAIRS[name], getattr(scipy.integrate, theirs)
     count = len(other.B)
     ours = np.array(method.a, dtype=float)[:count, : other.A.shape[1]]

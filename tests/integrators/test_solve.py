@@ -136,7 +136,7 @@ def linear_step(name, stiffness, gamma, q, v, h):
 
 @pytest.mark.parametrize("name", STAGED)
 def test_implicit_stages_are_solved_to_round_off(name):
-    """One stiff step, whose equations are linear."""
+    """Stages of one stiff implicit step on a linear problem equal the solution of the linear equations."""
     gamma, h = 5000.0, 0.01
     (wanted,) = linear_step(name, [[1.0]], gamma, [1.0], [2.0], h)
     for problem in (
@@ -152,7 +152,7 @@ def test_implicit_stages_are_solved_to_round_off(name):
 
 @pytest.mark.parametrize("name", STAGED)
 def test_implicit_stages_are_solved_with_all_couplings(name):
-    """One long step with one-sided coupling, q'' = -K q."""
+    """Stages of one long step on q'' = -K q with one-sided coupling equal the solution of the linear equations."""
     stiffness = np.array([[1.0, 50.0], [0.0, 4.0]])
     q, v, h = np.array([1.0, 0.5]), np.array([0.0, -1.0]), 2.0
     wanted = linear_step(name, stiffness.tolist(), 0.0, q.tolist(), v.tolist(), h)

@@ -42,7 +42,7 @@ LOOSE = {"yoshida8b": 3e-18, "yoshida8c": 4e-13, "yoshida8d": 7e-13, "pefrl": 8e
 
 
 def parts(method: Splitting, kind: str) -> list[Fraction]:
-    """Return kicks or drifts as published: without drag, neighbours combined."""
+    """Return a splitting's kicks or drifts as they are published: without drags, with neighbours combined."""
     joined: list[tuple[str, Fraction]] = []
     for flow, fraction in method.flows:
         if flow != DRAG:
@@ -216,7 +216,7 @@ def test_drag_in_the_middle_of_whole_kicks_would_be_of_second_order():
 
 
 def damped_radius(method: Splitting, z: float, g: float) -> float:
-    """Return the spectral radius from a product of matrices."""
+    """Return the spectral radius of a splitting step from the product of its sub-flows' matrices."""
     matrix = np.eye(2)
     for kind, x in ((kind, float(fraction)) for kind, fraction in method.flows):
         flow = {KICK: [[1, 0], [-z * x, 1]], DRIFT: [[1, z * x], [0, 1]], DRAG: [[1, 0], [0, math.exp(-g * x)]]}
@@ -296,7 +296,7 @@ def test_conditions_are_for_splittings_of_exact_flows():
 
 
 def test_methods_for_velocity_free_forces_hold_no_drag():
-    with pytest.raises(MethodError, match="pefrl: a method for velocity-free forces has no drags and pushes"):
+    with pytest.raises(MethodError, match="pefrl: a method for velocity-free forces must not contain drags or pushes"):
         replace(METHODS["pefrl"], nystrom=True)
     with pytest.raises(MethodError, match="must each sum to 1, not to 1, 1, 0"):
         replace(METHODS["calvo_sanz_serna4"], nystrom=False)

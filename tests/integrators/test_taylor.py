@@ -106,7 +106,7 @@ REFUSED = {
 @pytest.mark.parametrize("steps", [{"h": 0.1}, {"rtol": 1e-6}], ids=str)
 def test_what_cannot_be_recorded_is_refused_by_name(kind: str, steps: Any) -> None:
     function, message = REFUSED[kind]
-    with pytest.raises(MethodError, match=f"Taylor series need a function of .*in this one, .*{message}"):
+    with pytest.raises(MethodError, match=f"Taylor series need an acceleration that uses only .*, but .*{message}"):
         solve(function, 1.0, 0.5, [0.0, 1.0], method="taylor", **steps)
     solve(function, 1.0, 0.5, [0.0, 0.1], method="rk4", h=0.1)
 
@@ -308,7 +308,7 @@ class Bump(Effect):
 
 @dataclass(frozen=True)
 class Stepped(Effect):
-    """Effect with a branch."""
+    """Effect whose torque contains a branch, which Taylor series cannot record."""
 
     name = "stepped"
     kind = "drive"

@@ -174,7 +174,7 @@ def test_times_follow_the_drifts():
 
 
 def test_missing_hooks_and_unknown_kinds_are_refused():
-    with pytest.raises(MethodError, match="velocity_verlet: no sub-flow adds to work; hooks for them are missing"):
+    with pytest.raises(MethodError, match="velocity_verlet: no sub-flow integrates work; a function for"):
         unroll(VERLET, quadratures=("work", "heat"), hooks={"drag": ("heat",)})
     with pytest.raises(MethodError, match="Methods of the class Method do not define write_step"):
         unroll(Method(name="bare", order=1, source="none", summary="none"))

@@ -43,7 +43,7 @@ def test_distances_count_turns() -> None:
 
 
 def test_references_pickled_with_the_first_version_are_truths() -> None:
-    """They had no times, and ``error_estimate`` in place of ``error``."""
+    """Version 0.1 pickled reference solutions without times, with ``error_estimate`` in place of ``error``."""
     old = Truth.__new__(Truth)
     old.__setstate__({"angle": np.ones(2), "velocity": np.zeros(2), "error_estimate": 1e-9, "how": "by hand"})
     copy = pickle.loads(pickle.dumps(old))

@@ -140,7 +140,7 @@ def test_a_start_must_be_finite():
 
 
 def test_a_bob_balanced_on_the_top_of_friction_is_no_trouble():
-    """The bob does not move: the velocity stays zero, and so does the error."""
+    """A bob that friction just holds does not move: its velocity stays zero, and so does the error."""
     found = reference(replace(numerical(Gravity()), gravity=0.0), 1.0, 0.0, TIMES)
     np.testing.assert_array_equal(found.angle, 1.0)
 

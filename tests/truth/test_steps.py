@@ -38,7 +38,6 @@ NO_ORACLE: dict[str, str] = {}
 NO_COEFFICIENTS = {
     **dict.fromkeys(("forward_euler", "backward_euler", "symplectic_euler", "symplectic_euler_position_first",
                      "conformal_symplectic_euler"), "all of them are 1"),
-    "discrete_gradient": "its halves are part of its formula",
     "exact": "it has no table",
     "taylor": "those of its series come from the problem",
 }
