@@ -17,17 +17,22 @@ from pendulum_env.hard_cases.catalogue import GROUPS
 FOLDER = ROOT / "pendulum_env" / "hard_cases"
 FILES = ("case.py", *sorted(f"{group.__name__.rpartition('.')[2]}.py" for group in GROUPS))
 """Files with cases, bounds and allowed outcomes."""
+SENTENCE = re.compile(r'f?"(?=[^"\n]* )(?:[^"\\\n]|\\.)*"')
 ROW = re.compile(r"^\| (\w+\.py) \| `([0-9a-f]{12})` \| (.+) \|$", flags=re.M)
 
 
 def digest(source: str) -> str:
-    """Return a digest of a module's source without docstrings, comment lines and spacing, the same in every Python."""
+    """Return a digest of a module's source without docstrings, sentences, comment lines and spacing.
+
+    Sentences are strings with a space, names of cases included. The digest is the same in every version of Python.
+    """
     lines = source.splitlines()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             for number in range(node.lineno - 1, node.end_lineno or node.lineno):
                 lines[number] = ""
-    code = "".join("".join(line.split()) for line in lines if not line.lstrip().startswith("#"))
+    bare = (SENTENCE.sub('""', line) for line in lines if not line.lstrip().startswith("#"))
+    code = re.sub('(?:f?"")+', '""', "".join("".join(line.split()) for line in bare))
     return hashlib.sha256(code.encode()).hexdigest()[:12]
 
 
