@@ -1,4 +1,4 @@
-"""The energy error of the integrator, separate from heat and work, in the default scene `lab`."""
+"""The error in the energy balance, separate from heat and work, in the default scene `lab`."""
 
 import numpy as np
 

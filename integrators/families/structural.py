@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from integrators.families.multistep import Multistep, ago, closed, product
 from integrators.method import Acceleration, History, MethodError, Polynomial
 from integrators.steps.newton import one_stage
-from integrators.steps.terms import Notation, combination, increment, term, time_at, times_step
+from integrators.steps.terms import Notation, StepLines, combination, increment, term, time_at, times_step
 
 HALF = Fraction(1, 2)
 
@@ -18,6 +18,10 @@ HALF = Fraction(1, 2)
 @dataclass(frozen=True, kw_only=True)
 class GeneralizedAlpha(Multistep):
     """The generalized-alpha method, which advances an acceleration ``a`` besides q and v (Chung & Hulbert 1993).
+
+    The force is taken once, at the averaged angle and velocity. Chung & Hulbert state the method for linear forces,
+    where this is the average of the forces at both ends; :class:`MeanForceAlpha` averages the forces themselves. Kuhl &
+    Crisfield 1999, Int. J. Numer. Methods Eng. 45, 569, call the two the generalised midpoint and trapezoidal rules.
 
     After some steps ``a`` approximates the acceleration at ``t + lag h``, ``lag = alpha_m - alpha_f`` (Jansen, Whiting
     & Hulbert 2000, Comput. Methods Appl. Mech. Eng. 190, 305). The first step begins with the acceleration at t::
@@ -114,14 +118,62 @@ class GeneralizedAlpha(Multistep):
         lengths = f"{number(part * self.beta * new)}*h*h, {number(part * self.gamma * new)}*h"
         step.line(f"k = solve_stage({time_at(part, number)}, {place}, {speed}, {lengths}{more})")
         step.line(f"a_new = {combination([new, -old * new], ['k', 'a'], number)}")
-        both = ("a", "a_new")
+        return self.finish(step, ["a_new"])
+
+    def finish(self, step: StepLines, kept: Sequence[str]) -> str:
+        """Append the lines after that of ``a_new``; return the step's source with ``begin`` and Newton's method.
+
+        Args:
+            step: the lines so far.
+            kept: the names of the memory at the step's end, without those of quadratures.
+        """
+        both, notation = ("a", "a_new"), step.notation
         speeds = increment([HALF - self.beta, self.beta], both)
         step.advance("q", times_step(term(1, "v") + speeds), "q_new")
         step.advance("v", increment([1 - self.gamma, self.gamma], both), "v_new")
         rates, increments = closed(step, 2)
-        begin = [f"return {notation.slope}(t, q, v{more})"]
-        return one_stage(more, apart=True) + self.define(
-            begin, step, ["q_new", "v_new"], ["a_new", *rates], increments)
+        slopes = ", ".join(["a", *ago(notation.quadratures, (0,))])
+        begin = [f"return {notation.slope}(t, q, v{notation.more})"]
+        if len(kept) > 1:
+            begin = [f"{slopes} = {notation.slope}(t, q, v{notation.more})", f"return a, {slopes}"]
+        return one_stage(notation.more, apart=True) + self.define(
+            begin, step, ["q_new", "v_new"], [*kept, *rates], increments)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeanForceAlpha(GeneralizedAlpha):
+    """The generalized-alpha method with the average of the forces at both ends of the step.
+
+    The steps of angle and velocity are those of :class:`GeneralizedAlpha`; the acceleration ``a1`` obeys::
+
+        (1 - alpha_m) a1 + alpha_m a = (1 - alpha_f) f(t + h, q1, v1) + alpha_f f(t, q, v)
+
+    With ``alpha_m = 0`` this is the average ``(1 + alpha) f1 - alpha f0`` of Hilber, Hughes & Taylor 1977, where
+    ``alpha = -alpha_f``. Under linear forces that do not depend on time, the two classes give the same motion.
+    """
+
+    def memory_with(self, quadratures: Sequence[str] = ()) -> tuple[str, ...]:
+        return ("a", "f", *ago(quadratures, (0,)))
+
+    def settled_memory(
+        self, t: Any, q: Any, v: Any, h: Any, acceleration: Acceleration, history: History
+    ) -> tuple[Any, ...]:
+        """Return ``a`` after many steps, with an error of ``O(h**2)``, and the force."""
+        return (*super().settled_memory(t, q, v, h, acceleration, history), acceleration(t, q, v))
+
+    def write_step(self, notation: Notation) -> str:
+        more, number = notation.more, notation.number
+        old, part = self.alpha_m, 1 - self.alpha_f
+        new = 1 / (1 - old)
+        forces = [part * new, self.alpha_f * new, -old * new]
+        step = notation.new_step()
+        step.line(f"known = {combination(forces[1:], ['f', 'a'], number) or 'a - a'}")
+        place = step.sum("q", times_step(term(1, "v") + increment([HALF - self.beta, self.beta], ("a", "known"))))
+        speed = step.sum("v", increment([1 - self.gamma, self.gamma], ("a", "known")))
+        lengths = f"{number(self.beta * forces[0])}*h*h, {number(self.gamma * forces[0])}*h"
+        step.line(f"f_new = solve_stage(t + h, {place}, {speed}, {lengths}{more})")
+        step.line(f"a_new = known + {combination(forces[:1], ['f_new'], number)}")
+        return self.finish(step, ["a_new", "f_new"])
 
 
 def chung_hulbert(radius: Fraction) -> dict[str, Any]:
@@ -158,7 +210,7 @@ STRUCTURAL = (
         order=2,
         a_stable=True,
         source="Hilber, Hughes & Taylor 1977, Earthq. Eng. Struct. Dyn. 5, 283: alpha = -1/10",
-        summary="forces averaged over the step, alpha = -0.1: damps motion that the step does not resolve",
+        summary="force at the averaged state, alpha = -0.1: damps motion that the step does not resolve",
         **hilber_hughes_taylor(Fraction(-1, 10)),
     ),
     GeneralizedAlpha(
@@ -167,7 +219,23 @@ STRUCTURAL = (
         order=2,
         a_stable=True,
         source="Chung & Hulbert 1993, J. Appl. Mech. 60, 371: radius at infinity 4/5",
-        summary="forces and accelerations averaged, spectral radius 0.8 at infinity: damps mainly fast motion",
+        summary="force at the averaged state, spectral radius 0.8 at infinity: damps mainly fast motion",
+        **chung_hulbert(Fraction(4, 5)),
+    ),
+    MeanForceAlpha(
+        name="hht_alpha_mean_force",
+        order=2,
+        a_stable=True,
+        source="Hilber, Hughes & Taylor 1977, Earthq. Eng. Struct. Dyn. 5, 283: alpha = -1/10",
+        summary="like hht_alpha with the average of the forces at both ends, as published",
+        **hilber_hughes_taylor(Fraction(-1, 10)),
+    ),
+    MeanForceAlpha(
+        name="generalized_alpha_mean_force",
+        order=2,
+        a_stable=True,
+        source="Chung & Hulbert 1993, J. Appl. Mech. 60, 371: radius at infinity 4/5",
+        summary="like generalized_alpha with the average of the forces at both ends",
         **chung_hulbert(Fraction(4, 5)),
     ),
 )

@@ -110,6 +110,8 @@ LIMITS: Mapping[str, tuple[float | None, float | None]] = {
     "newmark_linear": (3.4641016151377544, inf),
     "hht_alpha": (inf, inf),
     "generalized_alpha": (inf, inf),
+    "hht_alpha_mean_force": (inf, inf),
+    "generalized_alpha_mean_force": (inf, inf),
     "exact": (inf, inf),
     "taylor": (3.3793773141571255, 5.8227790681937215),
 }

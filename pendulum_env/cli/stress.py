@@ -30,7 +30,7 @@ def stress(
     accurate: the error is as small as the method's order allows. stable: bounded and of the right kind, not accurate.
     diverged: the run stopped and reported it, with its last finite state. refused: the scene lacks a function that the
     method needs, and an error said so. wrong: finite and false, which is always a failure. The allowed outcomes of each
-    kind of method are fixed beforehand; any other outcome is a failure, with exit code 1 unless its reason is known.
+    kind of method follow from theory; any other outcome is a failure, with exit code 1 unless its reason is known.
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.hard_cases.run import chosen_cases, listing, write

@@ -53,7 +53,7 @@ OVERFLOWN = 1e100
 
 
 def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
-    """Return the log of the factor by which a small swing's amplitude grows in one period.
+    """Return the log of the factor by which a small swing's amplitude grows in one period, or in one longer step.
 
     Without a restoring torque (omega0 h = 0) there is no period; the growth is then that over 1000 steps (LATER).
     """
@@ -64,7 +64,7 @@ def growth_per_period(method: Method, omega0_h: float, gamma_h: float) -> float:
             radius = spectral_radius(method, omega0_h, gamma_h)
     except (ValueError, ArithmeticError):  # the step fails on the oscillator: no growth is known
         return 0.0
-    return math.log(max(radius, 1e-300)) * (2.0 * math.pi / omega0_h if omega0_h > 0.0 else LATER)
+    return math.log(max(radius, 1e-300)) * (max(TWO_PI / omega0_h, 1.0) if omega0_h > 0.0 else LATER)
 
 
 @lru_cache(maxsize=1024)
@@ -90,7 +90,7 @@ def beyond_map(method: Method, scene: Scene, omega0_h: float) -> bool:
     For an undamped pendulum such a method is the standard map, which bounds the energy only as long as an invariant
     orbit exists, up to omega0 h = 0.986 (GREENE).
     """
-    one_kick = method.symplectic and not method.implicit and method.evaluations == 1
+    one_kick = method.symplectic and not method.implicit and method.evaluations == 1 and not method.exact
     return one_kick and scene.periodic and not scene.of_kind("dissipative") and omega0_h > GREENE
 
 
@@ -183,11 +183,14 @@ def _long_step_warning(method: Method, scene: Scene, h: float, z: float, g: floa
     parts = 1
     while parts < 2**HALVINGS and _beyond(method, scene, z / parts, g / parts):
         parts += max(1, parts // 16)
+    if _beyond(method, scene, z / parts, g / parts):
+        return _beyond_all_steps(method, scene, h, max(z, g))
     growth = growth_per_period(method, z, g)
     outcome = "a swing's energy would not stay bounded"
     if beyond_limit(method, z, g):
         factor = f"{math.exp(growth):.3g}-fold" if growth < 20.0 else "beyond all bounds"
-        outcome = f"a small swing would grow {factor} in a period" if z else "speed would grow under drag"
+        span = "step" if z > TWO_PI else "period"
+        outcome = f"a small swing would grow {factor} in a {span}" if z else "speed would grow under drag"
     able = _able(scene, drag=g > z)
     other = next((other for other in able if not _beyond(other, scene, z, g)), None)
     instead = f", or {_praised(other)}" if other else ""
@@ -195,6 +198,15 @@ def _long_step_warning(method: Method, scene: Scene, h: float, z: float, g: floa
         f"Steps of {h:g} s are too long for {method.name} in the scene '{scene.name}' (omega0 h = {z:.3g}, gamma h = "
         f"{g:.3g}): {outcome}; take steps of {at_most(h / parts)} s or less ({parts} times as many substeps)"
         f"{instead}."
+    )
+
+
+def _beyond_all_steps(method: Method, scene: Scene, h: float, ratio: float) -> str:
+    """Return the warning that no step can follow the motion; ``ratio`` is ``h`` over the motion's time scale."""
+    return (
+        f"Steps of {h:g} s are too long for {method.name} in the scene '{scene.name}', which moves on a time scale of "
+        f"{h / ratio:.3g} s: even {2.0**HALVINGS:.2g} times as many substeps would be too few; check the scene's "
+        "parameters."
     )
 
 
@@ -226,6 +238,10 @@ def warn_of_stop(
         state: the last finite state: steps taken, angle [rad], turns, velocity [rad/s].
         control: the motor's torque as a fraction of its largest torque.
     """
+    ratio = natural_rate(scene) * h
+    if ratio > 2.0**HALVINGS and (method.implicit or reason == STOP_REASONS[TOO_SHORT]):
+        warn(_beyond_all_steps(method, scene, h, ratio))
+        return True
     if reason == STOP_REASONS[TOO_SHORT]:
         warn(
             f"A run with {method.name} in the scene '{scene.name}' stopped as {reason!r}: even the shortest step "

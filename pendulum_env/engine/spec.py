@@ -28,6 +28,8 @@ from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.flow import still_torque
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, truth, whole_number
 
@@ -36,6 +38,8 @@ TURNS = 2
 """Number of turns above which an initial angle causes a warning that it may be in degrees."""
 RESOLVED = 0.5
 """Largest advance of a drive's phase in one step without a warning [rad]."""
+INEXACT = 0.01
+"""Largest relative error of the torque of all losses in moving air without a warning."""
 SceneLike = str | Scene | Mapping[str, object]
 """Preset name, Scene, or scene as a dict."""
 Choose = Callable[[Callable[[], Scene | Sequence[Scene]]], tuple[str | Method, int, bool]]
@@ -413,6 +417,25 @@ def outside_formulas(spec: RunSpec) -> Iterator[str]:
         yield spec.formulas
 
 
+def uneven_flows(spec: RunSpec) -> Iterator[str]:
+    """Yield a warning if a formula for still air makes the torque of all losses wrong by over INEXACT in moving air."""
+    scene = spec.scene
+    loose = [effect for effect in scene.effects if type(effect).understated is not Effect.understated]
+    moved = [name for name in ("wind_rate", "gust_size", "vertical_sway", "horizontal_sway") if name in spec.numbers]
+    slip = sum(float(np.max(np.abs(spec.numbers[name]))) for name in moved)
+    if not loose or not slip:
+        return
+    total = sum(still_torque(effect, scene.coefficients, 0.0, slip) for effect in scene.of_kind("dissipative"))
+    for effect in loose:
+        factor = effect.understated(scene, slip)
+        share = 1.0 + (factor - 1.0) * still_torque(effect, scene.coefficients, 0.0, slip) / total
+        if share > 1.0 + INEXACT:
+            yield (f"In the scene '{scene.name}', {effect.name} assumes that the air's speed grows from 0 at the pivot "
+                   f"to its value at the bob. On a pendulum at rest in air of {slip * scene.body.length:.3g} m/s, the "
+                   f"true torque of {effect.name} is {factor:.3g} times that of the formula, and the true torque of "
+                   f"all losses together {share:.3g} times.")
+
+
 def long_steps(spec: RunSpec) -> Iterator[str]:
     """Yield a warning if the steps are too long for the method to be stable."""
     if spec.rtol is None and not spec.measured:
@@ -469,5 +492,6 @@ def unused_control(spec: RunSpec) -> Iterator[str]:
 OF_METHOD = (restarts, long_steps)
 """The warnings before a run that depend on the method."""
 BEFORE: tuple[Callable[[RunSpec], Iterator[str]], ...] = (
-    in_degrees, outside_formulas, long_steps, fast_steps, long_for_drives, restarts, unused_control)
+    in_degrees, outside_formulas, uneven_flows, long_steps, fast_steps, long_for_drives, restarts, unused_control,
+)
 """All warnings before a run: functions of a RunSpec that yield sentences."""

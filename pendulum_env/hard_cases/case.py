@@ -1,7 +1,7 @@
 """Hard case: a difficult simulation, its reference solution with source, and the outcomes each method may have.
 
-The allowed outcomes are written down before any run. A case is run with one method at a time and has one of five
-outcomes::
+The allowed outcomes follow from theory; README.md beside this file lists those that were changed after a run. A case is
+run with one method at a time and has one of five outcomes::
 
     accurate   the error is within the tolerance that follows from the method's order
     stable     not accurate, but bounded and of the right kind, as the case defines it

@@ -26,8 +26,8 @@ def beyond_sense(residual: Any, scale: Any, initial: Any, work: Any) -> Any:
 class Ledger:
     """The energy balance ``energy(t) - energy(0) = work - heat + residual``, in joules; floats, or arrays over time.
 
-    The method integrates work and heat as quadratures along with the motion, so the residual is the integrator's own
-    error: the change of energy that neither drives nor dissipation explain.
+    The method integrates work and heat as quadratures along with the motion. The residual is the error in the energy
+    balance: the change of energy that neither drives nor dissipation explain. It is no bound of the error in the angle.
 
     Attributes:
         kinetic: kinetic energy ``I v**2 / 2``.

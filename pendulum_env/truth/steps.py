@@ -44,7 +44,7 @@ from integrators.families.multistep import Multistep
 from integrators.families.nystrom import Nystrom
 from integrators.families.second_order import SecondOrder
 from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
-from integrators.families.structural import GeneralizedAlpha
+from integrators.families.structural import GeneralizedAlpha, MeanForceAlpha
 from integrators.families.taylor import Taylor
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import ABSURD
@@ -496,6 +496,33 @@ class GeneralizedAlphaOracle(MultistepOracle):
             gains.append(z * (abs(1.0 - gamma) * rate + abs(gamma) * new))
             rate = new
         return gains
+
+
+@table.register(MeanForceAlpha)
+class MeanForceAlphaOracle(GeneralizedAlphaOracle):
+    """Step oracle of generalized-alpha methods that average forces.
+
+    ``(1 - alpha_m) a1 + alpha_m a = (1 - alpha_f) f1 + alpha_f f0``; the first acceleration a is that of the force at
+    the start.
+    """
+
+    def follow(self, problem: Equation, q: float, v: float, h: float, steps: int) -> list[State] | None:
+        method = self.method
+        mean, part, beta, gamma = map(float, (method.alpha_m, method.alpha_f, method.beta, method.gamma))
+        rate = force = float(problem.acceleration(q, v))
+        states = [(q, v)]
+        for _ in range(steps):
+            q, v = states[-1]
+            # The new acceleration is known + share k with the new force k, so the new state is affine in k.
+            known, share = (part * force - mean * rate) / (1.0 - mean), (1.0 - part) / (1.0 - mean)
+            at_q = q + h * v + h * h * ((0.5 - beta) * rate + beta * known)
+            at_v = v + h * ((1.0 - gamma) * rate + gamma * known)
+            by_q, by_v = h * h * beta * share, h * gamma * share
+            w = float(_solved(problem, at_q - by_q / by_v * at_v, by_q / by_v, at_v, by_v)[0])
+            force = (w - at_v) / by_v
+            states.append((at_q + by_q * force, w))
+            rate = known + share * force
+        return states
 
 
 # --- the steps ------------------------------------------------------------------------------------------------------

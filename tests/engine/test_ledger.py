@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import re
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -160,3 +163,27 @@ def test_strong_quadratic_drag_costs_rk4_an_order() -> None:
         r = rollout(scene, angle=1.5, velocity=0.3, dt=0.05 / 2**k, every=2**k, duration=6.0, backend="python")
         errors.append(np.max(np.abs(r.angle - reference(scene, 1.5, 0.3, r.time).angle)))
     assert 2.7 < np.log2(errors[0] / errors[-1]) / 5 < 3.4
+
+
+# --- what a residual says ---------------------------------------------------------------------------------------------
+
+
+def test_a_motion_can_be_wrong_without_a_residual() -> None:
+    """The implicit midpoint rule keeps a spring's energy to rounding, and turns by 2 atan(z/2) a step, not by z."""
+    z, steps = 0.1, 200
+    scene = SCENES["textbook"]
+    run = rollout(scene, integrator="implicit_midpoint", angle=0.3, velocity=0.0, dt=z / scene.omega0,
+                  duration=steps * z / scene.omega0, backend="python")
+    phase = 2.0 * math.atan(0.5 * z)
+    assert run.angle[-1] == pytest.approx(0.3 * math.cos(steps * phase), abs=1e-12)
+    assert abs(run.angle[-1] - 0.3 * math.cos(steps * z)) > 1e-3
+    assert np.abs(run.energy_residual).max() < 1e-13 * run.energy[0]
+
+
+def test_no_text_takes_the_residual_for_the_error_of_the_motion() -> None:
+    root = Path(__file__).resolve().parents[2]
+    paths = [path for folder in ("integrators", "pendulum_env", "examples") for kind in ("*.py", "*.md")
+             for path in (root / folder).rglob(kind)]
+    claim = re.compile(r"residual[^.;|]{0,80}\b(integrator|method)'s\s+own\s+error")
+    texts = {path: path.read_text(encoding="utf-8") for path in (root / "README.md", *paths)}
+    assert [path.name for path, text in texts.items() if claim.search(text)] == []

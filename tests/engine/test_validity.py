@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import re
 import warnings
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import gymnasium as gym
+import mpmath
 import numpy as np
 import pytest
 
@@ -19,7 +21,10 @@ from pendulum_env.physics.body import Body
 from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.effects import (
     AddedMass,
+    Effect,
     Gravity,
+    Gusts,
+    HorizontalDrive,
     LinearDrag,
     Motor,
     QuadraticDrag,
@@ -27,7 +32,7 @@ from pendulum_env.physics.effects import (
     Wind,
     WireDrag,
 )
-from pendulum_env.physics.medium import Medium
+from pendulum_env.physics.medium import Medium, air
 from pendulum_env.physics.scene import Run
 
 OIL = Medium("oil", density=1000.0, viscosity=0.1)
@@ -173,3 +178,42 @@ def test_a_drag_coefficient_of_another_run_is_told() -> None:
 
 def test_a_bob_at_rest_is_not_judged() -> None:
     assert texts(lambda: run(STEADY, angle=0.0)) == []
+
+
+# --- wire drag in moving air ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("motion", [(Wind(2.5),), (Wind(-1.0), Gusts(0.5)), (HorizontalDrive(0.05, 30.0),)])
+def test_the_size_of_the_error_of_wire_drag_in_moving_air_is_named(motion: tuple[Effect, ...]) -> None:
+    """The truth is the torque of a uniform flow on each piece of a resting wire, added up by mpmath's quadrature."""
+    body = Body(0.4, 0.03, 0.01, thickness=0.001)
+    wind = 2.5 if motion == (Wind(2.5),) else 1.5
+    rho, nu = air(20.0).density, air(20.0).viscosity / air(20.0).density
+
+    def moment(share: Callable[[Any], Any]) -> float:
+        """Return the torque over rho d u**2/2, where the air moves at ``share(s)`` times u at the distance s."""
+        def piece(s: Any) -> Any:
+            reynolds = wind * share(s) * body.diameter / nu
+            return s * share(s) ** 2 * (1 + 10 / mpmath.cbrt(reynolds) ** 2)
+
+        return float(mpmath.quad(piece, [0, mpmath.mpf(0.4)]))
+
+    used = moment(lambda s: s / 0.4)
+    factor = moment(lambda s: 1) / used
+    (text,) = texts(lambda: run(Scene("wired", body, air(20.0), (Gravity(), WireDrag(), *motion))))
+    assert f"air of {wind:.3g} m/s, the true torque of wire_drag is {factor:.3g} times that of the formula" in text
+    assert f"losses together {factor:.3g} times" in text
+    assert WireDrag().understated(Scene("wired", body, air(20.0), (Gravity(), WireDrag())), wind / 0.4) == (
+        pytest.approx(factor, rel=1e-12))
+    # With a second loss, of the bob, the error is a smaller part of all losses.
+    both = (Gravity(), WireDrag(), QuadraticDrag(drag_coefficient=0.45), *motion)
+    (text,) = texts(lambda: run(Scene("wired", body, air(20.0), both)))
+    wire, bob = used * rho * body.diameter / 2 * wind**2, 0.45 * rho / 2 * math.pi * 0.01**2 * wind**2 * 0.4
+    assert f"losses together {1 + (factor - 1) * wire / (wire + bob):.3g} times" in text
+
+
+def test_wire_drag_in_still_air_and_beside_large_losses_is_no_cause_for_a_warning() -> None:
+    body = Body(0.4, 0.03, 0.05, thickness=1e-4)
+    assert texts(lambda: run(Scene("still", body, air(20.0), (Gravity(), WireDrag())))) == []
+    loss = QuadraticDrag(drag_coefficient=0.45)
+    assert texts(lambda: run(Scene("bob", body, air(20.0), (Gravity(), loss, WireDrag(), Wind(2.5))))) == []

@@ -1,4 +1,4 @@
-"""Hard cases: outcomes of each kind of method, written down with their sources before the first run.
+"""Hard cases: outcomes of each kind of method, with their sources.
 
 A finite but wrong energy is a failure; a method that cannot simulate a case must report divergence.
 """

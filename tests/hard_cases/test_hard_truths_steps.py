@@ -119,7 +119,8 @@ def test_kinds_of_methods() -> None:
         "symplectic_euler", "symplectic_euler_position_first", "conformal_symplectic_euler", "velocity_verlet"}
     assert chosen(lambda method: method.keeps_energy) == {"discrete_gradient", "exact"}
     assert chosen(lambda method: method.explicit_first_stage) == {
-        "trapezoid", "newmark_linear", "hht_alpha", "generalized_alpha"}
+        "trapezoid", "newmark_linear", "hht_alpha", "generalized_alpha", "hht_alpha_mean_force",
+        "generalized_alpha_mean_force"}
 
 
 # --- stiff damping --------------------------------------------------------------------------------------------------

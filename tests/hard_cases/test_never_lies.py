@@ -361,3 +361,38 @@ def test_the_usual_environment_computes_no_limit(monkeypatch: pytest.MonkeyPatch
 def test_auto_and_tolerances_choose_their_own_steps() -> None:
     assert not made("env", TEXTBOOK, "dop853", 2.0, rtol=1e-8)
     assert made("env", TEXTBOOK, "dop853", 2.0)
+
+
+# --- scenes that no step can follow -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gravity", [1e100, 1e300])
+@pytest.mark.parametrize(("name", "options"), [
+    ("rk4", {}), ("velocity_verlet", {}), ("dop853", {"rtol": 1e-6}), ("gauss4", {}),
+])
+def test_no_remedy_is_named_where_none_helps(gravity: float, name: str, options: dict[str, Any]) -> None:
+    """A pendulum of length L swings on the time scale sqrt(L/g); a step of 1e48 of these has no remedy."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run = rollout("vacuum", integrator=name, gravity=gravity, dt=0.01, duration=0.05, backend="python", **options)
+    scale = math.sqrt(run.scene.body.length / gravity)
+    message = str(caught[-1].message)
+    assert run.stop_reason in ("diverged", "step_too_short")
+    assert f"a time scale of {scale:.3g} s" in message
+    assert "check the scene's parameters" in message
+    assert not re.search(r"\btake\b|which is stable", message)
+
+
+@pytest.mark.parametrize("z", [40.0, 1e3, 1e8])
+def test_growth_in_steps_of_many_periods_is_seen(z: float) -> None:
+    """In a step of z = omega0 h, rk4 multiplies a swing by about z**4/24, however many periods that step has."""
+    message, = too_long(integrators.get("rk4"), (VACUUM,), z / VACUUM.omega0)
+    assert "in a step" in message
+    assert remedies(message)[0] <= math.sqrt(8.0) / VACUUM.omega0
+    if z == 40.0:
+        assert limits.growth_per_period(integrators.get("rk4"), z, 0.0) == pytest.approx(math.log(z**4 / 24), rel=1e-2)
+
+
+def test_an_exact_method_is_no_map() -> None:
+    """Closed forms evaluate one force per step, but they are no map of kicks: no step is too long for them."""
+    assert not list(too_long(integrators.get("exact"), (VACUUM,), 100.0 / VACUUM.omega0))

@@ -37,7 +37,7 @@ from integrators.families.adams import Adams
 from integrators.families.backward_differences import BackwardDifference
 from integrators.families.multistep import RK4, Started
 from integrators.families.second_order import SecondOrder
-from integrators.families.structural import GeneralizedAlpha
+from integrators.families.structural import GeneralizedAlpha, MeanForceAlpha
 from integrators.method import exact
 from integrators.tables.extrapolation import extrapolated_midpoint
 from pendulum_env import SCENES, rollout
@@ -111,7 +111,9 @@ def test_steps_have_the_roots_of_their_polynomial(name: str, z: float) -> None:
 
 def test_spectral_radii_at_infinity_are_the_stated_ones() -> None:
     """Chung & Hulbert 1993: all roots at -rho. Hilber, Hughes & Taylor 1977: -(1 + alpha)/(1 - alpha), twice."""
-    for name, root, count in (("generalized_alpha", Fraction(-4, 5), 3), ("hht_alpha", Fraction(-9, 11), 2)):
+    for name, root, count in (("generalized_alpha", Fraction(-4, 5), 3), ("hht_alpha", Fraction(-9, 11), 2),
+                              ("generalized_alpha_mean_force", Fraction(-4, 5), 3),
+                              ("hht_alpha_mean_force", Fraction(-9, 11), 2)):
         row = MANY[name].characteristic[1]
         for k in range(count):
             assert sum(math.perm(j, k) * x * root ** (j - k) for j, x in enumerate(row) if j >= k) == 0
@@ -193,8 +195,11 @@ def residuals(method: Multistep, rows: list[Any], system: System, h: Any) -> lis
             for k in range(1, n + 1):
                 a.append(((q[k] - q[k - 1]) / h**2 - v[k - 1] / h - (mpmath.mpf(1) / 2 - b) * a[-1]) / b)
             found.append((v[n] - v[n - 1]) / h - (1 - g) * a[n - 1] - g * a[n])
-            place = (rows[n - 1][0] + part * h, *(y[n - 1] + part * (y[n] - y[n - 1]) for y in (q, v)))
             m = c(method.alpha_m)
+            if isinstance(method, MeanForceAlpha):
+                found.append((1 - m) * a[n] + m * a[n - 1] - part * f[n] - (1 - part) * f[n - 1])
+                continue
+            place = (rows[n - 1][0] + part * h, *(y[n - 1] + part * (y[n] - y[n - 1]) for y in (q, v)))
             found.append((1 - m) * a[n] + m * a[n - 1] - system.acceleration(*place))
     assert found
     return found

@@ -52,6 +52,8 @@ LIMITS = {
     "newmark_linear": (math.sqrt(12.0), math.inf),
     "hht_alpha": (math.inf, math.inf),
     "generalized_alpha": (math.inf, math.inf),
+    "hht_alpha_mean_force": (math.inf, math.inf),
+    "generalized_alpha_mean_force": (math.inf, math.inf),
 }
 
 # Angles of A(alpha)-stability in degrees (Hairer & Wanner 1996, section V.2).
@@ -121,6 +123,8 @@ ERRORS: dict[str, Row] = {
     "hht_alpha": ((F(103, 1200), 3), (F(31, 300), 3), (F(-81, 8000), 3), (F(-251, 2400), 2)),
     "generalized_alpha": ((F(7, 81), 3), (F(19, 216), 3), (F(-1, 1458), 3), (F(-19, 216), 2)),
 }
+# Under linear forces the average of the forces is the force at the averaged place.
+ERRORS |= {f"{name}_mean_force": ERRORS[name] for name in ("hht_alpha", "generalized_alpha")}
 
 
 def principal_root(method: Multistep, system: System, h: Any) -> Any:

@@ -171,6 +171,13 @@ class Effect(Checked):
         """
         return ""
 
+    def understated(self, scene: Surroundings, slip: float) -> float:
+        """Return the true torque over the formula's, on a pendulum at rest in a uniform flow across it; 1 if exact.
+
+        ``slip`` is the speed of the flow over the length, positive [1/s].
+        """
+        return 1.0
+
     @property
     def models(self) -> str:
         """Return the physical cause for which this effect is one of several alternative models, such as "the bob's

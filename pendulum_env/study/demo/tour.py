@@ -235,7 +235,7 @@ def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapt
         "the top, where a linear controller holds it.",
         f"  {run.swings} turning points, upright from {run.settled:.1f} s on",
         f"  work of the motor {1e3 * end.work[-1]:.1f} mJ, of which {1e3 * end.heat[-1]:.1f} mJ became heat",
-        f"  energy error of the integrator {abs(1e3 * end.residual[-1]):.1g} mJ",
+        f"  error in the energy balance {abs(1e3 * end.residual[-1]):.1g} mJ",
         "The film runs at the true speed of the pendulum." if film else "To write a film too, leave out --no-film.",
     ]
     return Chapter("A weak motor and a controller", "\n".join(lines), tuple(files))

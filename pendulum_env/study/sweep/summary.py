@@ -24,7 +24,7 @@ def summary(point: Mapping[str, Any]) -> dict[str, Any]:
     - "end_time" [s], "end_angle" [rad], "end_velocity" [rad/s]: time and state of the last record;
     - "largest_angle" [rad], "largest_velocity" [rad/s]: largest |angle| and |velocity| of all records;
     - "end_energy" [J]: energy at the end; "work", "heat" [J]: totals at the end;
-    - "largest_energy_residual" [J]: largest |energy residual|, which is the integrator's own error;
+    - "largest_energy_residual" [J]: largest |energy residual|, the error in the energy balance;
     - "steps", "rejected": numbers of steps taken, and of steps that an adaptive run rejected;
     - "stop_reason": why the run ended early, else "".
 
