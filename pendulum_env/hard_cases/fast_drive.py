@@ -279,7 +279,8 @@ CASES = (
          "The force jumps at each step, so that forces of earlier steps say nothing about the next step.",
          "a rotation for each step; the tolerance is (omega0 h)^p omega0 t", ROTATIONS, PUSHED, resolved,
          _flipping(1)),
-    Case("gusts", GROUP, "The wind speed jumps at each control step, by up to its mean value.",
+    Case("gusts", GROUP,
+         "Gusts change the wind speed at random at each control step and not between, so that the force jumps.",
          "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the tolerance is "
          "(omega0 h)^p omega0 t of the largest angle",
          "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",

@@ -274,7 +274,7 @@ CASES = (
           partial(_energy, LONG),
           f"{HLW}, IX.8 and XI.3", _known(partial(_energy_drift, LONG)), long=True),
     _case("a million turns under gravity",
-          "The turns of a fast rotation must be counted while gravity changes the speed in each turn.",
+          "A method can lose count of the turns of a fast rotation, as gravity changes the speed within each turn.",
           "Jacobi's elliptic functions, to the rounding of the angle", ROUND.attempt, "Whittaker & Watson 1927, 44",
           _known(ROUND.error), long=True),
     _case("1e5 steps there and back, compensated",

@@ -43,7 +43,7 @@ def _checked(action: NDArray[Any]) -> float:
         raise ActionError(f"An action must be a real number, not {action[0]!r}.")
     share = float(action[0])
     if not math.isfinite(share):
-        raise ActionError(f"An action must be finite, within -1 and 1, not {share}.")
+        raise ActionError(f"An action must be a finite number, not {share}; numbers beyond -1 and 1 are clipped.")
     return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
 
 
@@ -73,5 +73,5 @@ def _checked_actions(actions: Any, size: int) -> NDArray[Any]:
     if not finite.all():
         bad = np.flatnonzero(~finite)
         places = ", ".join(str(place) for place in bad[:5]) + (", ..." if bad.size > 5 else "")
-        raise ActionError(f"Actions must be finite, within -1 and 1; those of the environments {places} are not.")
+        raise ActionError(f"Actions must be finite numbers; those of the environments {places} are not.")
     return shares

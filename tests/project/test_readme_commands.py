@@ -45,6 +45,7 @@ SHORTER = {
 ELSEWHERE = {
     ".venv/bin/lab-pendulum demo": "study/test_demo.py",
     "python tests/support/regenerate.py": "project/test_one_entry.py",
+    "python tests/support/expectations.py": "hard_cases/test_expectations.py",
 }
 """Command -> the file of tests that runs it."""
 BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")}

@@ -534,7 +534,7 @@ def test_progress_ends_at_one():
         ({"duration": 1e18}, StudyError, "too long for this study"),
         ({"angle": 1e300}, SceneError, "angle must be between"),
         ({"damping": "quadratic", "gamma": 1.0}, SceneError, "no parameter 'gamma'"),
-        ({"angle": 0.0}, StudyError, "stays there"),
+        ({"angle": 0.0}, StudyError, "stays at rest"),
         ({"angle": math.nan}, SceneError, "angle must be a finite number"),
         ({"lenght": 2.0}, SceneError, "did you mean length"),
     ],

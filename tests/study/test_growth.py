@@ -330,7 +330,7 @@ def test_progress_ends_at_one():
         ({"evaluations_per_period": 0.1}, SceneError, "longer than a period"),
         ({"step": -1.0}, SceneError, "step must be a finite number above 0"),
         ({"step": 0.1, "evaluations_per_period": 64.0}, SceneError, "both determine the step"),
-        ({"angle": 0.0}, StudyError, "stays there"),
+        ({"angle": 0.0}, StudyError, "stays at rest"),
         ({"scene": "windy"}, StudyError, "gusts"),
         ({"gravity": 0.0}, StudyError, "no restoring torque and so no period"),
         ({"compensated": True, "integrators": ["exact"]}, MethodError, "ompensated"),

@@ -17,7 +17,7 @@ from pendulum_env.hard_cases.catalogue import GROUPS
 FOLDER = ROOT / "pendulum_env" / "hard_cases"
 FILES = ("case.py", *sorted(f"{group.__name__.rpartition('.')[2]}.py" for group in GROUPS))
 """Files with cases, bounds and allowed outcomes."""
-SENTENCE = re.compile(r'f?"(?=[^"\n]* )(?:[^"\\\n]|\\.)*"')
+TEXT = re.compile(r'f?"((?:[^"\\\n]|\\.)*)"')
 ROW = re.compile(r"^\| (\w+\.py) \| `([0-9a-f]{12})` \| (.+) \|$", flags=re.M)
 
 
@@ -31,7 +31,8 @@ def digest(source: str) -> str:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             for number in range(node.lineno - 1, node.end_lineno or node.lineno):
                 lines[number] = ""
-    bare = (SENTENCE.sub('""', line) for line in lines if not line.lstrip().startswith("#"))
+    bare = (TEXT.sub(lambda text: '""' if " " in text[1] else text[0], line)
+            for line in lines if not line.lstrip().startswith("#"))
     code = re.sub('(?:f?"")+', '""', "".join("".join(line.split()) for line in bare))
     return hashlib.sha256(code.encode()).hexdigest()[:12]
 

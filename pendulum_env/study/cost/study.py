@@ -126,7 +126,7 @@ def cost(
     shared = setting.shared()
     motion = setting_of(json.dumps(shared, sort_keys=True)).truth
     if not motion.velocity.any():
-        raise StudyError("The pendulum starts at rest at the bottom and stays there; give an angle or a velocity.")
+        raise StudyError("From this start the pendulum stays at rest; give a larger angle or a velocity.")
     RunSpec.of(place, angle=q, velocity=v, dt=setting.gap, duration=setting.gap, **own).tell()
     plan = CostPlan(setting, methods, wanted, rtols, repeats)
     given = {m.name: m for m in methods if known.METHODS.get(m.name) is not m}

@@ -246,7 +246,7 @@ def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]
     for mark in marks[: truth.died]:
         true = truth.at(np.linspace(mark - period, mark, ROWS))
         if not (true.velocity.any() or size):
-            raise StudyError("The pendulum starts at rest at the bottom and stays there; give an angle or a velocity.")
+            raise StudyError("From this start the pendulum stays at rest; give a larger angle or a velocity.")
         size = max(size, min(math.pi, float(np.max(np.abs(true.angle)))))
         if true.error_estimate > KNOWN * size:
             return horizon, size
