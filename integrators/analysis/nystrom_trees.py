@@ -128,7 +128,8 @@ def nystrom_conditions(
     """
     chosen = named(method)
     if chosen.nystrom_tableau is None:
-        raise MethodError(f"{chosen.name}: Nyström trees are for Nyström tables, not {chosen.family} methods.")
+        raise MethodError(
+            f"{chosen.name}: Nyström order conditions exist only for Nyström tables, not for {chosen.family} methods.")
     highest = (chosen.order if order is None else order) if embedded is None else (order or embedded.order)
     c, a, bbar, b, av = chosen.nystrom_tableau
     weights = (bbar, b) if embedded is None else (embedded.bbar, embedded.b)

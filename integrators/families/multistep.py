@@ -125,7 +125,8 @@ class Multistep(Method):
             increments: the texts of the increments of quadratures (integrals carried along the step).
         """
         notation = step.notation
-        first = definition(f"begin(t, q, v, h{notation.more})", "Return the history that the first step needs.", begin)
+        doc = "Compute the earlier values that the first step of a multistep method needs."
+        first = definition(f"begin(t, q, v, h{notation.more})", doc, begin)
         memory = dict(zip(self.memory_with(notation.quadratures), kept, strict=True))
         return first + "\n\n" + step.source(self.title, ends, memory, increments)
 

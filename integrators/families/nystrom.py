@@ -119,7 +119,7 @@ class Nystrom(Method):
 
     @property
     def stages(self) -> tuple[int, ...]:
-        """The stages of a Nyström method, counted from zero, that a step without an error estimate needs."""
+        """Numbers of the stages, from zero, that a step needs; stages for the error estimate alone are left out."""
         return self.reached((self.bbar, self.b))
 
     def reached(self, rows: Sequence[Row]) -> tuple[int, ...]:

@@ -61,7 +61,10 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def lag(self) -> Fraction:
-        """The time, in steps after that of the state, at which ``a`` approximates the acceleration after some steps."""
+        """How many steps after the time of the state the method's stored acceleration ``a`` belongs to.
+
+        This is its value after some steps; at the start ``a`` is the acceleration of the initial state.
+        """
         return self.alpha_m - self.alpha_f
 
     def settled_memory(

@@ -59,7 +59,10 @@ def composed(*gammas: Number) -> Flows:
 
 
 def _interleaved(first: str, outer: Sequence[Fraction], inner: Sequence[Fraction]) -> Flows:
-    """Return kicks and drifts in turn: fractions ``outer`` of the kind ``first``, ``inner`` of the other kind."""
+    """Return kicks and drifts in turn, as pairs (kind, fraction of the step), beginning with the kind ``first``.
+
+    ``outer`` are its fractions, ``inner`` those of the other kind: equally many, or one fewer.
+    """
     kinds, turns = cycle((first, OTHER[first])), cycle((iter(outer), iter(inner)))
     return tuple((next(kinds), next(next(turns))) for _ in range(len(outer) + len(inner)))
 

@@ -13,7 +13,7 @@ BLOCK = 256
 """Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache."""
 
 LIMITS = ("omega0", "speed_limit")
-"""Further parameters of a batch's programs beside OWN; each is one number, or one number per environment."""
+"""Parameters of a batch's programs beside the scene's numbers; each is one number, or one number per environment."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Layout:
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Return the names of all scene parameters of the generated loops, varying and equal ones."""
+        """Return the names of all parameters of the generated loops, equal or not between environments."""
         return (*self.shape.numbers, *LIMITS)
 
     @property

@@ -8,7 +8,7 @@ from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, UN
 
 
 def _unpack(shape: Shape) -> list[str]:
-    """Return the source lines that read parameters and state into local names, at the start of ``run``."""
+    """Return the first source lines of ``run``: local names for parameters and state, and the initial energy."""
     before = shape.params.index(BOUND[-1]) if shape.adaptive else len(shape.params)
     lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.params[:before])]
     names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]

@@ -85,7 +85,10 @@ class Reel:
                 self.past.append(self._row(motion, info))
 
     def cut(self, which: NDArray[np.intp]) -> None:
-        """Delete all samples but the last of those environments (indices ``which``) that begin a new episode."""
+        """Delete the trail, and all but the last row of ``past``, of environments that begin a new episode.
+
+        ``which`` are the indices of these environments.
+        """
         for angles in self.trail or ():
             angles[which] = np.nan
         for rows in list(self.past or ())[:-1]:

@@ -80,6 +80,6 @@ class Matrix:
             lines.append(f"{line}; {finding.note}." if finding.note else f"{line}.")
         known = [entry for entry in self.entries if entry.known and not entry.expected]
         lines += [f"Known failure: {entry.case.name}, {entry.method.name}: {entry.known}" for entry in known]
-        lines += [f"Known failure that did not fail: {entry.case.name}, {entry.method.name}."
+        lines += [f"Known failure that did not fail: {entry.case.name}, {entry.method.name}; take it off the list."
                   for entry in self.outdated]
         return "\n".join(lines)

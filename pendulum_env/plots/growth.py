@@ -144,7 +144,7 @@ def _floor(study: Growth, kind: Kind) -> Any:
 
 
 def _entries(study: Growth, beside: Axes) -> None:
-    """Draw the legend of a figure of error growth with few methods: every method with its laws of growth in time."""
+    """Draw the legend of a figure of error growth: every method with the laws by which its errors grow in time."""
     look = _looks(study, "angle")
     entries = [Line2D([], [], label=f"{line.label}\nangle {line.angle.text()}\nenergy {line.energy.text()}",
                       **look(line)) for line in study.lines]

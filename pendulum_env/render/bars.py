@@ -53,8 +53,8 @@ def joules(value: float) -> str:
 def energy_scale(view: View) -> float:
     """Return the energy [J] to which the dashed line of the energy bars belongs.
 
-    It is ``view.energy_scale`` if given, else the sum of the view's positive energies or its largest |energy|, if
-    larger.
+    It is ``view.energy_scale`` if given, else the larger of two numbers: the sum of the view's positive energies, and
+    its largest |energy|. It is 1 if all energies are 0.
     """
     if view.energy_scale is not None:
         return view.energy_scale

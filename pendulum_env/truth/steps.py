@@ -177,7 +177,10 @@ class StepOracle:
         return None
 
     def gains(self, z: float, steps: int) -> list[float]:
-        """Return upper bounds of what each step of length ``z`` adds to |v| under forces of at most 1, or inf."""
+        """Return an upper bound, for each of ``steps`` steps, of what it adds to |v| if the force is at most 1.
+
+        ``z`` is the step times omega0. A bound is inf where none is known.
+        """
         return [math.inf] * steps
 
     def constant(self, power: int) -> float:

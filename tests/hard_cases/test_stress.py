@@ -246,7 +246,7 @@ def test_failures_are_told_from_known_ones() -> None:
         "6 of 6 combinations of 3 cases and 2 methods ran; 3 failed.",
         "bad, too, rk4: wrong instead of accurate; it lies.", "bad, too, heun: wrong instead of accurate; it lies.",
         "worse, heun: diverged instead of accurate.", "Known failure: worse, rk4: a reason",
-        "Known failure that did not fail: good, rk4.",
+        "Known failure that did not fail: good, rk4; take it off the list.",
     ]
     assert found.table.rows[1] == ("made up", "bad, too", "-", "-", "-", "-", "2", "2")
 

@@ -276,7 +276,7 @@ def _factors(slopes: Array) -> tuple[Array, Array, Array]:
 
 
 def _residual(model: Model, angle: Array, values: Array) -> Array:
-    """Return readings minus model [rad]; after the time at which the model's run has stopped early, 10 (BEYOND)."""
+    """Return readings minus model [rad]; 10 rad (BEYOND) for readings after the model's run has stopped early."""
     return np.asarray(np.nan_to_num(angle - model.angles(values)[0], nan=BEYOND))
 
 

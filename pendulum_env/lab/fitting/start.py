@@ -1,4 +1,7 @@
-"""Starting values of a fit: start, sensor's zero and length as measured on the recording, damping from the envelope."""
+"""Starting values of a fit, from the recording alone.
+
+They are the first angle and velocity, the sensor's zero, the length from the period, and the damping from the envelope.
+"""
 
 from __future__ import annotations
 
