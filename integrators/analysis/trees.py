@@ -87,7 +87,8 @@ def order_conditions(
     """
     chosen = named(method)
     if chosen.tableau is None:
-        raise MethodError(f"{chosen.name}: only Runge-Kutta tables have rooted trees, {chosen.family} methods have none.")
+        raise MethodError(
+            f"{chosen.name}: only Runge-Kutta tables have rooted trees, {chosen.family} methods have none.")
     a, weights_of_method = chosen.tableau
     b = weights_of_method if weights is None else tuple(weights)
     scale = lcm(*(x.denominator for row in (*a, b) for x in row))

@@ -49,19 +49,24 @@ SHIPPED: Table = {
 scenes of MEASURED_IN on one core of an x86-64 processor with AVX-512; a line was fitted to each class. A step of rk4
 took 68 ns in the lab.
 """
+KINDS = frozenset(key.partition(",")[0] for key in SHIPPED)
+"""Names of the method classes with measured costs."""
 
 
 def class_of(method: Method, scene: Scene) -> str:
     """Return the name of a method's cost class, within which a step's cost depends on the number of evaluations only.
 
-    It is made of the method's Python class and of properties that add to the cost in this scene.
+    It is made of the method's Python class, or the nearest base class with measured costs, and of properties that add
+    to the cost in this scene.
     """
+    names = [base.__name__ for base in type(method).__mro__]
+    kind = next((name for name in names if name in KINDS), names[0])
     words = {
         "implicit": method.implicit,
         "drag flow": "split" in method.needs and bool(scene.of_kind("dissipative")),
         "periodic": method.exact and scene.periodic,
     }
-    return ", ".join([type(method).__name__, *(word for word, holds in words.items() if holds)])
+    return ", ".join([kind, *(word for word, holds in words.items() if holds)])
 
 
 def step_cost(method: Method, scene: Scene, table: Table) -> float:

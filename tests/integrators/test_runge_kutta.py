@@ -75,7 +75,7 @@ def test_one_wrong_digit_breaks_a_condition() -> None:
 
 def test_conditions_are_for_tables() -> None:
     for measure in (order_conditions, principal_error):
-        with pytest.raises(MethodError, match=r"velocity_verlet: rooted trees are .* not splitting methods"):
+        with pytest.raises(MethodError, match="velocity_verlet: only Runge-Kutta tables have rooted trees, splitting"):
             measure("velocity_verlet")
         with pytest.raises(MethodError, match="did you mean dopri5"):
             measure("dopri55")
