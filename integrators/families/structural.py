@@ -61,9 +61,9 @@ class GeneralizedAlpha(Multistep):
 
     @property
     def lag(self) -> Fraction:
-        """How many steps after the time of the state the method's stored acceleration ``a`` belongs to.
+        """The time, in steps, from the state to the time that the method's stored acceleration ``a`` belongs to.
 
-        This is its value after some steps; at the start ``a`` is the acceleration of the initial state.
+        It settles to this value after some steps; at the start ``a`` is the acceleration of the initial state.
         """
         return self.alpha_m - self.alpha_f
 

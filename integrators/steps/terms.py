@@ -1,4 +1,4 @@
-"""How a family of methods writes the source of a step: sums of coefficients times names, and source lines."""
+"""Notation in which a family of methods writes the source of a step: sums of products, and source lines."""
 
 from __future__ import annotations
 

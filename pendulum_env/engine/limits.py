@@ -139,12 +139,14 @@ def fast_turns(
     """Yield a warning for the first scene in which a step of ``h`` [s] may turn the rod by more than PART of a turn.
 
     ``angle`` [rad] and ``velocity`` [rad/s] are the largest initial values, by default those of the scene's usual run.
-    The speed is bounded by the energy of the start; drives and wind, which may add energy, do not count.
+    The speed is bounded by the energy of the start; drives and wind, which may add energy, do not count. Nothing is
+    said of a scene in which the steps are unstable: :func:`too_long` names the step to take there.
     """
     for scene in scenes:
         start = scene.run.angle if angle is None else angle, scene.run.velocity if velocity is None else velocity
         limit = turning_speed(method, scene, h)
-        if all(fastest(scene, *start, slowed) > limit for slowed in (False, True)):
+        fast = all(fastest(scene, *start, slowed) > limit for slowed in (False, True))
+        if fast and not any(too_long(method, (scene,), h, *start)):
             speed = fastest(scene, *start, True)
             yield turning_warning(scene, h, speed, f"from its start, a bob reaches up to {speed:.3g} rad/s")
             return

@@ -322,9 +322,9 @@ class RunSpec:
     def tell_of_turns(self, speed: float) -> None:
         """Warn that a step turned the rod too far if ``speed``, the largest |velocity| [rad/s], was too high.
 
-        Nothing more is said if the warning before the run said it.
+        Nothing more is said if a warning before the run said it, or said that the steps are too long to be stable.
         """
-        if speed > self.turning_speed() and not any(fast_steps(self)):
+        if speed > self.turning_speed() and not any(fast_steps(self)) and not any(long_steps(self)):
             warn(limits.turning_warning(self.scene, self.h, speed, f"the run has reached {speed:.3g} rad/s"))
 
     def swiftest(self) -> Sequence[Scene]:

@@ -263,7 +263,8 @@ JOBS: Mapping[str, tuple[str, str]] = {
 """Code that compiles a program, and code that would run it for many minutes."""
 
 PROGRAM = """
-import os, sys, warnings
+import os, signal, sys, warnings
+signal.signal(signal.SIGINT, signal.default_int_handler)  # shells start background jobs with SIGINT ignored
 warnings.simplefilter("ignore")
 os.environ["LAB_PENDULUM_BACKEND"] = "compiled"
 import gymnasium as gym

@@ -93,7 +93,7 @@ def test_tall_and_bushy_trees() -> None:
 
 
 def test_conditions_are_for_tables() -> None:
-    with pytest.raises(MethodError, match=r"rk4: Nyström trees are .* not Runge-Kutta methods"):
+    with pytest.raises(MethodError, match=r"rk4: Nyström order conditions .* not for Runge-Kutta methods"):
         nystrom_conditions("rk4")
     with pytest.raises(MethodError, match="did you mean dprkn6"):
         nystrom_conditions("dprkn66")

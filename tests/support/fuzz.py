@@ -88,20 +88,25 @@ def most_residual(
     scene: Scene, method: Method, steps: Any, h: float, rate: float, inertia: Any, velocity: Any, acceleration: Any,
     energies: Any,
 ) -> Any:
-    """What a method's order leaves of the ledger after so many steps: ``E (k n (r h)**(p + 1) + rounding)``.
+    """Return the largest energy residual that a method's order allows: ``E (k n (r h)**(p + 1) + rounding)``.
 
-    A method of order p errs by O(h**(p + 1)) in each step (Hairer, Norsett & Wanner 1993, II.3), in units of the
-    fastest rate r, which is the scene's own, the velocity, the root of the acceleration or its part of the velocity,
-    and of the energies E that are at play, those that belong to velocity and acceleration among them. inf beyond
-    ASYMPTOTIC. k is 1, and for a method that remembers earlier steps as many as a step reaches back over.
+    A method of order p errs by O(h**(p + 1)) in each of n steps (Hairer, Norsett & Wanner 1993, II.3), in units of the
+    fastest rate r (the largest of the scene's own rate, the velocity, the root of the acceleration, and the
+    acceleration over the velocity) and of the energies E, those of velocity and acceleration included. k is 1; for a
+    multistep method the number of steps over which it reaches back; for a splitting the sum of ``|w|**(p + 1)`` over
+    its parts ``w h`` of the step, which may be longer than the step (Yoshida 1990). The bound is inf where these
+    expansions in powers of h need not hold: beyond ASYMPTOTIC, and where a multistep method reaches back over more
+    than 1/r.
     """
     order, reach = min(float(method.order), smoothness(scene)), 1 + len(method.memory)
+    parts = [abs(float(flow[1])) for flow in getattr(method, "flows", ())]
+    factor = reach if method.memory or not parts else max(1.0, sum(part ** (order + 1.0) for part in parts))
     whole = energies + inertia * (velocity * velocity + acceleration)
     with np.errstate(over="ignore", invalid="ignore"):
         relative = acceleration / np.maximum(velocity, np.finfo(float).tiny)
         fastest = np.max(np.broadcast_arrays(rate, velocity, np.sqrt(acceleration), relative), axis=0) * h
-        most = whole * (reach * steps * fastest ** (order + 1.0) + ROUNDING)
-    return np.where(fastest < ASYMPTOTIC, most, np.inf)
+        most = whole * (factor * steps * fastest ** (order + 1.0) + ROUNDING)
+    return np.where((fastest < ASYMPTOTIC) & (fastest * reach < 1.0), most, np.inf)
 
 
 def check_ledger(info: Mapping[str, Array], initial: Array, shown: Sequence[Any] | Array) -> None:
