@@ -92,15 +92,15 @@ def most_residual(
 
     A method of order p errs by O(h**(p + 1)) in each of n steps (Hairer, Norsett & Wanner 1993, II.3), in units of the
     fastest rate r (the largest of the scene's own rate, the velocity, the root of the acceleration, and the
-    acceleration over the velocity) and of the energies E, those of velocity and acceleration included. k is 1; for a
-    multistep method the number of steps over which it reaches back; for a splitting the sum of ``|w|**(p + 1)`` over
-    its parts ``w h`` of the step, which may be longer than the step (Yoshida 1990). The bound is inf where these
-    expansions in powers of h need not hold: beyond ASYMPTOTIC, and where a multistep method reaches back over more
-    than 1/r.
+    acceleration over the velocity) and of the energies E, those of velocity and acceleration included. k is at least
+    1; for a multistep method at least the number of steps over which it reaches back, and for a splitting the sum of
+    ``|w|**(p + 1)`` over its parts ``w h`` of the step, which may be longer than the step (Yoshida 1990). The bound is
+    inf where these expansions in powers of h need not hold: beyond ASYMPTOTIC, and where a multistep method reaches
+    back over more than 1/r.
     """
     order, reach = min(float(method.order), smoothness(scene)), 1 + len(method.memory)
     parts = [abs(float(flow[1])) for flow in getattr(method, "flows", ())]
-    factor = reach if method.memory or not parts else max(1.0, sum(part ** (order + 1.0) for part in parts))
+    factor = max(reach, sum(part ** (order + 1.0) for part in parts))
     whole = energies + inertia * (velocity * velocity + acceleration)
     with np.errstate(over="ignore", invalid="ignore"):
         relative = acceleration / np.maximum(velocity, np.finfo(float).tiny)
