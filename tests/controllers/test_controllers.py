@@ -123,7 +123,7 @@ def test_presets_on_a_rod_are_swung_up_by_a_motor_of_enough_torque(name: str, sh
     """
     scene = NO_MOTOR[name]
     scene = scene.with_effects((*scene.effects, Motor(max_torque=share * scene.gravity * scene.weight_moment)))
-    refused = {"textbook": "no top", "chaotic": "holding the bob takes up to 1.5 N m",
+    refused = {"textbook": "no unstable top", "chaotic": "holding the bob takes up to 1.5 N m",
                "kapitza": "holding the bob takes up to 0.8 N m"}
     if name in refused:
         with pytest.raises(SceneError, match=refused[name]):
