@@ -9,7 +9,7 @@ A step is a plain function; :func:`integrators.steps.unroll.unroll` returns its 
     begin(t, q, v, h, *extra)          ->  memory (one value or several), for methods that have a memory
 
 ``memory`` are the values that one step passes to the next, named by ``Method.memory_with(quadratures)``: the force at
-the end of the step (first same as last), or a history of earlier forces. *Quadratures* are integrals that are carried
+the end of the step (first same as last), or a history of earlier forces. Quadratures are integrals that are carried
 along the step, such as work and heat. ``begin`` computes it anew when the problem changes, and in ``solve`` when the
 length of the step changes. ``extra`` are run-time arguments for the problem's functions; ``increments`` are the changes
 of the quadratures along the step.

@@ -381,7 +381,7 @@ NYSTROM = (
         name="fine5",
         order=5,
         source="Fine 1987, Computing 38, 281, the pair of order 5",
-        summary="order 5 from six velocity-dependent forces; the error estimate also uses the next step's first force",
+        summary="order 5 from six velocity-dependent forces; the error estimate uses the next step's first force",
         c=exact(0, "8/39", "4/13", "5/6", "43/47", 1, 1),
         a=triangle(
             exact("32/1521"),

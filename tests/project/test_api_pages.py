@@ -124,7 +124,7 @@ def test_docstrings_are_rendered_as_they_are_meant(pages: Path, name: str) -> No
 def test_fields_have_their_units_and_constants_their_words(pages: Path) -> None:
     text = html.unescape(re.sub(r"<[^>]+>", "", text_of(pages, "pendulum_env")))
     assert "Integrator's step [s]." in text
-    assert "Every preset by name." in text
+    assert "The scenes that come with the package, by name." in text
     assert "mappingproxy" not in text
     assert "numpy.ndarray[" not in text
     assert "numpy._typing" not in text

@@ -29,6 +29,7 @@ warnings.simplefilter("error")
 warnings.filterwarnings("ignore", ".* restarts at every change of control", UserWarning)
 warnings.filterwarnings("ignore", ".* of the phase of ", UserWarning)
 warnings.filterwarnings("ignore", "Steps of .* are too long for ", UserWarning)
+warnings.filterwarnings("ignore", "A step of .* turns the rod by up to ", UserWarning)
 tasks, seen = list(TASKS), set()
 for i, scene in enumerate(pendulum_env.SCENES):
     for j, integrator in enumerate(fitting(pendulum_env.SCENES[scene])):
