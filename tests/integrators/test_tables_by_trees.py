@@ -119,16 +119,22 @@ def orders(table: Table, row: Sequence[Any], most: int, place: bool = False) -> 
     return next((n - 1 for n in range(1 + place, most + 1) if table.defect(row, n, place) > SMALL), most)
 
 
+def runge_kutta(name: str) -> RungeKutta:
+    """Return a registered Runge-Kutta method by its name."""
+    method = integrators.get(name)
+    assert isinstance(method, RungeKutta)
+    return method
+
+
 def test_trees_are_as_many_as_published() -> None:
     """Rooted trees 1, 1, 2, 4, 9, 20, 48, 115, 286 (Hairer, Norsett & Wanner 1993, table II.2.1)."""
     assert [len(trees(n, False)) for n in range(1, 10)] == [1, 1, 2, 4, 9, 20, 48, 115, 286]
     assert len({*trees(9, False)}) == 286
 
 
-@pytest.mark.parametrize("number", range(len(VERNER)))
-def test_verners_tables_have_their_orders(number: int) -> None:
-    method = integrators.get(VERNER[number])
-    assert isinstance(method, RungeKutta)
+@pytest.mark.parametrize("name", VERNER)
+def test_verners_tables_have_their_orders(name: str) -> None:
+    method = runge_kutta(name)
     with mpmath.workdps(DIGITS):
         table = Table(method.a)
         assert orders(table, numbers(method.b), method.order + 1) == method.order
@@ -136,11 +142,10 @@ def test_verners_tables_have_their_orders(number: int) -> None:
             assert orders(table, numbers(pair.b), pair.order + 1) == pair.order
 
 
-@pytest.mark.parametrize("number", range(len(VERNER)))
-def test_verners_dense_output_has_its_order(number: int) -> None:
+@pytest.mark.parametrize("name", VERNER)
+def test_verners_dense_output_has_its_order(name: str) -> None:
     """At as many places as the polynomials have coefficients, so everywhere."""
-    method = integrators.get(VERNER[number])
-    assert isinstance(method, RungeKutta)
+    method = runge_kutta(name)
     assert method.dense is not None
     with mpmath.workdps(DIGITS):
         rows, dense = [numbers(row) for row in method.dense.b], method.dense
@@ -154,10 +159,10 @@ def test_verners_dense_output_has_its_order(number: int) -> None:
         assert table.defect(numbers(method.b), method.order) < SMALL
 
 
-@pytest.mark.parametrize("number", range(len(FINE)))
-def test_fines_tables_have_their_orders(number: int) -> None:
+@pytest.mark.parametrize("name", FINE)
+def test_fines_tables_have_their_orders(name: str) -> None:
     """For forces that depend on the velocity: of the angle, of the velocity, and of the estimate."""
-    method = integrators.get(FINE[number])
+    method = integrators.get(name)
     assert isinstance(method, Nystrom)
     with mpmath.workdps(DIGITS):
         table = Table(method.av, method.a, method.c)
@@ -169,10 +174,9 @@ def test_fines_tables_have_their_orders(number: int) -> None:
             assert min(orders(table, numbers(row), method.order, place) for row, place in rows) == pair.order
 
 
-@pytest.mark.parametrize("number", range(len(VERNER)))
-def test_a_coefficient_that_is_off_in_its_30th_digit_is_seen(number: int) -> None:
-    method = integrators.get(VERNER[number])
-    assert isinstance(method, RungeKutta)
+@pytest.mark.parametrize("name", VERNER)
+def test_a_coefficient_that_is_off_in_its_30th_digit_is_seen(name: str) -> None:
+    method = runge_kutta(name)
     with mpmath.workdps(DIGITS):
         table = Table(method.a)
         row = next(row for row in table.by_v[::-1] if len(row) > 3 and any(row))
