@@ -20,6 +20,8 @@ from integrators.method import Method, MethodError, System
 from integrators.moved import MOVED, keep_old_paths
 from integrators.registry import ALIASES, METHODS, PAIRS, fitting, get
 from integrators.solving.adaptive import StepSizeError
+from integrators.solving.events import Event
+from integrators.solving.own import from_step
 from integrators.solving.solve import Solution, solve
 from integrators.steps.unroll import unroll
 
@@ -32,6 +34,7 @@ __all__ = [
     "DiscreteGradient",
     "Embedded",
     "EmbeddedNystrom",
+    "Event",
     "Exact",
     "Extension",
     "ForceGradient",
@@ -46,6 +49,7 @@ __all__ = [
     "System",
     "Taylor",
     "fitting",
+    "from_step",
     "get",
     "solve",
     "unroll",

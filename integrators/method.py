@@ -19,11 +19,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from integrators.errors import MethodError
+from integrators import html
+from integrators.errors import MethodError, shown
 from integrators.moved import names_of_before
 from integrators.steps.continuous import Extension
 from integrators.steps.terms import Notation
@@ -36,14 +37,40 @@ History = Callable[[int], Sequence[tuple[Any, Any]]]
 Coefficient = Fraction
 ROUNDED = Fraction(1, 10**35)
 """Largest residual of an equation between a table's coefficients that counts as rounding."""
+SHOWN_STAGES = 7
+"""Largest number of stages of a tableau that a notebook shows."""
 Row = tuple[Fraction, ...]
 Polynomial = tuple[Fraction, ...]
 """Coefficients of a polynomial, lowest power first."""
 
 
 def exact(*values: int | str | Fraction) -> tuple[Fraction, ...]:
-    """Convert coefficients to exact fractions, for example ``exact(0, "1/2", "0.1786178958448091")``."""
-    return tuple(Fraction(value) for value in values)
+    """Convert coefficients to exact fractions, for example ``exact(0, "1/2", "0.1786178958448091")``.
+
+    Raises MethodError for a value that is not a number.
+    """
+    row: tuple[Fraction, ...] = rational(values, "coefficients")
+    return row
+
+
+def rational(values: Any, label: str) -> Any:
+    """Return coefficients as exact fractions, in tuples that are nested as the lists, tuples or arrays given.
+
+    Coefficients are whole numbers, fractions, text such as ``"1/2"`` or ``"0.25"``, or floats, which are binary
+    fractions. Raises MethodError for anything else; ``label`` names the coefficients in its message.
+    """
+    if type(values) is Fraction:
+        return values
+    if hasattr(values, "tolist"):
+        values = values.tolist()
+    if isinstance(values, (list, tuple)):
+        return tuple([value if type(value) is Fraction else rational(value, f"{label}[{i}]")
+                      for i, value in enumerate(values)])
+    try:
+        return Fraction(values)
+    except (TypeError, ValueError, OverflowError, ZeroDivisionError):
+        raise MethodError(f"{label} must be a number, not {shown(values)}; write it as a whole number, a fraction, or "
+                          "text such as '1/2' or '0.25'.") from None
 
 
 def simple(x: Fraction) -> Fraction:
@@ -52,7 +79,12 @@ def simple(x: Fraction) -> Fraction:
     return near if abs(near - x) < ROUNDED else x
 
 
-@dataclass(frozen=True, kw_only=True)
+def _short(x: Fraction) -> str:
+    """Return a coefficient as a fraction or, if that is long, as a decimal number; "" for 0."""
+    return "" if x == 0 else str(x) if x.denominator < 10**4 else f"{float(x):.6g}"
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Method:
     """Integration method: its name, source and coefficients, and properties such as order, stability and symplecticity.
 
@@ -79,6 +111,45 @@ class Method:
     l_stable: bool = False
 
     family: ClassVar[str]
+    coefficients: ClassVar[tuple[str, ...]] = ()
+    """Names of the attributes that hold coefficients; they become exact fractions, see :func:`rational`."""
+
+    def __post_init__(self) -> None:
+        for name in self.coefficients:
+            object.__setattr__(self, name, rational(getattr(self, name), f"{self.name}: {name}"))
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in vars(cls):
+            cls.__repr__ = Method.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.name}, order {self.order}>"
+
+    @property
+    def fingerprint(self) -> str:
+        """Text that differs between methods that differ in a coefficient or in any other attribute."""
+        return f"{type(self).__name__}{astuple(self)!r}"
+
+    def _repr_html_(self) -> str:
+        """Return the method's properties as HTML, which notebooks show, with the tableau of a small Runge-Kutta method.
+        """
+        structure = {"implicit" if self.implicit else "explicit": True, "symplectic": self.symplectic,
+                     "symmetric": self.symmetric, "A-stable": self.a_stable, "L-stable": self.l_stable}
+        return html.block(f"{self.name}: {self.summary}", html.facts((
+            ("family", self.family), ("order", str(self.order)),
+            ("structure", ", ".join(word for word, holds in structure.items() if holds)),
+            ("force evaluations", f"{self.evaluations} per {'Newton iteration' if self.implicit else 'step'}"),
+            ("source", self.source), ("other names", ", ".join(self.aliases)),
+        )), self._tableau_html())
+
+    def _tableau_html(self) -> str:
+        """Return the Butcher tableau as HTML: nodes c, matrix a, below them weights b; "" for many stages or none."""
+        if self.tableau is None or len(self.tableau[1]) > SHOWN_STAGES:
+            return ""
+        a, b = self.tableau
+        rows = [(_short(sum(row, Fraction(0))) or "0", *map(_short, row)) for row in a]
+        return html.table(("c", *(f"a{j + 1}" for j in range(len(b)))), [*rows, ("b", *map(_short, b))])
 
     # --- how a step is written and run --------------------------------------------------------------------------------
 
@@ -128,6 +199,11 @@ class Method:
         """Docstring of the generated step function: name and source of the method."""
         return f"{self.name}: {self.source}"
 
+    @property
+    def remark(self) -> str:
+        """Sentences on the method that a study of its runs should show; "" for none."""
+        return ""
+
     def write_step(self, notation: Notation) -> str:
         """Return the Python source of ``step``, of the functions that it calls, and of ``begin``.
 
@@ -164,10 +240,15 @@ class Method:
         """Names of functions of a System, in addition to force functions, whose calls count as evaluations."""
         return ()
 
+    @property
+    def python_functions(self) -> Mapping[str, Callable[..., Any]]:
+        """Functions of Python, by name, that the step's source calls; such a step can be interpreted, not compiled."""
+        return {}
+
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
         """Return the method's own functions that the step's source calls in :func:`integrators.solve`, by name.
 
-        The engine's programs contain only the functions of ``calls`` and elementary functions.
+        The engine's programs contain only the functions of ``calls``, ``python_functions`` and elementary functions.
 
         Args:
             system: the problem.
@@ -209,6 +290,11 @@ class Method:
     def nystrom_tableau(self) -> tuple[Row, tuple[Row, ...], Row, Row, tuple[Row, ...]] | None:
         """Nyström tableau (c, a, bbar, b, av), from which Nyström trees give the order conditions; None if none."""
         return None
+
+    @property
+    def formulas(self) -> tuple[Method, ...]:
+        """The method itself and its embedded formulas, each as a method with the order that is declared for it."""
+        return (self,)
 
     @property
     def dense(self) -> Extension | None:

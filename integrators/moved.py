@@ -23,11 +23,14 @@ class OldPath(Loader):
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """Import a moved module from its new path and warn the caller of the old path.
 
-        Both paths then name one module object.
+        Both paths then name one module object, as do both paths of the modules that a moved package has imported.
         """
         warnings.warn(f"{spec.name} has moved to {self.new}.", DeprecationWarning, stacklevel=2)
         module = import_module(self.new)
         self.spec = module.__spec__
+        for name, part in list(sys.modules.items()):
+            if name.startswith(f"{self.new}."):
+                sys.modules.setdefault(f"{spec.name}{name.removeprefix(self.new)}", part)
         return module
 
     def exec_module(self, module: ModuleType) -> None:
@@ -44,10 +47,7 @@ class OldPath(Loader):
 
 
 class OldPaths(MetaPathFinder):
-    """Import finder that maps old module paths to new ones.
-
-    It must come first in ``sys.meta_path``: otherwise a module in a moved package would be loaded a second time.
-    """
+    """Import finder that maps old module paths to new ones; it is asked only for modules that no other finder knows."""
 
     def __init__(self, moved: Mapping[str, str]) -> None:
         self.moved = moved
@@ -61,7 +61,7 @@ class OldPaths(MetaPathFinder):
 
 def keep_old_paths(moved: Mapping[str, str]) -> None:
     """Make every old module path (a key of the mapping) import the module at its new path (the value)."""
-    sys.meta_path.insert(0, OldPaths(moved))
+    sys.meta_path.append(OldPaths(moved))
 
 
 MOVED = {f"integrators.{old}": f"integrators.{new}" for old, new in {

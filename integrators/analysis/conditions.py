@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 from integrators.analysis.multistep_linear import order_defects
-from integrators.analysis.nystrom_trees import nystrom_conditions
+from integrators.analysis.nystrom_trees import NystromCondition, nystrom_conditions
 from integrators.analysis.splitting_conditions import violations
-from integrators.analysis.trees import order_conditions
+from integrators.analysis.trees import Condition, dense_conditions, order_conditions
 from integrators.method import Method, MethodError
-from integrators.registry import named
+from integrators.registry import METHODS, named
+
+HOLDS = 1e-7
+"""Largest residual of an order condition that may be rounding, of coefficients given as floats or to seven digits."""
 
 
 def order_residuals(method: str | Method, order: int | None = None) -> tuple[float, ...]:
@@ -35,4 +41,39 @@ def order_residuals(method: str | Method, order: int | None = None) -> tuple[flo
     if chosen.characteristic:
         return tuple(float(abs(defect)) for defect in order_defects(chosen, highest))
     conditions = order_conditions(chosen, highest) if chosen.tableau else nystrom_conditions(chosen, highest)
-    return tuple(float(max(abs(x.defect) for x in conditions if x.order == size)) for size in range(1, highest + 1))
+    return _by_order(conditions)
+
+
+@lru_cache(maxsize=256)
+def check_order(method: Method) -> None:
+    """Raise MethodError if the coefficients of a method contradict the order that it declares.
+
+    A condition holds if its residual is at most :data:`HOLDS`. The declared orders of embedded formulas and of dense
+    output are checked, too. Methods that state no coefficients are left out, and so are those of
+    :data:`integrators.METHODS`, which tests check to 33 digits.
+    """
+    if METHODS.get(method.name) is method:
+        return
+    for formula in method.formulas:
+        try:
+            residuals = order_residuals(formula, formula.order)
+        except MethodError:  # no coefficients that have order conditions
+            continue
+        _check(formula.name, formula.order, residuals)
+    if method.dense is not None and method.tableau is not None:
+        _check(f"{method.name}, dense output", method.dense.order, _by_order(dense_conditions(method)))
+
+
+def _check(name: str, order: int, residuals: Sequence[float]) -> None:
+    """Raise MethodError if one of the residuals, for orders from 1 on, is more than :data:`HOLDS`."""
+    reached = next((size for size, gap in enumerate(residuals) if not gap <= HOLDS), order)
+    if reached < order:
+        raise MethodError(
+            f"{name}: the coefficients have order {reached}, not {order} as declared: a condition of order "
+            f"{reached + 1} is off by {residuals[reached]:.2g}; correct the coefficients or declare order {reached}.")
+
+
+def _by_order(conditions: Sequence[Condition | NystromCondition]) -> tuple[float, ...]:
+    """Return the largest residual of the conditions of each order, from order 1 on."""
+    return tuple(float(max(abs(x.defect) for x in conditions if x.order == size))
+                 for size in range(1, max(x.order for x in conditions) + 1))

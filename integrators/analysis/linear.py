@@ -225,6 +225,10 @@ def _whole_matrix(method: Method) -> tuple[int, tuple[PowerSeries, PowerSeries, 
     if stated is not None:
         a, b, c, d = map(PowerSeries, stated)
         return 1, (a, b, c, d)
+    if method.python_functions:
+        raise MethodError(
+            f"{method.name} calls a function whose course depends on its numbers, so its step has no exact matrix."
+        )
     scale_of_z = common_denominator(method)
     zero, z = PowerSeries.of(0, terms), PowerSeries.variable(terms) * scale_of_z
     step = single_step(method, oscillator(1, 0, None), zero)

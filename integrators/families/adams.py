@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import ClassVar
 
 from integrators.families.multistep import HNW, RK4, Started, ago, falling, starter_of
 from integrators.method import MethodError, Polynomial, exact
@@ -27,7 +28,10 @@ class Adams(Started):
     b: tuple[Fraction, ...]
     corrector: tuple[Fraction, ...] = ()
 
+    coefficients: ClassVar[tuple[str, ...]] = ("b", "corrector")
+
     def __post_init__(self) -> None:
+        super().__post_init__()
         for label, row in (("b", self.b), ("corrector", self.corrector)):
             if row and sum(row) != 1:
                 raise MethodError(f"{self.name}: the weights {label} sum to {sum(row)}, not to 1.")

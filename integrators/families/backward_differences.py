@@ -34,7 +34,10 @@ class BackwardDifference(Started):
 
     forwards: ClassVar[bool] = True
 
+    coefficients: ClassVar[tuple[str, ...]] = ("alpha",)
+
     def __post_init__(self) -> None:
+        super().__post_init__()
         if sum(self.alpha) or sum(-j * x for j, x in enumerate(self.alpha)) != 1:
             raise MethodError(f"{self.name}: sum_j alpha_j must be 0 and sum_j -j alpha_j must be 1.")
 

@@ -19,7 +19,7 @@ from fractions import Fraction
 from typing import ClassVar
 
 from integrators.families.splitting import DRIFT, KICK
-from integrators.method import Method, MethodError
+from integrators.method import Method, MethodError, rational
 from integrators.steps.terms import Notation, begin_with_force, fraction_of, term, time_at
 
 
@@ -38,6 +38,8 @@ class ForceGradient(Method):
     family: ClassVar[str] = "force gradient"
 
     def __post_init__(self) -> None:
+        flows = tuple((kind, *rational(parts, f"{self.name}: {kind}")) for kind, *parts in self.flows)
+        object.__setattr__(self, "flows", flows)
         for kind, parity in ((KICK, 0), (DRIFT, 1)):
             total = sum((fraction for _, fraction, _ in self.flows[parity::2]), Fraction(0))
             if total != 1 or any(flow[0] != kind for flow in self.flows[parity::2]) or self.flows[-1][0] != KICK:

@@ -10,11 +10,11 @@ Methods for velocity-free forces call ``force(t, q)`` in their steps. Steps with
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import ClassVar
 
-from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, simple
+from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, rational, simple
 from integrators.steps.terms import (
     Notation,
     StepLines,
@@ -78,8 +78,15 @@ class Nystrom(Method):
     embedded: tuple[EmbeddedNystrom, ...] = ()
 
     family: ClassVar[str] = "Nyström"
+    coefficients: ClassVar[tuple[str, ...]] = ("c", "a", "bbar", "b", "av")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        pairs = tuple(
+            replace(pair, bbar=rational(pair.bbar, f"{self.name}: embedded bbar"),
+                    b=None if pair.b is None else rational(pair.b, f"{self.name}: embedded b"))
+            for pair in self.embedded)
+        object.__setattr__(self, "embedded", pairs)
         size = len(self.b)
         for label, table in (("a", self.a), ("av", self.av)):
             if len(table) != size or any(len(line) != size for line in table):
@@ -102,6 +109,11 @@ class Nystrom(Method):
     @property
     def needs(self) -> frozenset[str]:
         return frozenset({"acceleration", "velocity_free"} if self.velocity_free else {"acceleration"})
+
+    @property
+    def formulas(self) -> tuple[Method, ...]:
+        return (self, *(replace(self, name=f"{self.name}, embedded weights", order=pair.order, bbar=pair.bbar, b=pair.b,
+                                embedded=()) for pair in self.embedded if pair.b is not None))
 
     @property
     def first_same_as_last(self) -> bool:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, System, simple
+from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, System, rational, simple
 from integrators.steps.arrays import stages_step
 from integrators.steps.continuous import Extension
 from integrators.steps.newton import one_stage, simultaneous
@@ -43,7 +43,7 @@ class RungeKutta(Method):
         q1 = q + h sum_i b_i V_i          v1 = v + h sum_i b_i K_i
 
     Symplecticity, symmetry and implicitness are computed from the table, up to :data:`ROUNDED`.
-    Raises MethodError if the shapes disagree or weights do not sum to one.
+    Raises MethodError if a coefficient is not a number, the shapes disagree or weights do not sum to one.
 
     Attributes:
         a, b: the table; stages on which ``b`` does not depend serve only to estimate the error.
@@ -60,8 +60,15 @@ class RungeKutta(Method):
     c: tuple[Fraction, ...] = field(init=False)
 
     family: ClassVar[str] = "Runge-Kutta"
+    coefficients: ClassVar[tuple[str, ...]] = ("a", "b")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        pairs = tuple(replace(pair, b=rational(pair.b, f"{self.name}: embedded b")) for pair in self.embedded)
+        object.__setattr__(self, "embedded", pairs)
+        if self.dense is not None:
+            b, a = (rational(rows, f"{self.name}: dense") for rows in (self.dense.b, self.dense.a))
+            object.__setattr__(self, "dense", replace(self.dense, b=b, a=a))
         object.__setattr__(self, "c", tuple(sum(row, Fraction(0)) for row in self.a))
         stages = len(self.b)
         if len(self.a) != stages or any(len(row) != stages for row in self.a):
@@ -97,6 +104,11 @@ class RungeKutta(Method):
     @property
     def tableau(self) -> tuple[tuple[Row, ...], Row]:
         return self.a, self.b
+
+    @property
+    def formulas(self) -> tuple[Method, ...]:
+        return (self, *(replace(self, name=f"{self.name}, embedded weights", order=pair.order, b=pair.b, embedded=(),
+                                dense=None) for pair in self.embedded))
 
     def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
         """Return the stages, counted from zero, that have a weight other than zero in one of the ``rows``.

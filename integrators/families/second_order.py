@@ -42,7 +42,10 @@ class SecondOrder(Started):
     beta: tuple[Fraction, ...]
     power: ClassVar[int] = 2
 
+    coefficients: ClassVar[tuple[str, ...]] = ("alpha", "beta")
+
     def __post_init__(self) -> None:
+        super().__post_init__()
         moments = [sum((x * (-j) ** m for j, x in enumerate(self.alpha)), Fraction(0)) for m in range(3)]
         if self.alpha[0] != 1 or moments[0] or moments[1] or moments[2] != 2 * sum(self.beta):
             raise MethodError(f"{self.name}: the sums of alpha_j (-j)**m must be 0, 0 and 2 sum(beta) "

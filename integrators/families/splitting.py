@@ -9,7 +9,7 @@ from fractions import Fraction
 from itertools import accumulate, groupby
 from typing import ClassVar
 
-from integrators.method import Method, MethodError
+from integrators.method import Method, MethodError, rational
 from integrators.steps.terms import Notation, Terms, begin_with_force, fraction_of, term, time_at
 
 KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
@@ -37,6 +37,8 @@ class Splitting(Method):
     family: ClassVar[str] = "splitting"
 
     def __post_init__(self) -> None:
+        flows = tuple((kind, *rational(parts, f"{self.name}: {kind}")) for kind, *parts in self.flows)
+        object.__setattr__(self, "flows", flows)
         totals = dict.fromkeys((KICK, DRIFT, DRAG, PUSH), Fraction(0))
         for kind, fraction in self.flows:
             if kind not in totals:

@@ -40,7 +40,10 @@ class GeneralizedAlpha(Multistep):
     family: ClassVar[str] = "structural dynamics"
     power: ClassVar[int] = 2
 
+    coefficients: ClassVar[tuple[str, ...]] = ("alpha_m", "alpha_f", "beta", "gamma")
+
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.gamma != HALF - self.alpha_m + self.alpha_f:
             raise MethodError(f"{self.name}: gamma must be 1/2 - alpha_m + alpha_f, not {self.gamma}.")
 

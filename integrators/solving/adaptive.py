@@ -121,19 +121,18 @@ class March:
         self._fault = ""
         self._recorder, self._step_values = recorder, ()
 
-    def through(self, marks: Sequence[Any], zero: Any) -> list[tuple[Any, Any, Any]]:
-        """Integrate through the times ``marks``, the first of which is the current time; return (t, q, v) at each.
+    def through(self, marks: Sequence[Any], zero: Any, rows: list[tuple[Any, ...]]) -> None:
+        """Integrate through the times ``marks``, the first of which is the current time; append (t, q, v) at each.
 
-        ``zero`` is a zero of the number type to be used. Raises MethodError if the acceleration at the start is not
-        finite, and StepSizeError if no step meets the tolerance.
+        ``zero`` is a zero of the number type to be used, ``rows`` the list to append to. Raises MethodError if the
+        acceleration at the start is not finite, and StepSizeError if no step meets the tolerance.
         """
-        rows = [(self.t, self.q, self.v)]
+        rows.append((self.t, self.q, self.v))
         if len(marks) > 1:
             self._start(marks[-1] - marks[0], zero)
         for mark in marks[1:]:
             self._to(mark)
             rows.append((mark, self.q, self.v))
-        return rows
 
     def _start(self, span: Any, zero: Any) -> None:
         """Compute the acceleration at the start of an integration and, unless given, the length of the first step."""

@@ -153,11 +153,20 @@ class Recorder:
         method: the method that takes the steps.
         slope: the acceleration, evaluated at further stages of a continuous extension and at the ends of steps.
         zero: a zero of the number type to be used.
+        each: receives the curve of each step; None for none.
+        keep: False forgets the curves, where only ``each`` needs them.
+
+    Attributes:
+        steps: number of steps added so far.
     """
 
-    def __init__(self, method: Method, slope: Callable[[Any, Any, Any], Any], zero: Any) -> None:
-        self.method, self.slope, self.zero = method, slope, zero
+    def __init__(
+        self, method: Method, slope: Callable[[Any, Any, Any], Any], zero: Any,
+        each: Callable[[Curve], None] | None = None, keep: bool = True,
+    ) -> None:
+        self.method, self.slope, self.zero, self.each, self.keep = method, slope, zero, each, keep
         self.extension = method.dense
+        self.steps = 0
         self.curves: list[Curve] = []
         self._end: Any = None
         if self.extension is not None:
@@ -177,7 +186,8 @@ class Recorder:
                 and accelerations of its stages.
             ends: the accelerations before and after the step, if they are known.
 
-        Raises MethodError if the acceleration fails or is not finite at a further stage or at the end.
+        Raises MethodError if the acceleration fails or is not finite at a further stage or at the end, and what
+        ``each`` raises.
         """
         q, v = before
         try:
@@ -190,7 +200,15 @@ class Recorder:
         if fault:
             raise MethodError(f"The dense output of {self.method.name} needs the acceleration within the step of "
                               f"h = {h} from t = {t}: {fault}.")
-        self.curves.append(Curve(t, h, q, v, *curves))
+        self.put(Curve(t, h, q, v, *curves))
+
+    def put(self, curve: Curve) -> None:
+        """Add the curve of one step; raises what ``each`` raises."""
+        self.steps += 1
+        if self.keep:
+            self.curves.append(curve)
+        if self.each is not None:
+            self.each(curve)
 
     def output(self, t: Any, q: Any, v: Any) -> DenseOutput:
         """Return the dense output of all steps added so far, which end at the state (q, v) at time t."""

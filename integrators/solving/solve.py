@@ -13,9 +13,10 @@ import numpy as np
 
 from integrators.errors import shown
 from integrators.method import Acceleration, Method, MethodError, System
-from integrators.registry import named
+from integrators.registry import METHODS, get, named
 from integrators.solving.adaptive import March, checked
 from integrators.solving.dense import DenseOutput, Recorder
+from integrators.solving.events import Ended, Event, EventFunction, Watch, checked_events
 from integrators.solving.probing import bare, counted, with_couplings
 from integrators.solving.stepper import Begin, Step, stepper
 from integrators.solving.values import (
@@ -47,6 +48,11 @@ class Solution:
     the acceleration or a part of it, without the calls that probe a bare function. With ``solve(..., dense=True)`` the
     solution is a function of time; see :mod:`integrators.solving.dense`. ``lost_q`` and ``lost_v`` are the rounding
     errors of ``q`` and ``v`` that compensated summation has stored; None without compensated summation.
+
+    With ``solve(..., events=...)``, ``t_events``, ``q_events`` and ``v_events`` are tuples with an array for each event
+    function: the times at which it changed its sign, and the states there. ``ended_by`` is the index of the event
+    function that ended the solution, whose last time is that event's; None if none did. See
+    :mod:`integrators.solving.events`.
     """
 
     t: Any
@@ -59,6 +65,10 @@ class Solution:
     dense: DenseOutput | None = field(default=None, repr=False, compare=False)
     lost_q: Any = None
     lost_v: Any = None
+    t_events: tuple[Any, ...] = ()
+    q_events: tuple[Any, ...] = ()
+    v_events: tuple[Any, ...] = ()
+    ended_by: int | None = None
 
     def __call__(self, t: Any) -> tuple[Any, Any]:
         """Return (q, v) at any time from the first to the last, or at an array of times, whose axes come first.
@@ -70,6 +80,19 @@ class Solution:
         if self.dense is None:
             raise MethodError("This solution has no dense output; pass dense=True to solve.")
         return self.dense(t)
+
+
+def accepted(method: str | Method) -> Method:
+    """Return the method of this name, or a method of one's own if its coefficients have the order that it declares.
+
+    Raises MethodError for an unknown name, and for a method whose coefficients contradict its order.
+    """
+    chosen = method if isinstance(method, Method) else get(method)
+    if METHODS.get(chosen.name) is not chosen:
+        from integrators.analysis.conditions import check_order
+
+        check_order(chosen)
+    return chosen
 
 
 def solve(
@@ -84,6 +107,7 @@ def solve(
     atol: Any = None,
     dense: bool = False,
     compensated: bool = False,
+    events: EventFunction | Event | Sequence[EventFunction | Event] | None = None,
 ) -> Solution:
     """Integrate ``q'' = a(t, q, v)`` from ``(q, v)`` at ``times[0]`` through all ``times``.
 
@@ -106,17 +130,36 @@ def solve(
             and, for some methods, needs further evaluations. See :mod:`integrators.solving.dense`.
         compensated: True stores the rounding error of each addition to q and v and adds it in the next step; for steps
             of one length. See :mod:`integrators.steps.compensated`.
+        events: functions ``g(t, q, v)``, or Events, whose changes of sign are located on the dense output, to the
+            rounding of the time. As in SciPy's ``solve_ivp`` a function may have attributes ``direction`` (above zero:
+            rising changes only; below zero: falling ones) and ``terminal`` (True: the solution ends at the first
+            event; n: at the n-th). Two changes of one function are both found if more than an eighth of a step lies
+            between them; see :mod:`integrators.solving.events`. Not with ``compensated``.
 
     A multistep method starts its history anew at a time where the step length changes by more than the rounding of the
     type of ``times``; more than ``FEW_RESTARTS`` restarts give a UserWarning.
 
     Raises:
-        MethodError: unknown method, a method that does not fit the problem, an array whose components the
-            acceleration couples for a method that needs independent ones, a state that is not finite numbers of
-            one shape, an acceleration of another shape, ``h`` not finite and positive, times not monotonic, more than
-            ``MOST_STEPS`` steps, a step whose result is not finite (the message says when), neither ``h`` nor ``rtol``,
-            ``rtol`` for a method without estimates or with ``compensated``, or a method that cannot be compensated;
+        MethodError: unknown method, coefficients of a method of one's own that contradict its declared order, a method
+            that does not fit the problem, an array whose components the acceleration couples for a method that needs
+            independent ones, a state that is not finite numbers of one shape, an acceleration of another shape, ``h``
+            not finite and positive, times not monotonic, more than ``MOST_STEPS`` steps, a step whose result is not
+            finite (the message says when), neither ``h`` nor ``rtol``, ``rtol`` for a method without estimates or with
+            ``compensated``, a method that cannot be compensated, or an event function that does not return one finite
+            real number;
             StepSizeError if steps become too short while trying to meet a tolerance.
+    """
+    accepted(method)
+    return solve_unchecked(method, acceleration, q, v, times, h, rtol, atol, dense, compensated, events)
+
+
+def solve_unchecked(
+    method: str | Method, acceleration: Acceleration | System, q: Any, v: Any, times: Sequence[Any], h: Any = None,
+    rtol: Any = None, atol: Any = None, dense: bool = False, compensated: bool = False, events: Any = None,
+) -> Solution:
+    """Integrate as :func:`solve` does, by a method whose declared order may be wrong, as when its order is measured.
+
+    Raises as :func:`solve` does, except for a wrong order.
     """
     chosen = named(method)
     q, v, h, rtol, atol = (widened(value) for value in (q, v, h, rtol, atol))
@@ -129,6 +172,9 @@ def solve(
     compensated, dense = check_compensated(compensated, rtol), check_truth(dense, "dense")
     if compensated and dense:
         raise MethodError("dense=True and compensated=True cannot be combined; pass only one of them.")
+    watched = checked_events(events)
+    if compensated and watched:
+        raise MethodError("events and compensated=True cannot be combined; pass only one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol)
     ordered = isinstance(times, Iterable) and not isinstance(times, (str, bytes, set, frozenset, Mapping))
     given = list(times) if ordered and getattr(times, "shape", None) != () else []
@@ -150,38 +196,53 @@ def solve(
     system = with_couplings(system, chosen, method, marks, q, v)
     calls = [0]
     system = counted(system, calls, chosen.counted)
-    recorder = Recorder(chosen, system.acceleration, zero) if dense else None
+    watch = Watch(watched, rounding_unit(given)) if watched else None
+    recorder = None
+    if dense or watch is not None:
+        recorder = Recorder(chosen, system.acceleration, zero, None if watch is None else watch.step, dense)
     staged = recorder is not None and recorder.extension is not None
     step, begin = stepper(chosen, system, q + zero, tolerance is not None, staged, compensated)
-    if tolerance is None:
-        lost = (q - q, v - v) if compensated else ()
-        rows, taken, restarts = _equal_steps(
-            chosen, step, begin, marks, gaps, counts, q, v, lost, recorder, rounding_unit(given))
-        rejected = 0
-        if restarts > FEW_RESTARTS and not chosen.one_step:
-            warnings.warn(_restarted(chosen, restarts, taken), stacklevel=2)
-    else:
-        march = March(chosen, step, system.acceleration, tolerance, marks[0], q, v, h, recorder)
-        rows = march.through(marks, zero)
-        taken, rejected = march.steps, march.rejected
+    rows: list[tuple[Any, ...]] = []
+    taken = restarts = rejected = 0
+    ended_by: int | None = None
+    march = None if tolerance is None else March(
+        chosen, step, system.acceleration, tolerance, marks[0], q, v, h, recorder)
+    try:
+        if march is None:
+            lost = (q - q, v - v) if compensated else ()
+            taken, restarts = _equal_steps(
+                chosen, step, begin, marks, gaps, counts, q, v, lost, recorder, rounding_unit(given), rows)
+        else:
+            march.through(marks, zero, rows)
+            taken = march.steps
+    except Ended as end:
+        assert recorder is not None
+        ended_by, taken = end.index, recorder.steps
+        rows += [(end.t, end.q, end.v)] if end.t != rows[-1][0] else []
+    if march is not None:
+        rejected = march.rejected
+    if restarts > FEW_RESTARTS and not chosen.one_step:
+        warnings.warn(_restarted(chosen, restarts, taken), stacklevel=3)
     ts, qs, vs, *losts = (column(list(values)) for values in zip(*rows, strict=True))
     lost_q, lost_v = losts or (None, None)
-    output = None if recorder is None else recorder.output(*rows[-1])
-    return Solution(ts, qs, vs, chosen.name, taken, rejected, calls[0], output, lost_q, lost_v)
+    output = recorder.output(*rows[-1]) if dense and recorder is not None else None
+    events_at = ((), (), ()) if watch is None else watch.columns()
+    return Solution(
+        ts, qs, vs, chosen.name, taken, rejected, calls[0], output, lost_q, lost_v, *events_at, ended_by)
 
 
 def _equal_steps(
     chosen: Method, step: Step, begin: Begin, marks: Sequence[Any], gaps: Sequence[Any], counts: Sequence[int],
-    q: Any, v: Any, lost: Sequence[Any], recorder: Recorder | None, unit: Any,
-) -> tuple[list[tuple[Any, ...]], int, int]:
-    """Integrate with equal steps in each interval between marks.
+    q: Any, v: Any, lost: Sequence[Any], recorder: Recorder | None, unit: Any, rows: list[tuple[Any, ...]],
+) -> tuple[int, int]:
+    """Integrate with equal steps in each interval between marks; append the states at the marks to ``rows``.
 
-    Return the states at the marks, the number of steps, and the number of marks at which the memory started anew.
+    Return the number of steps and the number of marks at which the memory started anew.
     ``counts`` is the number of steps of each interval, ``lost`` the initial rounding errors of compensated summation,
     ``unit`` the relative rounding of the marks.
     """
     shape = np.shape(q)
-    rows = [(marks[0], q, v, *lost)]
+    rows.append((marks[0], q, v, *lost))
     taken, restarts, memory_size = 0, 0, len(chosen.memory)
     last: Any = None
     memory: Sequence[Any] = ()
@@ -211,7 +272,7 @@ def _equal_steps(
             raise MethodError(misshapen(np.shape(v), shape))
         rows.append((mark, q, v, *lost))
         last = part
-    return rows, taken, restarts
+    return taken, restarts
 
 
 def _same_step(part: Any, last: Any, t: Any, unit: Any) -> bool:

@@ -73,13 +73,12 @@ def signed(parts: Iterable[tuple[bool, str]]) -> str:
 
 def text_of(total: Terms, number: Number) -> str:
     """Return the source text of a sum of terms, such as ``0.5*h*a - h*(b + c)``; empty for an empty sum."""
-    return signed((term.weight < 0, _product(term, number)) for term in total)
-
-
-def _product(term: Product, number: Number) -> str:
-    """Return the source text of a term of a sum, without its sign."""
-    size = [number(abs(term.weight))] if abs(term.weight) != 1 else []
-    return "*".join([*size, *(x if isinstance(x, str) else f"({text_of(x, number)})" for x in term.factors)])
+    parts = []
+    for one in total:
+        size = [number(abs(one.weight))] if abs(one.weight) != 1 else []
+        factors = (x if isinstance(x, str) else f"({text_of(x, number)})" for x in one.factors)
+        parts.append((one.weight < 0, "*".join([*size, *factors])))
+    return signed(parts)
 
 
 def combination(weights: Sequence[Fraction], names: Sequence[str], number: Number) -> str:

@@ -121,7 +121,7 @@ def test_each_step_follows_from_the_errors_of_the_last_two():
         return found
 
     march = March(method, step, swing, tolerance, 0.0, *START)
-    march.through([0.0, 20.0], 0.0)
+    march.through([0.0, 20.0], 0.0, [])
     assert (len(tried), march.rejected) == (march.steps + march.rejected, sum(error > 1 for _, error in tried))
     last, fresh = 0.0, True
     for (h, error), (after, _) in pairwise(tried[:-1]):

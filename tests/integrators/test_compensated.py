@@ -273,17 +273,18 @@ BITS = [
 
 @pytest.mark.parametrize(("scene", "name"), BITS)
 def test_interpreted_and_compiled_give_the_same_bits(scene: str, name: str) -> None:
-    """For single runs and batches, through half turns, stops and kinks."""
+    """For single runs and batches, through half turns, stops, kinks and a slack wire."""
     share = 0.25 if SCENES[scene].has("motor") else 0.0
     options: dict[str, Any] = {"integrator": name, "velocity": 6.0, "duration": 6.0, "dt": 0.02, "control": share}
     one, many = ([rollout(scene, angle=angle, backend=backend, compensated=True, **options)
                   for backend in ("python", "compiled")] for angle in (2.5, [2.5, 1.0]))
+    whole = len(one[0].angle) - (one[0].stop_reason == "slack")  # a wire goes slack inside a step, which a batch lacks
     for answer in ANSWERS:
         python, compiled = (getattr(run, answer) for run in one)
         assert python.tobytes() == compiled.tobytes()
         both, them = (getattr(run, answer) for run in many)
         assert np.array_equal(both, them, equal_nan=True)
-        assert np.array_equal(both[0, : len(python)], python)
+        assert np.array_equal(both[0, :whole], python[:whole])
     assert np.any(one[0].lost_angle != 0.0)
 
 
@@ -384,7 +385,7 @@ def test_environments_resume_and_vectors_agree() -> None:
     vector.reset(seed=3)
     for action, info in zip(actions, infos, strict=True):
         many = vector.step(np.repeat(action[None], 2, axis=0))[-1]
-        assert {key: float(many[key][0]) for key in info} == info
+        assert {key: many[key][0] for key in info} == info
     saved = env.get_state()
     after = env.step(actions[0])[-1]
     other = make(compensated=True)
