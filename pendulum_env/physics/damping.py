@@ -38,6 +38,8 @@ def build_scene(
     if parameters is not None and not isinstance(parameters, Mapping):
         raise SceneError(f"parameters must be a dict of values by name, not {shown(parameters)}.")
     base, changes = find_scene(scene), dict(parameters or {})
+    if isinstance(damping, str) and damping == KEPT:
+        return base.replace(**changes)
     own = effects_of(changes.pop("effects", base.effects))
     effects = _damped(own, damping)
     remaining = _names(effects)

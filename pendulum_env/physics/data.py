@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, TypeVar, cast
 
+from pendulum_env.physics.bodies import body_from
+from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.medium import Medium, medium_from
 from pendulum_env.physics.units import SceneError, UnknownParameterError, nearest, several, shown
@@ -55,16 +57,23 @@ def known(data: Any, kind: type, label: str) -> dict[str, Any]:
     return dict(data)
 
 
+def kind_name(kind: type) -> str:
+    """Return the name of a part's class for an error message, that of the usual body for all bodies."""
+    return "Body" if kind is RigidBody else kind.__name__
+
+
 def part_of(value: Any, kind: type[Part], label: str) -> Part:
     """Return the body, the medium or the usual run of a scene, given as an instance, as a dict of its values or, for a
     medium only, by name.
     """
     if isinstance(value, kind):
         return value
+    if kind is RigidBody and isinstance(value, Mapping):
+        return cast(Part, body_from(value, label))
     if kind is Medium and isinstance(value, (str, Mapping)):
         return cast(Part, medium_from({"name": value} if isinstance(value, str) else value))
     if not isinstance(value, Mapping):
-        raise SceneError(f"{label} must be a {kind.__name__} or given by a dict of its values, not {shown(value)}.")
+        raise SceneError(f"{label} must be a {kind_name(kind)} or given by a dict of its values, not {shown(value)}.")
     return kind(**known(value, kind, label))
 
 
@@ -95,24 +104,10 @@ def listed(effects: Any) -> tuple[Any, ...]:
     return several(effects, "A scene's effects", "effects")
 
 
-def checked_effects(effects: Any) -> tuple[Effect, ...]:
-    """Return a scene's effects as a tuple; SceneError if an entry is not an Effect."""
-    listed_effects = listed(effects)
-    for effect in listed_effects:
-        if not isinstance(effect, Effect):
-            raise SceneError(f"A scene's effects must be Effect instances, not {shown(effect)}.")
-    return listed_effects
-
-
 # --- single numbers by name -----------------------------------------------------------------------------------------
 
 Owners = Mapping[str, Any]
 """The parts and effects of a scene by the names used in ``part.parameter``."""
-
-
-def owners_of(parts: Mapping[str, Any], effects: Sequence[Effect]) -> dict[str, Any]:
-    """Return a dict, by name, of a scene's parts (body, medium, usual run) and of its effects."""
-    return {**parts, **{effect.name: effect for effect in effects}}
 
 
 def homes(owners: Owners) -> dict[str, list[str]]:

@@ -1,4 +1,4 @@
-"""The equation of motion as text or LaTeX, with its coefficients as numbers or as names."""
+"""The equation of motion as text, LaTeX or MathML, with its coefficients as numbers or as names."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import cycle
 
+from pendulum_env.common.mathml import LETTERS, mathml
 from pendulum_env.physics.effects.effect import Effect
 
 _SYMBOLS = {
@@ -17,6 +18,10 @@ _SIGNS = {"*": r"\,", "~": r"\,", "(": r"\left(", ")": r"\right)", ";": r";\quad
 _TOKEN = re.compile(
     r"(?:\*\*|\^)(?P<power>-?[\d.]+|\w+|\([^()]*\))|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)"
 )
+
+_UPRIGHT = {"sin": '" "sin', "cos": '" "cos', "exp": '" "exp', "log": '" "ln', "Re": "Re"}
+_FENCE = 'stretchy="false" lspace="0" rspace="0"'
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None = None) -> str:
@@ -111,6 +116,36 @@ def latex(text: str) -> str:
             parts.append(_SYMBOLS.get(token) or _name(token))
         else:
             parts.append(next(bars) if token == "|" else _SIGNS.get(token, token))
+    return "".join(parts)
+
+
+def equation_mathml(text: str) -> str:
+    """Return an equation's text as a MathML element: the law, and one row below it for each definition.
+
+    Supported is what :func:`latex` supports. Names that are no symbols, such as ``control``, are set upright.
+    """
+    lines = text.replace("; ", ", ").split(", ")
+    made = mathml("\n".join(_short(line).replace(" = ", " & = ", 1) for line in lines), block=True)
+    return made.replace("<mo>|<", f"<mo {_FENCE}>|<").replace("<mo>(<", f"<mo {_FENCE}>(<").replace(
+        "<mo>)<", f"<mo {_FENCE}>)<")
+
+
+def _short(text: str) -> str:
+    """Return an equation's text in the short notation of :mod:`pendulum_env.common.mathml`."""
+    parts = []
+    for match in _TOKEN.finditer(text):
+        kind, token = match.lastgroup, match[0]
+        if kind == "power":
+            parts.append(f"^{{{_short(match['power'].strip('()'))}}}")
+        elif kind == "number":
+            digits, _, power = token.partition("e")
+            parts.append(f"{digits}\N{MULTIPLICATION SIGN}10{str(int(power)).translate(_RAISED)}" if power else digits)
+        elif kind == "name":
+            name = token.rstrip("'")
+            known = name in LETTERS or len(name) == 1 or name[1:2] == "_"
+            parts.append(_UPRIGHT.get(name) or (token if known else f'"{name}"{token[len(name):]}'))
+        else:
+            parts.append(token)
     return "".join(parts)
 
 

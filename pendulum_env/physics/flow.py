@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 
 from pendulum_env.common.many import sqrt
-from pendulum_env.physics.body import Body
+from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.surroundings import Loss, Surroundings
@@ -33,7 +33,7 @@ LEAST_AMPLITUDE = 1e-100
 """Smallest amplitude of a swing in these formulas; used in place of zero [rad]."""
 
 
-def reynolds_number(speed: float, body: Body, medium: Medium) -> float:
+def reynolds_number(speed: float, body: RigidBody, medium: Medium) -> float:
     """Return ``Re = rho |V| 2a / mu`` of the bob at ``speed`` [m/s].
 
     0 at rest and in vacuum; inf for a moving bob in a medium without viscosity.
@@ -81,7 +81,7 @@ def natural_rate(scene: Surroundings) -> float:
 def bottom_speed(scene: Surroundings, amplitude: float) -> float:
     """Return the speed of the bob at the bottom [m/s] for an amplitude [rad], without losses: ``2 omega0 L sin(A/2)``.
     """
-    return 2.0 * scene.omega0 * scene.body.length * abs(math.sin(0.5 * amplitude))
+    return 2.0 * scene.omega0 * scene.body.reach * abs(math.sin(0.5 * amplitude))
 
 
 def keulegan_carpenter(scene: Surroundings, amplitude: float) -> float:
@@ -91,7 +91,7 @@ def keulegan_carpenter(scene: Surroundings, amplitude: float) -> float:
     C_d(Re); below, that of an oscillating boundary layer. Source: Keulegan & Carpenter 1958, J. Res. Natl. Bur. Stand.
     60, 423.
     """
-    return math.pi * scene.body.length * abs(amplitude) / scene.body.radius
+    return math.pi * scene.body.reach * abs(amplitude) / scene.body.radius
 
 
 def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
@@ -145,7 +145,7 @@ def terminal_speed(scene: Surroundings, steepness: float = 1.0) -> float:
             break
         losses = -sum(still_torque(effect, values, 0.0, middle) for effect in scene.of_kind("dissipative"))
         low, high = (low, middle) if losses >= pull else (middle, high)
-    return scene.body.length * high if high < 1e9 else math.inf
+    return scene.body.reach * high if high < 1e9 else math.inf
 
 
 def quality_factor(scene: Surroundings, amplitude: float) -> float:

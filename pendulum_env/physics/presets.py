@@ -8,12 +8,14 @@ from collections.abc import Callable, Mapping
 from os import PathLike
 from types import MappingProxyType
 
+from pendulum_env.physics.bodies import Kater, Rod, Torsion
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     AddedMass,
     BearingFriction,
     Buoyancy,
     CoulombFriction,
+    Fibre,
     FiniteBob,
     Gravity,
     Gusts,
@@ -77,10 +79,17 @@ def exercise_large() -> Scene:
 def lab() -> Scene:
     """The lab bench: a ball on a thin steel rod from a sensor's shaft, air drag, viscous bearing, a small motor.
 
-    The default scene of the environment. The motor is too weak to lift the ball directly and has to swing it up.
+    The default scene of the environment. The motor is too weak to lift the ball directly and has to swing it up. The
+    rod's mass, 22 % of the ball's, is left out, which makes the period 1.7 % too long: ``lab_rod`` has it.
     """
     run = Run(angle=math.radians(30.0), dt=0.01, duration=60.0)
     return Scene("lab", _ROD, air(20.0), (Gravity(), QuadraticDrag(), _BEARING, _MOTOR), 9.81, run)
+
+
+def lab_rod() -> Scene:
+    """The lab bench with the mass of its rod: the period is 1.6 % shorter than in the scene lab."""
+    gravity, *others = lab().effects
+    return dataclasses.replace(lab(), name="lab_rod", effects=(gravity, Suspension(), *others))
 
 
 def sticky_bearing() -> Scene:
@@ -183,9 +192,37 @@ def kapitza() -> Scene:
     return Scene("kapitza", body, air(20.0), effects, 9.81, Run(angle=math.pi - 0.3, dt=0.001, duration=5.0))
 
 
+def rod() -> Scene:
+    """A steel rod hung by its end in air: it swings like a ball on a wire of two thirds of its length.
+
+    Buoyancy, the air that moves along and the drag along the length follow from the rod's measures.
+    """
+    effects = (
+        Gravity(), Buoyancy(), AddedMass(), WireDrag(), BearingFriction(bearing_viscosity=2e-5))
+    body = Rod(length=0.5, mass=0.111, width=0.006)
+    return Scene("rod", body, air(20.0), effects, 9.81, Run(angle=math.radians(30.0), dt=0.01, duration=30.0))
+
+
+def kater() -> Scene:
+    """Kater's reversible pendulum, tuned: one period from both knife edges, which gives g without the inertia.
+
+    ``inverted=true`` hangs it from the other edge. Shows that g is 4 pi**2 times the distance of the edges over T**2.
+    """
+    return Scene("kater", Kater(), effects=(Gravity(),), run=Run(angle=math.radians(5.0), dt=0.02, duration=40.0))
+
+
+def torsion() -> Scene:
+    """A torsion pendulum: a disc turns on a fibre. Its period of 10 s depends neither on the amplitude nor on gravity.
+
+    Cavendish and Coulomb weighed tiny torques with it. The exact motion is the damped harmonic oscillator's.
+    """
+    effects = (Fibre(stiffness=0.001), LinearDrag(gamma=0.02))
+    return Scene("torsion", Torsion(), effects=effects, run=Run(angle=math.radians(90.0), dt=0.1, duration=120.0))
+
+
 _ALL: tuple[Callable[[], Scene], ...] = (
-    textbook, vacuum, exercise, exercise_large, lab, sticky_bearing, water, overdamped, driven, chaotic, kapitza, windy,
-    clock_bob, moon,
+    textbook, vacuum, exercise, exercise_large, lab, lab_rod, sticky_bearing, water, overdamped, driven, chaotic,
+    kapitza, windy, clock_bob, moon, rod, kater, torsion,
 )
 
 SCENES: Mapping[str, Scene] = MappingProxyType({preset.__name__: preset() for preset in _ALL})

@@ -15,10 +15,12 @@ from typing import Any, get_args
 
 from pendulum_env.common.many import isfinite, sqrt
 from pendulum_env.common.replacing import OutputError, replacing
+from pendulum_env.common.shown import Displayed
 from pendulum_env.physics import data
-from pendulum_env.physics.body import Body
+from pendulum_env.physics.bodies import body_data
+from pendulum_env.physics.body import Body, RigidBody
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.effects.effect import Kind
+from pendulum_env.physics.effects.effect import GRAVITY, WEIGHT, Kind
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
@@ -35,20 +37,28 @@ class Run(Checked):
     duration: float = si(10.0, "s", "length of the run", above=0.0)
 
 
-BOB, USUAL = Body(), Run()
+FORMAT = 1
+"""Number of the form in which scenes are pickled; raised by one whenever their fields change."""
+BOB: RigidBody = Body()
+USUAL = Run()
 """Default body and default run of a scene."""
+SLOWEST = 1e-9
+"""Smallest omega0 of a pendulum under gravity [rad/s], a period of 200 years.
 
-PARTS: tuple[tuple[str, type], ...] = (("body", Body), ("medium", Medium), ("run", Run))
+Work is a sum of terms of the size m g L omega0, and series contain omega0**30, which must not underflow.
+"""
+
+PARTS: tuple[tuple[str, type], ...] = (("body", RigidBody), ("medium", Medium), ("run", Run))
 """The parts of a scene that are dataclasses, by name."""
 
 
 @dataclass(frozen=True)
-class Scene(Checked):
+class Scene(Checked, Displayed):
     """A pendulum and the effects to simulate: ``I theta'' = sum of the effects' torques``, and no unlisted effect.
 
     Attributes:
         name: the scene's name, for titles and files.
-        body: bob and suspension.
+        body: the rigid body on the pivot, such as a bob on a wire; :mod:`pendulum_env.physics.bodies` has others.
         medium: the fluid around the bob, or vacuum.
         effects: the effects to simulate.
         gravity: gravitational acceleration [m/s²].
@@ -56,11 +66,11 @@ class Scene(Checked):
 
     Raises SceneError for values out of range, derived values (inertia, coefficients) included, and for contradictions:
     two effects of one kind, two gravities, drag in a vacuum, drag that nothing determines, a motor on a wire, a bob
-    that floats.
+    that floats, a body that its counterweight balances, an effect that has no meaning for the body.
     """
 
     name: str = "custom"
-    body: Body = BOB
+    body: RigidBody = BOB
     medium: Medium = VACUUM
     effects: tuple[Effect, ...] = ()
     gravity: float = si(9.81, "m/s^2", "gravitational acceleration", least=0.0)
@@ -71,8 +81,12 @@ class Scene(Checked):
         line(self.name, "A scene's name")
         for name, kind in PARTS:
             if not isinstance(getattr(self, name), kind):
-                raise SceneError(f"A scene's {name} must be a {kind.__name__}, not {shown(getattr(self, name))}.")
-        object.__setattr__(self, "effects", data.checked_effects(self.effects))
+                given = shown(getattr(self, name))
+                raise SceneError(f"A scene's {name} must be a {data.kind_name(kind)}, not {given}.")
+        object.__setattr__(self, "effects", data.listed(self.effects))
+        for effect in self.effects:
+            if not isinstance(effect, Effect):
+                raise SceneError(f"A scene's effects must be Effect instances, not {shown(effect)}.")
         groups = [effect.exclusive or effect.name for effect in self.effects]
         for group in groups:
             if groups.count(group) > 1:
@@ -81,12 +95,24 @@ class Scene(Checked):
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        """Raise SceneError if the effects contradict the scene or if a derived number is out of range."""
+        """Raise SceneError if body and effects contradict each other or the scene, or if a number is out of range."""
         try:
-            weight, own = self.weight_moment, self.body.mass * self.body.length
+            self.body.check()
+            for effect in self.effects if self.body.lacks else ():
+                if reason := self.body.lacks.get(effect.needs):
+                    raise SceneError(f"{effect.name} has no meaning for the body '{self.body.shape}', because "
+                                     f"{reason}.")
+            lowest = 1e-12 * self.body.mass * self.body.reach
+            if not self.body.moment > lowest and any(effect.needs == WEIGHT for effect in self.effects):
+                place = "at the pivot, so that there is no restoring torque" if self.body.moment >= -lowest else (
+                    "above the pivot, so that it hangs the other way up")
+                raise SceneError(f"The centre of mass of the body '{self.body.shape}' is {place}; shift the pivot or a "
+                                 "weight.")
+            weight, own = self.weight_moment, self.body.moment
             if weight <= 0.0 < own:
+                named = "bob" if self.body.shape == Body.shape else "body"
                 raise SceneError(
-                    f"The bob of {self.body.mass:g} kg would float in {self.medium.name}, where it displaces "
+                    f"The {named} of {self.body.mass:g} kg would float in {self.medium.name}, where it displaces "
                     f"{self.medium.density * self.body.volume:g} kg; a pendulum has to hang."
                 )
             if not sys.float_info.min <= self.inertia < math.inf:
@@ -102,6 +128,14 @@ class Scene(Checked):
                         "medium such as air."
                     )
                 effect.check(self)
+            pull = self.restoring
+            pulled = (self.gravity > 0.0 and weight > 0.0) or self.springs > 0.0
+            if pulled and not (pull >= sys.float_info.min and self.omega0 >= SLOWEST):
+                raise SceneError(
+                    f"Gravity of {self.gravity:g} m/s^2 is too weak here: omega0 is {self.omega0:.3g} rad/s and the "
+                    f"torque m g L {pull:.3g} N m, which must be at least {SLOWEST:g} and {sys.float_info.min:.3g}, "
+                    "because smaller numbers and their products lose digits. Take a stronger gravity, or 0 for none."
+                )
             derived = {"omega0": self.omega0, **self.coefficients}
         except ArithmeticError as error:
             raise SceneError(f"The coefficients of the scene '{self.name}' are out of range, because a parameter is "
@@ -112,43 +146,72 @@ class Scene(Checked):
                                  "a parameter is out of range.")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the scene's fields as the state to pickle or copy; derived values are left out and computed anew."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        """Return the scene's fields and the number of their form as the state to pickle or copy.
+
+        Derived values are left out and computed anew.
+        """
+        return {**{f.name: getattr(self, f.name) for f in fields(self)}, "format": FORMAT}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Set the fields of a copied or unpickled scene; SceneError if another version has pickled it."""
+        if state.get("format") != FORMAT:
+            raise SceneError(f"This scene was pickled by another version of the package, in the format "
+                             f"{shown(state.get('format'))} and not {FORMAT}; make the scene anew, and keep scenes as "
+                             "scene.to_dict() in JSON, which other versions read.")
+        vars(self).update((name, value) for name, value in state.items() if name != "format")
 
     # --- derived quantities -------------------------------------------------------------------------------------
 
     @cached_property
     def inertia(self) -> float:
-        """Return the moment of inertia about the pivot, of the bob as a point mass plus all effects [kg m²]."""
+        """Return the moment of inertia about the pivot: the body's, that of a bob as of a point mass, plus all effects'
+        [kg m²].
+        """
         return self.body.inertia + total(effect.inertia(self) for effect in self.effects)
 
     @cached_property
     def weight_moment(self) -> float:
         """Return mass times distance from the pivot as gravity sees it: ``m L`` plus the effects' contributions [kg m].
         """
-        return self.body.mass * self.body.length + total(effect.weight_moment(self) for effect in self.effects)
+        return self.body.moment + total(effect.weight_moment(self) for effect in self.effects)
 
     @cached_property
     def mass_moment(self) -> float:
         """Return mass times distance from the pivot of everything that a moving pivot accelerates [kg m]."""
-        return self.body.mass * self.body.length + total(effect.mass_moment(self) for effect in self.effects)
+        return self.body.moment + total(effect.mass_moment(self) for effect in self.effects)
 
     @property
     def bob_mass(self) -> float:
         """Return the mass that moves at the bob [kg], the bob's plus that of the fluid moved along; the suspension
-        holds it on its circle.
+        holds it on its circle. For other bodies it is the mass that pulls as much from the reach.
         """
-        return self.body.mass + total(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        return self.body.end_mass + total(e.mass_moment(self) for e in self.effects if e.at_bob) / self.body.reach
 
     @property
     def bob_weight(self) -> float:
-        """Return the bob's weight over g, reduced by buoyancy, with which the bob pulls at the suspension [kg]."""
-        return self.body.mass + total(e.weight_moment(self) for e in self.effects if e.at_bob) / self.body.length
+        """Return the body's weight over g, reduced by buoyancy, with which it pulls at the suspension [kg]."""
+        lifts = total(e.weight_moment(self) for e in self.effects if e.at_bob)
+        return self.body.mass + lifts / self.body.volume_distance
+
+    @cached_property
+    def springs(self) -> float:
+        """Return the restoring torque per angle of fibres and springs near the bottom [N m/rad]."""
+        return total(effect.restoring_stiffness(self) for effect in self.effects)
+
+    @cached_property
+    def restoring(self) -> float:
+        """Return the restoring torque per angle near the bottom, ``g weight_moment`` plus that of springs [N m/rad].
+
+        The weight counts in a scene without any conservative effect, too, but not beside a spring alone.
+        """
+        if self.springs > 0.0 and not any(effect.exclusive == GRAVITY for effect in self.effects):
+            return self.springs
+        return self.gravity * self.weight_moment + self.springs
 
     @cached_property
     def omega0(self) -> float:
-        """Return the small-angle angular frequency ``sqrt(g weight_moment / I)`` [1/s]."""
-        return sqrt(self.gravity * self.weight_moment / self.inertia)
+        """Return the small-angle angular frequency ``sqrt(restoring / I)`` [1/s]."""
+        return sqrt(self.restoring / self.inertia)
 
     @cached_property
     def bottom_velocity(self) -> float:
@@ -159,7 +222,7 @@ class Scene(Checked):
     @cached_property
     def reynolds(self) -> float:
         """Return the Reynolds number of the bob at the bottom in the usual run; 0 in vacuum."""
-        return reynolds_number(self.bottom_velocity * self.body.length, self.body, self.medium)
+        return reynolds_number(self.bottom_velocity * self.body.reach, self.body, self.medium)
 
     @property
     def periodic(self) -> bool:
@@ -197,7 +260,7 @@ class Scene(Checked):
         return any(effect.name == name for effect in self.effects)
 
     def __repr__(self) -> str:
-        return f"Scene({(',' + chr(10) + '      ').join(self._changed())})"
+        return f"Scene({', '.join(self._changed())})"
 
     def equation(self, as_latex: bool = False) -> str:
         """Return the equation of motion with its numbers [rad, s], as text or as LaTeX without dollar signs.
@@ -219,7 +282,8 @@ class Scene(Checked):
         A name that two effects share is listed, and changed, as ``effect.parameter``.
         """
         parts = {name: getattr(self, name) for name, _ in PARTS}
-        return {"gravity": self.gravity, **data.numbers_by_name(data.owners_of(parts, self.effects))}
+        effects = {effect.name: effect for effect in self.effects}
+        return {"gravity": self.gravity, **data.numbers_by_name({**parts, **effects})}
 
     def replace(self, **changes: Any) -> Scene:
         """Return a scene with parts (``run=...``) or single parameters (``length=0.5``) changed.
@@ -232,7 +296,7 @@ class Scene(Checked):
         for name, kind in PARTS:
             values[name] = data.part_of(values[name], kind, f"A scene's {name}")
         effects = data.effects_of(values["effects"])
-        owners = data.owners_of({name: values[name] for name, _ in PARTS}, effects)
+        owners = {**{name: values[name] for name, _ in PARTS}, **{effect.name: effect for effect in effects}}
         mine = data.assigned(changes, owners, self.name)
         changed = {name: dataclasses.replace(owners[name], **own) for name, own in mine.items()}
         parts = {name: changed.get(name, values[name]) for name, _ in PARTS}
@@ -249,7 +313,7 @@ class Scene(Checked):
         """Return the scene as a dict that JSON can hold; ``Scene.from_dict`` restores an equal scene."""
         return {
             "name": self.name,
-            "body": dataclasses.asdict(self.body),
+            "body": body_data(self.body),
             "medium": dataclasses.asdict(self.medium),
             "effects": [{"effect": effect.name, **dataclasses.asdict(effect)} for effect in self.effects],  # type: ignore[call-overload]
             "gravity": self.gravity,
@@ -315,7 +379,8 @@ class Scene(Checked):
 def _description(scene: Scene) -> Iterator[str]:
     """Yield the lines of the description of a scene in words and numbers, one line for each part and effect."""
     yield f"{scene.name}: {scene.equation()}"
-    yield f"body: {_values(scene.body)}"
+    shape = "" if type(scene.body) is Body else f"{scene.body.shape}, "
+    yield f"body: {shape}{_values(scene.body)}"
     yield f"medium: {scene.medium.name}{'' if scene.medium.empty else f', {_values(scene.medium)}'}"
     yield f"inertia I = {scene.inertia:.6g} kg m^2 about the pivot; gravity {scene.gravity:.6g} m/s^2"
     if scene.omega0:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from pendulum_env.physics.body import Body
+from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.medium import Medium
 
 
@@ -20,7 +20,7 @@ class Surroundings(Protocol):
     def name(self) -> str: ...
 
     @property
-    def body(self) -> Body: ...
+    def body(self) -> RigidBody: ...
 
     @property
     def medium(self) -> Medium: ...
@@ -39,6 +39,9 @@ class Surroundings(Protocol):
 
     @property
     def mass_moment(self) -> float: ...
+
+    @property
+    def restoring(self) -> float: ...
 
     @property
     def omega0(self) -> float: ...

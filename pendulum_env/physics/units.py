@@ -6,7 +6,7 @@ One declaration serves the signature, the check, the help text, the error messag
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, fields
 from functools import partial
 from typing import Any
@@ -32,9 +32,31 @@ from pendulum_env.common.checks import (
 
 __all__ = [
     "LONGEST", "LONGEST_PATH", "Checked", "SceneError", "UnknownParameterError", "choice", "file_path",
-    "first_line", "flag", "function", "line", "naming_keywords", "nearest", "number", "one_of", "several", "shown",
-    "si", "total", "truth", "whole_number",
+    "first_line", "flag", "function", "line", "naming_keywords", "nearest", "number", "one_of", "other_units",
+    "several", "shown", "si", "total", "truth", "whole_number",
 ]
+BENCH: Mapping[str, tuple[str, float, tuple[float, float], Mapping[str, float]]] = {
+    "length": ("m", 10.0, (0.05, 3.0), {"cm": 1e-2, "mm": 1e-3}),
+    "mass": ("kg", 20.0, (1e-3, 3.0), {"g": 1e-3}),
+    "radius": ("m", 0.3, (1e-3, 0.1), {"cm": 1e-2, "mm": 1e-3}),
+    "gravity": ("m/s^2", 100.0, (9.7, 9.9), {"cm/s^2": 1e-2}),
+}
+"""Sizes of a pendulum on a bench: SI unit, a value that is unusual from there on, the usual range, other units."""
+
+
+def other_units(**sizes: float) -> Iterator[str]:
+    """Yield a sentence for each size that is unusual for a bench, but usual if it was meant in another unit.
+
+    The keywords are names of :data:`BENCH`, their values are in SI units. A length of 35.3 m is unusual, and 35.3 cm
+    is not.
+    """
+    for name, value in sizes.items():
+        unit, unusual, (least, most), others = BENCH[name]
+        for other, factor in others.items():
+            if value >= unusual and least <= value * factor <= most:
+                yield (f"{name} is in {unit}, and {value:g} {unit} is unusual for a pendulum; {value:g} {other} would "
+                       f"be {name}={value * factor:.6g}.")
+                break
 
 
 def total(numbers: Iterable[float]) -> float:

@@ -110,7 +110,12 @@ def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Tr
 
 def _linear(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
     """Return the exact angle and velocity of a scene's damped harmonic oscillator at times t."""
-    return exact.linear(t, q, v, math.sqrt(values.get("spring_rate", 0.0)), values.get("linear_drag_rate", 0.0))
+    return exact.linear(t, q, v, math.sqrt(_stiffness(values)), values.get("linear_drag_rate", 0.0))
+
+
+def _stiffness(values: dict[str, float]) -> float:
+    """Return the square of the frequency of a harmonic oscillator, small-angle gravity or a fibre; 0 without [1/s²]."""
+    return values.get("spring_rate", values.get("fibre_rate", 0.0))
 
 
 def _pendulum(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
@@ -126,6 +131,7 @@ def _drag(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
 
 CLOSED: tuple[tuple[frozenset[str], Callable[..., Any], str], ...] = (
     (frozenset({"small_angle_gravity", "linear_drag"}), _linear, "closed form of the damped harmonic oscillator"),
+    (frozenset({"fibre", "linear_drag"}), _linear, "closed form of the damped harmonic oscillator"),
     (frozenset({"gravity"}), _pendulum, "closed form in Jacobi's elliptic functions"),
     (frozenset({"linear_drag", "quadratic_drag"}), _drag, "closed form of drag alone"),
 )

@@ -207,14 +207,14 @@ def test_an_environment_warns_of_steps_too_long_for_its_drive() -> None:
     """A step of 0.02 s at 100 rad/s is 2 rad of the drive's phase; at most 0.5 rad are allowed, so four substeps."""
     said = r"^A step of 0.02 s covers 2 rad of the phase of vertical_drive, .* steps of 0.005 s or less \(4 times"
     with pytest.warns(UserWarning, match=said):
-        gym.make("LabPendulum-v0", scene="kapitza")
+        gym.make("LabPendulum-v0", scene="kapitza", task="free")
     with pytest.warns(UserWarning, match=r"covers 2.4 rad of the phase of vertical_drive"):
-        gym.make_vec("LabPendulum-v0", num_envs=2, scene="kapitza", vertical_rate=[20.0, 120.0])
+        gym.make_vec("LabPendulum-v0", num_envs=2, scene="kapitza", task="free", vertical_rate=[20.0, 120.0])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        gym.make("LabPendulum-v0", scene="kapitza", substeps=4)
-        gym.make("LabPendulum-v0", scene="kapitza", integrator="dop853", rtol=1e-8)
-        gym.make("LabPendulum-v0", scene="driven")
+        gym.make("LabPendulum-v0", scene="kapitza", task="free", substeps=4)
+        gym.make("LabPendulum-v0", scene="kapitza", task="free", integrator="dop853", rtol=1e-8)
+        gym.make("LabPendulum-v0", scene="driven", task="free")
 
 
 # --- steady response ------------------------------------------------------------------------------------------------

@@ -215,9 +215,13 @@ REFUSED = {
     "inertia zero": (lambda: SCENES["vacuum"].replace(length=1e-200), "moment of inertia"),
     "inertia without all its digits": (lambda: SCENES["vacuum"].replace(length=1e-160), "moment of inertia"),
     "weight infinite": (lambda: SCENES["vacuum"].replace(mass=1e300, gravity=1e10), "omega0 of the scene 'vacuum'"),
+    "gravity whose work underflows": (lambda: SCENES["vacuum"].replace(gravity=1e-300), "omega0 is 1e-150 rad/s"),
+    "gravity whose torque underflows": (lambda: SCENES["vacuum"].replace(mass=1e-300, gravity=1e-10), "too weak here"),
+    "gravity that underflows to none": (lambda: SCENES["vacuum"].replace(mass=1e-200, gravity=1e-200), "too weak here"),
     "motor infinite": (lambda: Scene(effects=(Motor(max_torque=1e200),), body=Body(mass=1e-200)), "motor_rate"),
     "drag beyond powers": (lambda: Scene(body=Body(length=1e110, mass=1e-100), medium=Medium("thick", 1.0, 1.0),
-                                         effects=(QuadraticDrag(drag_coefficient=0.5),)), "quadratic_drag_rate"),
+                                         gravity=0.0, effects=(QuadraticDrag(drag_coefficient=0.5),)),
+                           "quadratic_drag_rate"),
     "below absolute zero": (lambda: air(-300.0), "temperature must be"),
 }
 

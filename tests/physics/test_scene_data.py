@@ -99,11 +99,11 @@ def test_words_and_switches_go_through_every_door() -> None:
 def test_each_environment_may_have_its_own_word_if_all_run_one_program() -> None:
     options: dict[str, Any] = {"num_envs": 2, "damping": "lawful", "backend": "python"}
     env = gym.make_vec("LabPendulum-v0", law=["slow", "fast"], **options)
-    env.reset(seed=0, options={"angle": 1.0})
+    env.reset(seed=0, options={"angle": 1.0, "velocity": 0.0})
     both = env.step(np.zeros((2, 1)))[0]
     for law, row in zip(("slow", "fast"), both, strict=True):
         alone = gym.make("LabPendulum-v0", damping="lawful", law=law, backend="python")
-        alone.reset(seed=0, options={"angle": 1.0})
+        alone.reset(seed=0, options={"angle": 1.0, "velocity": 0.0})
         assert alone.step(np.zeros(1))[0].tolist() == row.tolist()
     assert both[0].tolist() != both[1].tolist()
     assert gym.make_vec("LabPendulum-v0", law="fast", **options).unwrapped.scene.effects[-1] == Lawful(law="fast")
@@ -265,6 +265,12 @@ def test_drag_in_a_moving_medium_is_by_slip() -> None:
 def test_presets_are_what_their_docstrings_say() -> None:
     """Periods, regimes, sizes, Reynolds numbers and simulated swings match the presets' docstrings."""
     assert SCENES["moon"].omega0 == pytest.approx(SCENES["lab"].omega0 / 2.46, rel=1e-3)
+    share = 7850.0 * math.pi / 4.0 * 0.002**2 * 0.353 / 0.040  # a steel rod of 2 mm
+    assert share == pytest.approx(0.22, abs=0.005)
+    shorter = math.sqrt((1.0 + share / 3.0) / (1.0 + share / 2.0))
+    assert SCENES["lab"].omega0 / SCENES["lab_rod"].omega0 == pytest.approx(shorter, rel=1e-12)
+    assert 1.0 - shorter == pytest.approx(0.016, abs=5e-4)
+    assert 1.0 / shorter - 1.0 == pytest.approx(0.017, abs=5e-4)
     assert 0.05 > 0.040 * 1.62 * 0.353
     assert 0.05 < 0.040 * 9.81 * 0.353
     clock, thick = SCENES["clock_bob"], SCENES["overdamped"]

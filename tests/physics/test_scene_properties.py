@@ -20,12 +20,13 @@ from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, Run, Scene, SceneError, rollout
-from pendulum_env.physics.body import Body
+from pendulum_env.physics.bodies import BODIES
+from pendulum_env.physics.body import Body, RigidBody
 from pendulum_env.physics.effects import EFFECTS, Effect, LinearDrag, SphereDrag
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.presets import SCENES
 
-NAMES = {"Scene": Scene, "Body": Body, "Medium": Medium, "Run": Run,
+NAMES = {"Scene": Scene, **{kind.__name__: kind for kind in BODIES.values()}, "Medium": Medium, "Run": Run,
          **{kind.__name__: kind for kind in EFFECTS.values()}}
 PARSER = MathTextParser("path")
 SHARE = 0.375
@@ -107,7 +108,7 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
 
 # --- no scene -------------------------------------------------------------------------------------------------------
 
-PARTS = [Body, Medium, Run, Scene, *EFFECTS.values()]
+PARTS = [*BODIES.values(), Medium, Run, Scene, *EFFECTS.values()]
 NEVER = ("x", "", b"1", [], {}, (1.0, 2.0), object(), math.nan, math.inf, -math.inf, 10**400, 1j, "9" * 10_000,
          np.ones(1), np.ones((2, 2)), np.array("x"))
 """Values that no field accepts, whether it holds a number, a truth value or a word."""
@@ -151,15 +152,18 @@ def test_every_field_refuses_it_as_data_and_as_a_change(kind: type) -> None:
     if kind is Scene:
         return
     label = kind.name if issubclass(kind, Effect) else kind.__name__.lower()
+    shape: dict[str, object] = {}
+    if issubclass(kind, RigidBody):
+        label, shape = "body", {"shape": kind.shape}
     for entry in fields(kind):
         value = "\n" if entry.name == "name" else [None]
-        data = {entry.name: value, **({"density": 1.0} if label == "medium" and entry.name == "name" else {})}
+        data = {entry.name: value, **shape, **({"density": 1.0} if label == "medium" and entry.name == "name" else {})}
         whole = {"effects": [{"effect": label, **data}]} if issubclass(kind, Effect) else {label: data}
         refused(lambda whole=whole: Scene.from_dict(whole), entry.name)
         refused(lambda name=entry.name[1:] + "q", d=label: Scene.from_dict(
-            {"effects": [{"effect": d, name: 1.0}]} if d in EFFECTS else {d: {name: 1.0}}), "has no value")
+            {"effects": [{"effect": d, name: 1.0}]} if d in EFFECTS else {d: {name: 1.0, **shape}}), "has no value")
         for scene in SCENES.values():
-            if label in ("body", "medium", "run") or scene.has(label):
+            if label in ("medium", "run") or type(scene.body) is kind or scene.has(label):
                 refused(lambda s=scene, path=f"{label}.{entry.name}", v=value: s.replace(**{path: v}), entry.name)
 
 
@@ -181,7 +185,7 @@ def test_no_parameter_hides_behind_a_keyword() -> None:
                 for name, taken in inspect.signature(function).parameters.items()
                 if taken.kind is not inspect.Parameter.VAR_KEYWORD}
     taken = keywords | {f.name for f in fields(Scene)} | {"effect"}
-    for kind in (Body, Medium, *EFFECTS.values()):
+    for kind in (*BODIES.values(), Medium, *EFFECTS.values()):
         assert not {f.name for f in fields(kind)} & (taken - {"name"}), kind
 
 

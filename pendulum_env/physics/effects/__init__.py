@@ -11,6 +11,7 @@ from pendulum_env.physics.effects.buoyancy import Buoyancy
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.effects.driven_pivot import HorizontalDrive, VerticalDrive
 from pendulum_env.physics.effects.effect import Effect
+from pendulum_env.physics.effects.fibre import Fibre
 from pendulum_env.physics.effects.finite_size import FiniteBob, Suspension
 from pendulum_env.physics.effects.gravity import Gravity
 from pendulum_env.physics.effects.linear_drag import LinearDrag
@@ -23,7 +24,7 @@ from pendulum_env.physics.effects.wind import Gusts, Wind
 from pendulum_env.physics.effects.wire_drag import WireDrag
 
 _ALL: tuple[type[Effect], ...] = (
-    Gravity, SmallAngleGravity, FiniteBob, Suspension, Buoyancy, AddedMass,
+    Gravity, SmallAngleGravity, Fibre, FiniteBob, Suspension, Buoyancy, AddedMass,
     LinearDrag, QuadraticDrag, SphereDrag, WireDrag, BearingFriction, CoulombFriction,
     Wind, Gusts,
     Motor, PeriodicTorque, VerticalDrive, HorizontalDrive,
@@ -43,6 +44,7 @@ __all__ = [
     "Buoyancy",
     "CoulombFriction",
     "Effect",
+    "Fibre",
     "FiniteBob",
     "Gravity",
     "Gusts",

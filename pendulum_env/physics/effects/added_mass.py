@@ -17,7 +17,8 @@ from pendulum_env.physics.units import SceneError, flag, total
 class AddedMass(Effect):
     """Added mass: the bob moves fluid of half the displaced mass along, at its centre.
 
-    Inertia ``(rho V/2) L**2`` of potential flow. With ``boundary_layer`` it is ``1 + 9 delta/(2 a)`` times as much,
+    Inertia ``(rho V/2) L**2`` of potential flow. A rod across the flow moves as much fluid along as it displaces (Lamb
+    1932, Hydrodynamics, section 68). With ``boundary_layer`` it is ``1 + 9 delta/(2 a)`` times as much,
     ``delta = sqrt(2 nu/omega)``: the viscous layer of a sphere that oscillates by less than its radius, at the scene's
     small-angle frequency omega with the added mass included. The period grows by half of the relative growth of the
     inertia.
@@ -35,6 +36,10 @@ class AddedMass(Effect):
     needs_medium: ClassVar[bool] = True
     number_name: ClassVar[str] = "added mass/m"
 
+    @property
+    def needs(self) -> str:
+        return "sphere" if self.boundary_layer else "added"
+
     def check(self, scene: Surroundings) -> None:
         if scene.medium.density == 0.0:
             raise SceneError(f"There is no added mass in {scene.medium.name}, which has no density.")
@@ -50,7 +55,7 @@ class AddedMass(Effect):
         half = 0.5 * scene.medium.density * scene.body.volume
         if not self.boundary_layer or half == 0.0:
             return half
-        square = scene.body.length * scene.body.length
+        square = scene.body.reach * scene.body.reach
         others = scene.body.inertia + total(e.inertia(scene) for e in scene.effects if not isinstance(e, AddedMass))
         torque = scene.gravity * scene.weight_moment
         if not torque > 0.0:
@@ -63,19 +68,23 @@ class AddedMass(Effect):
         return half + layer / sqrt(omega) / square
 
     def inertia(self, scene: Surroundings) -> float:
-        return self.mass(scene) * scene.body.length * scene.body.length
+        if not self.boundary_layer:
+            return scene.body.added_inertia(scene.medium.density)
+        return self.mass(scene) * scene.body.reach * scene.body.reach
 
     def mass_moment(self, scene: Surroundings) -> float:
-        return self.mass(scene) * scene.body.length
+        if not self.boundary_layer:
+            return scene.body.added_moment(scene.medium.density)
+        return self.mass(scene) * scene.body.reach
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        return self.mass(scene) / scene.body.mass
+        return self.inertia(scene) / scene.body.inertia
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return 0.5 * self.number(scene, amplitude), 0.0
 
     def outside(self, scene: Surroundings, speed: float) -> str:
-        wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
+        wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.reach)) if scene.omega0 else math.inf
         return "" if wide <= 1.0 or not self.boundary_layer else (
             f"the Keulegan-Carpenter number reaches {wide:.3g}, but the boundary layer stays attached only up to "
             "about 1; the mass of an attached layer is used all the same"

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.effect import WEIGHT, Effect, Kind
 from pendulum_env.physics.elementary import cos, sin
 from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import si
@@ -91,13 +91,17 @@ class _Shaken(Effect):
         amplitude, rate, phase = (getattr(self, f"{self.along}_{name}") for name in ("amplitude", "rate", "phase"))
         return amplitude, rate, phase
 
+    @property
+    def needs(self) -> str:
+        return WEIGHT
+
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         amplitude, rate, phase = self.motion
         return {
             f"{self.along}_push": self.push(scene),
             f"{self.along}_rate": rate,
             f"{self.along}_phase": phase,
-            f"{self.along}_sway": amplitude * rate / scene.body.length,
+            f"{self.along}_sway": amplitude * rate / scene.body.reach,
         }
 
     def push(self, scene: Surroundings) -> float:

@@ -30,6 +30,11 @@ from pendulum_env.physics.units import Checked
 BOBS_DRAG = "the bob's drag"
 """Group of all effects that model the drag on the bob; a scene needs only one of them."""
 
+GRAVITY = "gravity"
+"""Group of the effects of the weight; a scene has at most one of them."""
+WEIGHT = "weight"
+"""Value of :attr:`Effect.needs` for effects that act through the centre of mass."""
+
 Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
 Function = Callable[..., float]
 
@@ -121,6 +126,16 @@ class Effect(Checked):
         """Return True if the effect depends on the control, the action of an agent or controller, as a motor does."""
         return any(_takes_control(function) for function in (type(self).torque, type(self).advance) if function)
 
+    @property
+    def needs(self) -> str:
+        """Return the property of a body without which this effect has no meaning; "" if every body has it.
+
+        The properties are "weight" (a centre of mass beside the axis), "volume", "wind" (parts that a wind pushes),
+        "added" (fluid that moves along), "width" (an area across the flow), "cylinder" (a wire or rod), "bob" (a bob
+        that counts as a point mass) and "sphere" (a single ball at the end). A body's ``lacks`` names the missing ones.
+        """
+        return ""
+
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         """Return the coefficients that this effect's functions take, by name, per moment of inertia.
 
@@ -133,6 +148,10 @@ class Effect(Checked):
 
     def inertia(self, scene: Surroundings) -> float:
         """Return this effect's part of the moment of inertia about the pivot [kg m²]."""
+        return 0.0
+
+    def restoring_stiffness(self, scene: Surroundings) -> float:
+        """Return this effect's restoring torque per angle near the bottom, except for the weight's [N m/rad]."""
         return 0.0
 
     def weight_moment(self, scene: Surroundings) -> float:

@@ -23,6 +23,10 @@ class FiniteBob(Effect):
     source: ClassVar[str] = "Huygens 1673, Horologium Oscillatorium IV; Nelson & Olsson 1986, Am. J. Phys. 54, 112"
     number_name: ClassVar[str] = "(a/L)²"
 
+    @property
+    def needs(self) -> str:
+        return "bob"
+
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {}
 
@@ -30,7 +34,7 @@ class FiniteBob(Effect):
         return 0.4 * scene.body.mass * scene.body.radius * scene.body.radius
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
-        return (scene.body.radius / scene.body.length) ** 2
+        return (scene.body.radius / scene.body.reach) ** 2
 
     def predicted(self, scene: Surroundings, amplitude: float) -> tuple[float, float]:
         return 0.2 * self.number(scene, amplitude), 0.0
@@ -59,6 +63,10 @@ class Suspension(Effect):
     number_name: ClassVar[str] = "m_s/m"
     at_bob: ClassVar[bool] = False
 
+    @property
+    def needs(self) -> str:
+        return "bob"
+
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {}
 
@@ -67,13 +75,13 @@ class Suspension(Effect):
         return scene.body.suspension_mass if self.suspension_mass is None else self.suspension_mass
 
     def inertia(self, scene: Surroundings) -> float:
-        return self.mass(scene) * scene.body.length * scene.body.length / 3.0
+        return self.mass(scene) * scene.body.reach * scene.body.reach / 3.0
 
     def weight_moment(self, scene: Surroundings) -> float:
-        return 0.5 * self.mass(scene) * scene.body.length
+        return 0.5 * self.mass(scene) * scene.body.reach
 
     def mass_moment(self, scene: Surroundings) -> float:
-        return 0.5 * self.mass(scene) * scene.body.length
+        return 0.5 * self.mass(scene) * scene.body.reach
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
         return self.mass(scene) / scene.body.mass

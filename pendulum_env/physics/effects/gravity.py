@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.effect import GRAVITY, WEIGHT, Effect, Kind
 from pendulum_env.physics.elementary import cos, sin
 from pendulum_env.physics.exact.pendulum import period
 from pendulum_env.physics.surroundings import Surroundings
@@ -51,7 +51,7 @@ class Gravity(Effect):
 
     name: ClassVar[str] = "gravity"
     kind: ClassVar[Kind] = "conservative"
-    exclusive: ClassVar[str] = "gravity"
+    exclusive: ClassVar[str] = GRAVITY
     detail: ClassVar[int] = 1
     number_name: ClassVar[str] = "A²/16"
     equation: ClassVar[str] = "- {gravity_rate:.6g} sin(theta)"
@@ -62,6 +62,10 @@ class Gravity(Effect):
     mean = staticmethod(gravity_mean)
     mean_by_end = staticmethod(gravity_mean_by_end)
     radial = staticmethod(gravity_radial)
+
+    @property
+    def needs(self) -> str:
+        return WEIGHT
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
         return amplitude * amplitude / 16.0

@@ -64,6 +64,10 @@ class LinearDrag(Effect):
         """
         return BOBS_DRAG if self.gamma is None else ""
 
+    @property
+    def needs(self) -> str:
+        return "sphere" if self.gamma is None else ""
+
     def check(self, scene: Surroundings) -> None:
         if self.gamma is not None and self.boundary_layer:
             raise SceneError("Linear drag takes gamma or boundary_layer, not both.")
@@ -77,7 +81,7 @@ class LinearDrag(Effect):
         if self.gamma is not None:
             return {"linear_drag_rate": self.gamma}
         body = scene.body
-        stokes = 6.0 * math.pi * scene.medium.viscosity * body.radius * body.length * body.length / scene.inertia
+        stokes = 6.0 * math.pi * scene.medium.viscosity * body.radius * body.reach * body.reach / scene.inertia
         layer = body.radius / boundary_layer(scene.omega0, scene.medium) if self.boundary_layer else 0.0
         return {"linear_drag_rate": stokes * (1.0 + layer)}
 
@@ -98,7 +102,7 @@ class LinearDrag(Effect):
                 f"Re reaches {reynolds:.3g}, but Stokes' law holds up to Re = 1; it is used all the same, and the drag "
                 "is too small"
             )
-        wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.length)) if scene.omega0 else math.inf
+        wide = keulegan_carpenter(scene, speed / (scene.omega0 * scene.body.reach)) if scene.omega0 else math.inf
         return "" if wide <= 1.0 else (
             f"the Keulegan-Carpenter number reaches {wide:.3g}, but the boundary layer stays attached only up to "
             "about 1; the drag of an attached layer is used all the same"

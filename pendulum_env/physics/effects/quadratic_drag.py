@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
-from pendulum_env.physics.elementary import exp, log, power, sqrt
+from pendulum_env.physics.elementary import exp, log, sqrt
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, reynolds_number, sphere_drag_coefficient
 from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
@@ -87,6 +87,10 @@ class QuadraticDrag(Effect):
     def models(self) -> str:
         return BOBS_DRAG
 
+    @property
+    def needs(self) -> str:
+        return "" if self.c is not None else "sphere" if self.drag_coefficient is None else "width"
+
     def check(self, scene: Surroundings) -> None:
         if self.c is not None and self.drag_coefficient is not None:
             raise SceneError("Quadratic drag takes c or drag_coefficient, not both.")
@@ -120,7 +124,7 @@ class QuadraticDrag(Effect):
         drag = self.drag_coefficient
         if drag is None:
             drag = sphere_drag_coefficient(scene.reynolds)
-        rate = 0.5 * scene.medium.density * drag * body.frontal_area * power(body.length, 3.0) / scene.inertia
+        rate = body.drag_moment(0.5 * scene.medium.density * drag) / scene.inertia
         return {"quadratic_drag_rate": rate}
 
     def number(self, scene: Surroundings, amplitude: float) -> float:

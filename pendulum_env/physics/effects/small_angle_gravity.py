@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pendulum_env.physics.effects.effect import Effect, Kind
+from pendulum_env.physics.effects.effect import GRAVITY, WEIGHT, Effect, Kind
 from pendulum_env.physics.surroundings import Surroundings
 
 
@@ -36,7 +36,7 @@ class SmallAngleGravity(Effect):
 
     name: ClassVar[str] = "small_angle_gravity"
     kind: ClassVar[Kind] = "conservative"
-    exclusive: ClassVar[str] = "gravity"
+    exclusive: ClassVar[str] = GRAVITY
     periodic: ClassVar[bool] = False
     number_name: ClassVar[str] = "A²/16"
     equation: ClassVar[str] = "- {spring_rate:.6g} theta"
@@ -47,6 +47,10 @@ class SmallAngleGravity(Effect):
     radial = staticmethod(small_angle_gravity_radial)
     mean = staticmethod(small_angle_gravity)
     mean_by_end = staticmethod(small_angle_gravity_by_angle)
+
+    @property
+    def needs(self) -> str:
+        return WEIGHT
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
         return amplitude * amplitude / 16.0

@@ -65,6 +65,10 @@ class SphereDrag(Effect):
     def models(self) -> str:
         return BOBS_DRAG
 
+    @property
+    def needs(self) -> str:
+        return "sphere"
+
     def check(self, scene: Surroundings) -> None:
         medium = scene.medium
         if medium.density == 0.0 or medium.viscosity == 0.0:
@@ -76,10 +80,10 @@ class SphereDrag(Effect):
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         body, medium = scene.body, scene.medium
-        stokes = 6.0 * math.pi * medium.viscosity * body.radius * body.length * body.length
+        stokes = 6.0 * math.pi * medium.viscosity * body.radius * body.reach * body.reach
         return {
             "sphere_stokes_rate": stokes / scene.inertia,
-            "sphere_reynolds_rate": reynolds_number(body.length, body, medium),
+            "sphere_reynolds_rate": reynolds_number(body.reach, body, medium),
         }
 
     def number(self, scene: Surroundings, amplitude: float) -> float:

@@ -47,6 +47,10 @@ class _Moving(Effect):
     needs_medium: ClassVar[bool] = True
     number_name: ClassVar[str] = "wind / bob's speed"
 
+    @property
+    def needs(self) -> str:
+        return "wind"
+
     def check(self, scene: Surroundings) -> None:
         _needs_medium(scene, self.summary().split(":")[0])
 
@@ -76,7 +80,7 @@ class Wind(_Moving):
     wind_x = staticmethod(wind_x)
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
-        return {"wind_rate": self.wind_speed / scene.body.length}
+        return {"wind_rate": self.wind_speed / scene.body.reach}
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
         return self._ratio(self.wind_speed, scene, amplitude)
@@ -104,7 +108,7 @@ class Gusts(_Moving):
     advance = staticmethod(gust_advance)
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
-        return {"gust_size": self.gust_speed / scene.body.length, "gust_decay": 1.0 / self.gust_time}
+        return {"gust_size": self.gust_speed / scene.body.reach, "gust_decay": 1.0 / self.gust_time}
 
     def number(self, scene: Surroundings, amplitude: float) -> float:
         return self._ratio(self.gust_speed, scene, amplitude)

@@ -39,6 +39,8 @@ class WireDrag(Effect):
     the pivot, where Re < 1 and the lever is short. The second derivative is infinite at v = 0, so methods of order
     above 3 come down to about 3 at small steps.
 
+    For a rod with ends at b below and a above the pivot, powers of L are sums of powers of b and a.
+
     In moving air the slip at the distance s is taken as s/L times the bob's slip, as if wind and pivot moved the air
     like the swing does. On a wire at rest in a wind, the true torque is 5/3 to 2 times as large (see
     :meth:`understated`); a run in which this matters warns of the size.
@@ -58,6 +60,10 @@ class WireDrag(Effect):
     by_velocity = staticmethod(wire_drag_by_velocity)
     by_speed = staticmethod(wire_drag_by_speed)
 
+    @property
+    def needs(self) -> str:
+        return "cylinder"
+
     def check(self, scene: Surroundings) -> None:
         medium = scene.medium
         if medium.density == 0.0 or medium.viscosity == 0.0:
@@ -65,11 +71,11 @@ class WireDrag(Effect):
             raise SceneError(f"Wire drag has no Reynolds number in {medium.name}, which has no {lacks}.")
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
-        thickness, length = scene.body.diameter, scene.body.length
+        thickness, lever = scene.body.diameter, scene.body.lever
         density, viscosity = scene.medium.density, scene.medium.kinematic_viscosity
-        skin = 1.5 * density * thickness * power(viscosity / thickness, 2.0 / 3.0) * power(length, 10.0 / 3.0)
+        skin = 1.5 * density * thickness * power(viscosity / thickness, 2.0 / 3.0) * lever(10.0 / 3.0)
         return {
-            "wire_form_rate": 0.125 * density * thickness * power(length, 4.0) / scene.inertia,
+            "wire_form_rate": 0.125 * density * thickness * lever(4.0) / scene.inertia,
             "wire_skin_rate": skin / scene.inertia,
         }
 
@@ -77,12 +83,15 @@ class WireDrag(Effect):
         """Return the true torque over the formula's: 2 for ``C_d = 1``, and 5/3 for ``10 Re^(-2/3)``.
 
         With the exponents n of 2 and 4/3, a flow of speed u has the moments ``u**n L**2/2`` about the pivot; the
-        formula takes ``u**n L**2/(n + 2)``.
+        formula takes ``u**n L**2/(n + 2)``. On a rod with an overhang the flow pushes both sides against each other.
         """
-        rates = self.coefficients(scene)
+        rates, body = self.coefficients(scene), scene.body
+        even = body.even_lever
         form = rates["wire_form_rate"] * slip * slip
         skin = rates["wire_skin_rate"] * power(slip, 1.0 / 3.0) * slip
-        return (2.0 * form + 5.0 / 3.0 * skin) / (form + skin)
+        double = 4.0 * even * power(body.reach, 2.0) / body.lever(4.0)
+        more = 10.0 / 3.0 * even * power(body.reach, 4.0 / 3.0) / body.lever(10.0 / 3.0)
+        return (double * form + more * skin) / (form + skin)
 
     @staticmethod
     def reynolds(scene: Surroundings, speed: float) -> float:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from pendulum_env.physics.exact.pendulum_step import pendulum_flow
-from pendulum_env.physics.exact.spring_step import damped_spring_flow, spring_flow
+from pendulum_env.physics.exact.spring_step import damped_fibre_flow, damped_spring_flow, fibre_flow, spring_flow
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,8 @@ FLOWS: Mapping[frozenset[str], ExactFlow] = MappingProxyType({
     frozenset({"gravity"}): ExactFlow(pendulum_flow),
     frozenset({"small_angle_gravity"}): ExactFlow(spring_flow),
     frozenset({"small_angle_gravity", "linear_drag"}): ExactFlow(damped_spring_flow, ("linear_drag",)),
+    frozenset({"fibre"}): ExactFlow(fibre_flow),
+    frozenset({"fibre", "linear_drag"}): ExactFlow(damped_fibre_flow, ("linear_drag",)),
 })
 """Closed form of the motion, by the set of the names of all effects in a scene."""
 

@@ -45,11 +45,21 @@ def _mean_fall(x: float) -> float:
     return exp(-near) * _sine_like(near * near) if x < 1.0 else (1.0 - exp(-2.0 * far)) / (2.0 * far)
 
 
+def swung(angle: float, velocity: float, duration: float, rate: float) -> tuple[float, float]:
+    """Return angle and velocity of ``theta'' = -rate theta`` after ``duration``; ``rate = omega0**2``."""
+    C, S = _swing(-rate * duration * duration)
+    return angle * C + velocity * duration * S, velocity * C - rate * duration * angle * S
+
+
 def spring_flow(angle: float, velocity: float, duration: float, spring_rate: float) -> tuple[float, float]:
     """Return angle and velocity of the undamped small-angle pendulum after ``duration``; ``spring_rate = omega0**2``.
     """
-    C, S = _swing(-spring_rate * duration * duration)
-    return angle * C + velocity * duration * S, velocity * C - spring_rate * duration * angle * S
+    return swung(angle, velocity, duration, spring_rate)
+
+
+def fibre_flow(angle: float, velocity: float, duration: float, fibre_rate: float) -> tuple[float, float]:
+    """Return angle and velocity of an undamped torsion pendulum after ``duration``; ``fibre_rate = omega0**2``."""
+    return swung(angle, velocity, duration, fibre_rate)
 
 
 def _by_parts(x: float, y: float, z: float, slow: float) -> tuple[float, float, float]:
@@ -92,32 +102,32 @@ def _mean_square(p: float, a: float, x: float, y: float) -> float:
     return total
 
 
-def damped_spring_flow(
-    angle: float, velocity: float, duration: float, spring_rate: float, linear_drag_rate: float
+def swung_in_drag(
+    angle: float, velocity: float, duration: float, rate: float, linear_drag_rate: float
 ) -> tuple[float, float, float]:
-    """Return the damped small-angle pendulum's angle and velocity after ``duration >= 0``, and the heat, exactly.
+    """Return angle and velocity of ``theta'' = -rate theta - gamma theta'`` after ``duration >= 0``, and the heat.
 
-    The heat is the integral of ``gamma theta'**2``.
+    The heat is the integral of ``gamma theta'**2``; gamma is ``linear_drag_rate``.
     """
     h = duration
     d = 0.5 * linear_drag_rate
-    z = (d * d - spring_rate) * h * h
+    z = (d * d - rate) * h * h
     x = d * h
     over = z > 1.0
     r = power(z if over else 1.0, 0.5)
-    slow = spring_rate * h * h / (r + x)
+    slow = rate * h * h / (r + x)
     risen = _mean_fall(r)
     C, S = _swing(z if z < 1.0 else 1.0)
     plus = 1.0 + slow * risen if over else C + x * S
     minus = exp(-2.0 * r) - slow * risen if over else C - x * S
     S = risen if over else S
     factor = exp(-slow) if over else exp(-x)
-    a = -spring_rate * angle - linear_drag_rate * velocity
+    a = -rate * angle - linear_drag_rate * velocity
     b = h * (a + d * velocity)
-    y = spring_rate * h * h
+    y = rate * h * h
     first, second, third = _by_parts(2.0 * x, y, z, slow)
     square = velocity * velocity * (first + z * third) + 2.0 * velocity * b * second + b * b * third
-    pull = spring_rate * h * angle
+    pull = rate * h * angle
     late, early = -0.5 * (slow * velocity + pull) / r, 0.5 * ((r + x) * velocity + pull) / r
     modes = late * late * _mean_fall(slow) + 2.0 * late * early * _mean_fall(x) + early * early * _mean_fall(r + x)
     square = modes if over & (r > 0.5 * x) else square
@@ -125,6 +135,20 @@ def damped_spring_flow(
     square = _mean_square(velocity, h * a, 2.0 * x, y) if small else square
     return (
         factor * (angle * plus + velocity * h * S),
-        factor * (velocity * minus - spring_rate * h * angle * S),
+        factor * (velocity * minus - rate * h * angle * S),
         linear_drag_rate * h * square,
     )
+
+
+def damped_spring_flow(
+    angle: float, velocity: float, duration: float, spring_rate: float, linear_drag_rate: float
+) -> tuple[float, float, float]:
+    """Return the damped small-angle pendulum's angle and velocity after ``duration >= 0``, and the heat, exactly."""
+    return swung_in_drag(angle, velocity, duration, spring_rate, linear_drag_rate)
+
+
+def damped_fibre_flow(
+    angle: float, velocity: float, duration: float, fibre_rate: float, linear_drag_rate: float
+) -> tuple[float, float, float]:
+    """Return the damped torsion pendulum's angle and velocity after ``duration >= 0``, and the heat, exactly."""
+    return swung_in_drag(angle, velocity, duration, fibre_rate, linear_drag_rate)
