@@ -9,6 +9,8 @@ from __future__ import annotations
 from integrators import Method
 from integrators.solving.step_size import growth, shrinkage, step_power
 from integrators.steps.estimates import embedded_orders, order_of_estimate
+from pendulum_env.engine import slack
+from pendulum_env.engine.calls import stepped
 from pendulum_env.engine.shape import (
     ADAPTED,
     DIVERGED,
@@ -17,11 +19,10 @@ from pendulum_env.engine.shape import (
     PAUSED,
     SINE_RANGE,
     SLACK,
-    SLACKENED,
     SPEED_LIMIT,
     TOLERANCE,
     TOO_SHORT,
-    UNHELD,
+    UNSURE,
     Shape,
     indent,
     joined,
@@ -30,69 +31,46 @@ from pendulum_env.engine.source import Plain
 
 CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
 """Functions that generated adaptive steps call."""
-TOUCH = "1e-9"
-"""Share of weight and centrifugal force by which the pull on a wire may be below zero in a step, as source.
-
-At the ends of steps, where nothing is interpolated, every pull below zero is slack.
-"""
-COARSE = "0.1"
-"""Largest share of its way by which a step's angle may differ from the trapezoidal rule's, as source.
-
-Small swings exceed it in steps of more than about 1.4/omega0.
-"""
-LONG = "2.0"
-"""Largest (omega0 h)² of a step inside which the pull is computed, as source."""
 
 
-def carried(shape: Shape) -> tuple[str, ...]:
-    """Return the names of the variables that the generated ``advance`` changes in one step, such as the angle "q".
-
-    They are the motion, a multistep method's history, and the quadratures; not the step count and ADAPTED, the step
-    size and step counts of adaptive runs.
-    """
-    place = ("q", "turns", "side") if shape.periodic else ("q",)
-    slackened = SLACKENED if shape.lenient else ()
-    return (*place, "v", *shape.memory, *shape.lost, *shape.quadratures, *shape.lost_sums, *slackened)
-
-
-def advanced(shape: Shape) -> str:
+def advanced(shape: Shape, function: str = "advance") -> str:
     """Write the source line that calls the generated ``advance`` and assigns its results.
 
-    It sets ``stop``, the code of the stop reason, and for every name of :func:`carried` a variable with "1" appended,
-    such as ``q1``, the angle after the step.
+    It sets ``stop``, the code of the stop reason, and for every name of ``shape.carried`` a variable with "1" appended,
+    such as ``q1``, the angle after the step. With ``function="settle"``, and in adaptive runs, it also sets ``portion``
+    if slack ends the run: the fraction of the step taken. ``settle`` takes a step in which the wire may go slack.
     """
-    results = [f"{name}1" for name in carried(shape)]
-    adapted = ADAPTED if shape.adaptive else ()
-    return f"{joined(('stop',), results, adapted)} = advance({_arguments(shape)})"
+    results = ("stop", *(f"{name}1" for name in shape.carried), *(ADAPTED if shape.adaptive else ()))
+    portion = slack.portion(shape) if shape.adaptive or function == "settle" else ()
+    return f"{joined(results, portion)} = {function}({_arguments(shape, 'index*h')})"
 
 
 def advance(shape: Shape) -> str:
-    """Write the source of ``advance``: one step of length ``h`` from step number ``index``.
+    """Write the source of ``advance``: one step of length ``h`` from the time ``t``.
 
     The step checks whether the run has to stop: divergence, the speed limit, a slack wire.
 
-    The generated function returns ``stop``, which is 0.0 or the code of the stop reason, and the variables of
-    :func:`carried` after the step. With the code DIVERGED, TOO_SHORT or UNHELD these variables are not valid, and the
-    loop that called ``advance`` keeps those from before the step.
+    The generated function returns ``stop``, which is 0.0 or the code of the stop reason, and the variables in
+    ``shape.carried`` after the step. With the code DIVERGED or TOO_SHORT these are not valid, and the loop that called
+    ``advance`` keeps those from before the step. With UNSURE the loop calls ``settle`` in place of ``advance``.
     """
-    sums, handed_on = shape.quadratures, (*shape.memory, *shape.lost)
+    sums = shape.quadratures
     parts = [f"d_{name}" for name in sums]
     finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
     if parts:
         finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
-    handed = [f"{name}1" for name in handed_on]
     if shape.adaptive:
         bounded = ("bound - taken - rejected", "params")
-        pull, loose = (shape.pull[:2], ("loose",)) if shape.slack else ((), ())
-        arguments = joined(("index*h", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra, pull)
-        lines = [f"{joined(('q1', 'v1'), parts, ('size', 'steps', 'vain', 'reason'), loose)} = adapt({arguments})"]
+        pull = shape.pull[:2] if shape.slack else ()
+        arguments = joined(("t", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra, pull, shape.slackened)
+        results = joined(("q1", "v1"), parts, ("size", "steps", "vain", "reason"), _found(shape))
+        lines = [f"{results} = adapt({arguments})"]
     else:
-        arguments = joined(("index*h", "q", "v"), handed_on, ("h",), shape.extra)
-        step = "stick_slip" if shape.slides else "step"
-        lines = [f"{joined(('q1', 'v1'), handed, parts)} = {step}({arguments})"]
+        lines = [f"{joined(shape.step_results)} = {stepped(shape)}"]
     lines.append(f"good = {finite}")
     if shape.slack and not shape.adaptive:
-        lines.append("q2 = q1")
+        within = joined(("t", "q", "v", "q1", "v1", "h"), slack.watches(shape))
+        lines.append(f"sure = {'(slackened > 0.0) | ' if shape.lenient else ''}taut({within})")
     if shape.periodic:
         turned = "q1 = without_half_turns(q1, halves)"
         if shape.compensated:
@@ -103,82 +81,41 @@ def advance(shape: Shape) -> str:
         lines.append(f"{name}1, {lost}1 = added({name}, {lost}, d_{name}, 0.0)" if shape.compensated else
                      f"{name}1 = {name} + d_{name}")
     lines.append(f"stop = {SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0")
-    if shape.slack:
-        lines += _slack(shape)
+    if shape.lenient:
+        loose = "1.0 + (t + loose)/h if (slackened == 0.0) & (loose >= 0.0) else " if shape.adaptive else ""
+        lines.append(f"slackened1 = {loose}slackened")
+    if shape.slack and not shape.adaptive:
+        lines.append(f"stop = stop if sure else {UNSURE}.0")
     lines.append(f"stop = stop if good else {DIVERGED}.0")
     if shape.adaptive:
         lines.append(f"stop = stop if reason == {OK}.0 else reason")
-    if shape.ends_slack:
-        lines.append(f"stop = {UNHELD}.0 if unheld else stop")
     adapted = ("size", "taken + steps", "rejected + vain") if shape.adaptive else ()
-    lines.append(f"return {joined(('stop',), [f'{name}1' for name in carried(shape)], adapted)}")
+    portion = slack.portion(shape) if shape.adaptive else ()
+    lines.append(f"return {joined(('stop',), [f'{name}1' for name in shape.carried], adapted, portion)}")
     title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
     return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
 
 
-def _slack(shape: Shape) -> list[str]:
-    """Return the source lines that set ``unheld`` before the step and, if the wire goes slack in it, ``stop``."""
-    after, pull = [f"{name}1" if name == "side" else name for name in shape.extra], shape.pull[:2]
-    slack = "(last < 0.0) | (loose > 0.0)"
-    if not shape.adaptive:
-        within = joined(("index*h", "q", "v", "q2", "v1", "h", "before", "last"), shape.extra, pull)
-        slack = f"(last < 0.0) | (least_tension({within}) < 0.0)"
-    return [
-        f"before = tension({joined(('index*h', 'q', 'v'), shape.extra, pull)})",
-        f"last = tension({joined(('(index + 1.0)*h', 'q1', 'v1'), after, pull)})",
-        f"unheld = before < -{TOUCH}*(swing_pull*v*v + gravity_pull)",
-        f"slack = unheld | {slack}",
-        "slackened1 = index + 1.0 if (slackened == 0.0) & slack else slackened" if shape.lenient else
-        f"stop = {SLACK}.0 if slack else stop",
-    ]
+def settle(shape: Shape) -> str:
+    """Write the source of ``settle``, which takes a step in which the wire may go slack; see :func:`slack.settle`."""
+    return slack.settle(shape, _arguments(shape), shape.carried, f"advance({_arguments(shape)})")
 
 
-def least_tension(shape: Shape) -> str:
-    """Write the source of ``least_tension``: the least pull inside a step, by which slack between steps is found.
+def _found(shape: Shape) -> tuple[str, ...]:
+    """Return the name of the result of ``adapt`` for a wire: the fraction of the step taken, or the time of slack."""
+    return ("loose",) if shape.lenient else slack.portion(shape)
 
-    Inside the step, angle and velocity are those of the cubic through both ends with the velocities there. The place of
-    the least pull is that of the parabola through the pulls ``before`` and ``last`` and the one in the middle; its
-    error changes the pull only in second order. A pull within TOUCH of zero counts as zero, because a bob that is
-    released at the horizontal turns there with a pull of zero, up to rounding. In a step so long that the mean of the
-    velocities is off by more than COARSE, or that (omega0 h)² exceeds LONG, the cubic means nothing, and the result is
-    0.
+
+def _arguments(shape: Shape, t: str = "t") -> str:
+    """Return the comma-separated arguments of the generated ``advance`` and ``settle``, for definitions and calls.
+
+    ``t`` is the source of the time at the start of the step.
     """
-    extra, pull = shape.extra, shape.pull[:2]
-    lines = [
-        "way = h*v",
-        "way1 = h*v1",
-        "turn = q1 - q",
-        "q2 = 0.5*(q + q1) + 0.125*(way - way1)",
-        "v2 = (1.5*turn - 0.25*(way + way1))/h",
-        f"middle = tension({joined(('t + 0.5*h', 'q2', 'v2'), extra, pull)})",
-        "bend = 4.0*(before + last - 2.0*middle)",
-        "place = (3.0*before + last - 4.0*middle)/bend if bend > 1e-300 else 0.5",
-        "place = place if place > 0.0 else 0.0",
-        "place = place if place < 1.0 else 1.0",
-        "square = 3.0*turn - 2.0*way - way1",
-        "cube = way + way1 - 2.0*turn",
-        "q2 = q + place*(way + place*(square + place*cube))",
-        "v2 = (way + place*(2.0*square + place*3.0*cube))/h",
-        f"least = tension({joined(('t + place*h', 'q2', 'v2'), extra, pull)})",
-        f"smooth = (abs(turn - 0.5*(way + way1)) <= {COARSE}*(abs(way) + abs(way1))) & (gravity_pull*h*h <= {LONG})",
-        f"return least + {TOUCH}*(swing_pull*v*v + gravity_pull) if smooth else 0.0",
-    ]
-    head = f"def least_tension({joined(('t', 'q', 'v', 'q1', 'v1', 'h', 'before', 'last'), extra, pull)}):"
-    return "\n".join(["@inline", head, *indent(lines, 1), ""])
-
-
-def _arguments(shape: Shape) -> str:
-    """Return the comma-separated arguments of the generated ``advance``, for its definition and for the calls of it."""
-    state = carried(shape)
+    state = shape.carried
     fixed = [name for name in shape.extra if name not in state]
     adapted = (*ADAPTED, "bound", "params", *TOLERANCE) if shape.adaptive else ()
     pull = shape.pull[:2] if shape.slack else ()
-    return joined(("index", "h", "speed_limit"), state, adapted, fixed, pull)
-
-
-def begin(shape: Shape) -> str:
-    """Write the source of the call of ``begin``, which computes the first history of a multistep method."""
-    return f"begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})"
+    return joined((t, "h", "speed_limit"), state, adapted, fixed, pull)
 
 
 # --- steps of several parts -----------------------------------------------------------------------------------------
@@ -305,35 +242,34 @@ def _breakaway(shape: Shape, held: bool) -> list[str]:
     ]
 
 
+def errors_of(method: Method) -> tuple[str, ...]:
+    """Return the names of the error estimates that an adaptive step of a method returns."""
+    return tuple(f"error_{y}{i}" for i in range(len(embedded_orders(method))) for y in "qv")
+
+
 def adapt(shape: Shape, method: Method) -> str:
     """Write the source of ``adapt``: adaptive steps from t to exactly t + h.
 
     They are chosen as in :mod:`integrators.solving.adaptive`. The first attempt has the length ``size``, or h if that
     is 0. ``adapt`` returns the state, the quadratures, the next step size to try, the numbers of steps taken and
-    rejected, and a stop code; for a wire also ``loose``, which is 1 if the wire went slack in one of these steps. The
-    errors of angle and velocity are controlled, those of the quadratures are not. After ``tries`` attempts it pauses:
-    it stores its progress in ``params`` for the next call, and returns the values from before the step.
+    rejected, and a stop code; for a wire that ends the run where it goes slack also ``portion``, the fraction of h up
+    to there, and for a wire with slack="warn" ``loose``, the time from t to there or -1. The errors of angle and
+    velocity are controlled, those of the quadratures are not. After ``tries`` attempts it pauses: it stores its
+    progress in ``params`` for the next call, and returns the values from before the step.
     """
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]
     slope = f"{'rates' if sums else 'acceleration'}({joined(('t', 'q', 'v'), shape.extra)})"
     pairs = len(embedded_orders(method))
-    errors = [f"error_{y}{i}" for i in range(pairs) for y in "qv"]
-    results = joined(("q1", "v1", "a1"), [f"{rate}1" for rate in rates], [f"d_{name}" for name in sums], errors)
+    results = joined(shape.step_results, errors_of(method))
     parts = {y: [f"(error_{y}{i}/scale_{y})" for i in range(pairs)] for y in "qv"}
     squares = [f"square{i} = 0.5*({q}*{q} + {v}*{v})" for i, (q, v) in enumerate(zip(*parts.values(), strict=True))]
     both = "square0*square0/(square0 + 0.01*square1) if square0 > 0.0 else 0.0*square1"
     order = float(order_of_estimate(method))
     under_way = shape.params.index("under_way")
-    pull, loose = shape.pull[:2] if shape.slack else (), ("loose",) if shape.slack else ()
-    ends = [f"tension({joined(place, shape.extra, pull)})" for place in (("now", "q", "v"), ("now + part", "q1", "v1"))]
-    within = joined(("now", "q", "v", "q1", "v1", "part", "before", "after"), shape.extra, pull)
-    watched = [
-        "if loose == 0.0:",
-        f"    before = {ends[0]}",
-        f"    after = {ends[1]}",
-        f"    loose = 1.0 if (after < 0.0) | (least_tension({within}) < 0.0) else 0.0",
-    ] if shape.slack else []
+    pull, found = shape.pull[:2] if shape.slack else (), _found(shape)
+    cut = "cut" if shape.ends_slack else "part"
+    again = f"{results} = {stepped(shape, 'now', 'since')}"
     part = [*enumerate(shape.paused, under_way + 1)]
     body = [
         "first = size",
@@ -341,7 +277,8 @@ def adapt(shape: Shape, method: Method) -> str:
         *(f"    {name} = params[{i}]" for i, name in part),
         f"    params[{under_way}] = 0.0",
         "else:",
-        *(f"    {name} = 0.0" for name in (*sums, *loose)),
+        *(f"    {name} = 0.0" for name in sums),
+        *(["    loose = -1.0"] if shape.lenient else []),
         f"    {joined(('a',), rates)} = {slope}",
         "    done = 0.0",
         "    last = 0.0",
@@ -364,7 +301,7 @@ def adapt(shape: Shape, method: Method) -> str:
                 "if whole and (now + 0.0625*size == now or h + 0.0625*size == h):",
                 f"    reason = {TOO_SHORT}.0",
                 "    break",
-                f"{results} = step({joined(('now', 'q', 'v', 'a'), rates, ('part',), shape.extra)})",
+                f"{results} = {stepped(shape, 'now', 'part')}",
                 "scale_q = atol + rtol*(abs(q) if abs(q) > abs(q1) else abs(q1))",
                 "scale_v = atol + rtol*(abs(v) if abs(v) > abs(v1) else abs(v1))",
                 *squares,
@@ -378,14 +315,15 @@ def adapt(shape: Shape, method: Method) -> str:
                         "size = grown if whole or grown > size else size",
                         "last = error if whole else 0.0",
                         "most = 10.0",
-                        "done = done + part if whole else h",
-                        *watched,
+                        *(slack.adapted(shape, again) if shape.slack else []),
+                        f"done = done + {cut} if {'whole or cut < part' if shape.ends_slack else 'whole'} else h",
                         "q = q1",
                         "v = v1",
                         "a = a1",
                         *(f"{rate} = {rate}1" for rate in rates),
                         *(f"{name} = {name} + d_{name}" for name in sums),
                         "taken = taken + 1.0",
+                        *([f"if reason == {SLACK}.0:", "    break"] if shape.ends_slack else []),
                     ],
                     1,
                 ),
@@ -405,7 +343,9 @@ def adapt(shape: Shape, method: Method) -> str:
         "    size = first",
         "    taken = 0.0",
         "    rejected = 0.0",
-        f"return {joined(('q', 'v'), sums, ('size', 'taken', 'rejected', 'reason'), loose)}",
+        *(["portion = done/h"] if shape.ends_slack else []),
+        f"return {joined(('q', 'v'), sums, ('size', 'taken', 'rejected', 'reason'), found)}",
     ]
-    head = f"def adapt({joined(('t', 'q', 'v', 'h', 'size', 'tries', 'params'), TOLERANCE, shape.extra, pull)}):"
+    asked = joined(("t", "q", "v", "h", "size", "tries", "params"), TOLERANCE, shape.extra, pull, shape.slackened)
+    head = f"def adapt({asked}):"
     return "\n".join(["@inline", head, *indent(body, 1), ""])

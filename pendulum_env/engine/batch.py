@@ -5,7 +5,6 @@ A block holds 256 pendulums (BLOCK) in one array, so that the compiled loop over
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -19,7 +18,7 @@ from pendulum_env.engine import threads
 from pendulum_env.engine.generate import Task, batch_program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
-from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method, reported
+from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
 from pendulum_env.engine.pieces import Pace
 from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.streams import Streams
@@ -54,11 +53,6 @@ class Results(NamedTuple):
     terminated: NDArray[np.bool_]
     truncated: NDArray[np.bool_]
     info: Array
-
-    @property
-    def some_over(self) -> bool:
-        """Return True if at least one environment's episode was terminated or truncated in this control step."""
-        return 1 in self.terminated.tobytes() or 1 in self.truncated.tobytes()  # faster than any() for a few thousand
 
     def put(self, which: Places, other: Results) -> None:
         """Write the results ``other`` of a few environments into these results, at the environments' indices ``which``.
@@ -110,10 +104,10 @@ class Blocks:
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
         self._backend = backend
-        self.program = batch_program(scene, self.method, reported(self.diagnostics), varying, task, compensated)
+        self.program = batch_program(scene, self.method, self.diagnostics, varying, task, compensated)
         self.layout, self.names = self.program.layout, self.program.layout.reports
         self.call = self._function()
-        self._compiled = resolve(backend) == "compiled"
+        self._compiled = resolve(backend, self.method.python_functions) == "compiled"
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._periodic = scene.periodic
         self._state = self._blocks(size)
@@ -145,7 +139,7 @@ class Blocks:
         :mod:`pendulum_env.engine.pieces`.
         """
         self._pace, self._share = Pace(FEW_BLOCKS), len(self._state) / len(self._scratch)
-        self._learn(0, 0.0)
+        self._at_once = int(self._pace.units / self._share)
 
     def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
         """Return the effects' state variables that start as random whole numbers, for the environments ``which``.
@@ -156,25 +150,26 @@ class Blocks:
         return {name: np.asarray(started(streams.uniform(which))) for name in self.layout.shape.drawn}
 
     @property
-    def slackened(self) -> int:
-        """Return the number of steps after which a wire first went slack in any of the pendulums; 0 if none did.
+    def slackened(self) -> float:
+        """Return 1 plus the number of steps after which a wire first went slack in any of the pendulums.
 
-        The steps are counted only with slack="warn"; otherwise the result is 0.
+        It is 0 if all wires are taut, and without slack="warn"; see SLACKENED in :mod:`pendulum_env.engine.shape`.
         """
         if not self.layout.shape.lenient:
-            return 0
-        steps = self.get(SLACKENED[0])
-        return int(steps[steps > 0.0].min(initial=0.0 if not steps.any() else math.inf))
+            return 0.0
+        marks = self.get(SLACKENED[0])
+        return float(np.min(marks[marks > 0.0])) if marks.any() else 0.0
 
-    def state(self, place: int, names: Sequence[str]) -> list[float]:
+    def state(self, place: int, names: Sequence[str], blocks: Array | None = None) -> list[float]:
         """Return the state of environment number ``place`` in the form of a Machine's state, with energies set to 0.
 
-        ``names`` are the names of the entries in a Machine's state.
+        ``names`` are the names of the entries in a Machine's state, ``blocks`` a copy of the blocks to read in place of
+        the present ones.
         """
         fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
         at = np.array([place])
         own = [fields.get(name, name) for name in names]
-        return [float(self.get(name, at)[0]) if name in self.layout.fields else 0.0 for name in own]
+        return [float(self.get(name, at, blocks)[0]) if name in self.layout.fields else 0.0 for name in own]
 
     def kept(self, place: int) -> list[float]:
         """Return the last finite state of one environment: steps taken, angle [rad], turns, velocity [rad/s]."""
@@ -188,10 +183,12 @@ class Blocks:
         """Return steps taken, unwrapped angles [rad] and velocities [rad/s] of all environments, arrays ``(size,)``."""
         return self.get("index"), self.angles(), self.get("v")
 
-    def get(self, name: str, which: Places | None = None) -> Array:
+    def get(self, name: str, which: Places | None = None, blocks: Array | None = None) -> Array:
         """Return a copy of one field (a quantity such as the angle "q") for the environments ``which``, by default all.
+
+        ``blocks`` is a copy of the blocks to read in place of the present ones.
         """
-        column = self._fields(self._state)[:, self.layout.fields.index(name)]
+        column = self._fields(self._state if blocks is None else blocks)[:, self.layout.fields.index(name)]
         return column.flatten()[: self.size] if which is None else column[which // BLOCK, which % BLOCK]
 
     def go_on(self) -> None:
@@ -298,7 +295,7 @@ class Batch(Blocks):
     def look(self, into: Results) -> None:
         """Write observations, rewards and reported quantities of all environments in their present states to ``into``.
         """
-        self._run(self._state, _no_action(self.size), 0, 0, into)
+        self._run(self._state, np.zeros(self.size, SINGLE), 0, 0, into)
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
@@ -314,7 +311,7 @@ class Batch(Blocks):
         own = {name: self.get(name, which) for name in self.layout.varying}
         self._begin(state, size, {**own, **drawn}, angle, velocity)
         results = into if which is None else self.results(size)
-        self._run(state, _no_action(size), 0, 0, results)
+        self._run(state, np.zeros(size, SINGLE), 0, 0, results)
         results.terminated[:], results.truncated[:] = False, False
         self._put(state, "status", np.zeros(size))
         if which is not None:
@@ -332,13 +329,6 @@ class Batch(Blocks):
         """Call the generated ``step_blocks`` on the blocks ``state``; see :mod:`pendulum_env.engine.blocks`.
 
         A control step has ``hold`` steps, of which this call takes ``substeps``; its results are written to ``into``.
+        The actions are float32, as in the action space: numba would compile the program again for another type.
         """
         self._spread(state, len(action), self.h, substeps, hold, self._bound, action, *into)
-
-
-def _no_action(size: int) -> NDArray[np.float32]:
-    """Return ``size`` zero actions (no motor torque) as float32.
-
-    They have the type of the action space, because numba would compile the program again for any other type.
-    """
-    return np.zeros(size, dtype=np.float32)

@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from pendulum_env.engine import report
-from pendulum_env.engine.advance import advanced, begin, carried
+from pendulum_env.engine.advance import advanced
+from pendulum_env.engine.calls import begin
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
-from pendulum_env.engine.shape import DIVERGED, LATE, LOST, UNHELD, indent, joined
+from pendulum_env.engine.shape import DIVERGED, LATE, LOST, UNSURE, indent, joined
 
 
 def loops(layout: Layout) -> list[str]:
@@ -24,24 +25,60 @@ def loops(layout: Layout) -> list[str]:
     first = [_remember_block(layout)] if layout.shape.remembered else []
     first += [_begin_block(layout)] if layout.shape.memory else []
     rest = [_observe(layout), _step_blocks(layout)] if layout.task else [_record(layout), _run_blocks(layout)]
-    return [*first, _advance(layout), *rest]
+    search = [_settle(layout)] if layout.shape.slack else []
+    return [*first, _advance(layout), *search, *rest]
 
 
 def _advance(layout: Layout) -> str:
     """Write the source of ``advance_block``: one step of every environment of a block that has not stopped."""
-    shape = layout.shape
-    state = [name for name in carried(shape) if name != "side"]
+    unsure = f" & (stop != {UNSURE}.0)" if layout.shape.slack else ""
     lines = [
-        *layout.load("index", *state, *shape.extra, "status", "speed_limit", *shape.pull),
-        *side_of_turns(layout),
-        advanced(shape),
+        *_state(layout),
+        advanced(layout.shape),
         "live = status == 0.0",
-        f"good = live & (stop != {DIVERGED}.0)" + (f" & (stop != {UNHELD}.0)" if shape.ends_slack else ""),
-        *[f"{layout.at(name)} = {name}1 if good else {name}" for name in state],
-        f"{layout.at('index')} = index + (1.0 if good else 0.0)",
+        f"good = live & (stop != {DIVERGED}.0){unsure}",
+        *_kept(layout, "(1.0 if good else 0.0)"),
         f"{layout.at('status')} = stop if live else status",
     ]
     return block_loop("advance_block", "s, o, n, h", layout, lines)
+
+
+def _settle(layout: Layout) -> str:
+    """Write the source of ``settle_block``: the step of the environments of a block in which the wire may go slack.
+
+    They are few, and are advanced one by one.
+    """
+    cut = layout.shape.ends_slack
+    one = [
+        *_state(layout),
+        advanced(layout.shape, "settle"),
+        f"good = stop != {DIVERGED}.0",
+        *_kept(layout, f"({'portion' if cut else '1.0'} if good else 0.0)"),
+        f"{layout.at('status')} = stop",
+    ]
+    lines = [f"if {layout.at('status')} == {UNSURE}.0:", *indent(one, 1)]
+    count = ["unsure = 0", "for i in range(U(n)):", f"    unsure += 1 if {layout.at('status')} == {UNSURE}.0 else 0",
+             "if unsure == 0:", "    return"]
+    return block_loop("settle_block", "s, o, n, h", layout, lines, count)
+
+
+def _state(layout: Layout) -> list[str]:
+    """Return the source lines that read the state and the parameters with which a step of an environment starts."""
+    shape = layout.shape
+    return [*layout.load("index", *layout.moved, *shape.extra, "status", "speed_limit", *shape.pull),
+            *side_of_turns(layout)]
+
+
+def _kept(layout: Layout, taken: str) -> list[str]:
+    """Return the source lines that store the state after a step if it is ``good``; ``taken`` adds to the step count."""
+    return [*[f"{layout.at(name)} = {name}1 if good else {name}" for name in layout.moved],
+            f"{layout.at('index')} = index + {taken}"]
+
+
+def _steps(layout: Layout, depth: int) -> list[str]:
+    """Return the source lines of one step of a block."""
+    parts = ("advance_block", *(("settle_block",) if layout.shape.slack else ()))
+    return indent([f"{part}({joined(('s', 'o', 'n', 'h'), layout.shared)})" for part in parts], depth)
 
 
 def _remember_block(layout: Layout) -> str:
@@ -71,8 +108,7 @@ def _begin_block(layout: Layout) -> str:
         f"{layout.at('held')} = control",
     ]
     check = ["stale = 0", "for i in range(U(n)):", *indent(stale, 1), "if stale == 0:", "    return"]
-    head, *body = block_loop("begin_block", "s, o, n, h", layout, lines).split("\n")[1:]
-    return "\n".join(["@inline", head, *indent(check, 1), *body])
+    return block_loop("begin_block", "s, o, n, h", layout, lines, check)
 
 
 def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
@@ -166,7 +202,7 @@ def _step_blocks(layout: Layout) -> str:
             f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
             *_begun("hold > 0", "hold", layout),
             "        for _ in range(substeps):",
-            f"            advance_block(s, o, n, h{shared})",
+            *_steps(layout, 3),
             "        n = max(0, min(n, len(reward) - base))",
             f"        observe(s, o, n, h, bound{shared})",
             "        seen = observation[base:base + n]",
@@ -214,7 +250,7 @@ def _run_blocks(layout: Layout) -> str:
             "            for _ in range(every):",
             *(_begun("count % hold == 0", "hold", layout, 4) if remembers else []),
             *(["                count += 1"] if remembers else []),
-            f"                advance_block(s, o, n, h{shared})",
+            *_steps(layout, 4),
             "            if len(out) == 0:",
             "                continue",
             f"            record(s, o, n, h, taken + (row + 1.0)*every{shared})",

@@ -20,6 +20,7 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.engine.batch import Batch, Results
 from pendulum_env.engine.certificate import (
     ESTIMATE,
+    ROUNDOFF,
     VELOCITY_ESTIMATE,
     ErrorEstimator,
     MotionSoFar,
@@ -39,7 +40,6 @@ from pendulum_env.engine.machine import (
     VELOCITY,
     Machine,
     check_diagnostics,
-    reported,
 )
 from pendulum_env.engine.result import Rollout
 from pendulum_env.engine.runs import RecordSchedule, Runs
@@ -50,6 +50,8 @@ from pendulum_env.physics.units import truth
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
+Motion = tuple[Array, Array, Array]
+"""Steps taken, unwrapped angles [rad] and velocities [rad/s] of all environments."""
 
 STRETCH = 2**14
 """Number of steps of a single run that are compared with the second run at a time."""
@@ -78,7 +80,7 @@ def checked_estimate(diagnostics: Sequence[str], asked: Any) -> tuple[tuple[str,
     Errors are estimated if ``asked``, the argument estimate_error, is True or if ``diagnostics`` contains "error".
     """
     names = check_diagnostics(diagnostics)
-    return reported(names), truth(asked, "estimate_error") or reported(names) != names
+    return tuple(name for name in names if name != "error"), truth(asked, "estimate_error") or "error" in names
 
 
 # --- single runs ----------------------------------------------------------------------------------------------------
@@ -89,9 +91,9 @@ def with_estimates(machine: Machine, start: Any, run: Rollout, control: float) -
 
     The machine repeats the run from its initial state ``start``, with the same step and with half the step, and
     compares the two after every step. The estimates are inf after either of them is no longer finite, and at the end of
-    a run that diverged.
+    a run that diverged. Where a wire goes slack within a step, the estimate is that at the end of the step.
     """
-    h, marks = run.dt, np.rint(run.time / run.dt)
+    h, marks = run.dt, np.ceil(run.time / run.dt * (1.0 - 4.0 * ROUNDOFF))
     runs = [(machine.array(start), parameters_of(machine, half), h / (1 + half), 1 + half) for half in (False, True)]
     estimator, first = estimator_of(machine, h), float(start[ANGLE]) + TWO_PI * float(start[TURNS])
     so_far = MotionSoFar(np.array([first]), np.array([float(start[VELOCITY])]))
@@ -135,7 +137,7 @@ class CertifiedMachine(Machine):
         super().__init__(*arguments, **options)
         self._info_of_state, self._own = self.info, len(self.names)
         self.names = (*self.names, *(f"half_{name}" for name in self.names), *EXTREMES, ESTIMATE)
-        self._half_parameters = parameters_of(self, half=True)
+        self._half_parameters, self._free_parameters = parameters_of(self, half=True), parameters_of(self, half=False)
         self._unread = (*self.watched.values(), *range(self.phi, self._own))
         self._estimator: ErrorEstimator | None = None
         self.direct, self.info = self.run, self._with_estimate
@@ -152,15 +154,21 @@ class CertifiedMachine(Machine):
         self, state: Any, parameters: Any, control: float, h: float, rows: int, every: int, speed_limit: float,
         out: Any, seen: Any,
     ) -> int:
-        """Advance the run and the run at half the step, and update the error estimate; see :meth:`Machine.run`."""
+        """Advance the run and the run at half the step, and update the error estimate; see :meth:`Machine.run`.
+
+        Where a wire goes slack within a step, the estimate is that at the end of the step.
+        """
         earlier = state.copy()
         code = super().run(state, parameters, control, h, rows, every, speed_limit, out, seen)
-        own, index = self._own, float(state[INDEX])
-        half = state[own : 2 * own]
+        own, index = self._own, float(math.ceil(state[INDEX]))
+        full, half = state, state[own : 2 * own]
         more = int(2.0 * index - half[INDEX])
         if more > 0:
             try:
                 super().run(half, self._half_parameters, control, 0.5 * h, 1, more, math.inf, NOWHERE, UNSEEN.copy())
+                if index > state[INDEX]:
+                    full, steps = earlier[:own].copy(), int(index - earlier[INDEX])
+                    super().run(full, self._free_parameters, control, h, 1, steps, math.inf, NOWHERE, UNSEEN.copy())
             except BaseException:
                 state[:] = earlier
                 raise
@@ -168,10 +176,10 @@ class CertifiedMachine(Machine):
                 half[place] = 0.0
             state[own : 2 * own] = half
         low, high, fastest, before = (float(value) for value in state[2 * own :])
-        angles, velocities = zip(*(motion_of(values) for values in (state, half)), strict=True)
+        angles, velocities = zip(*(motion_of(values) for values in (full, half)), strict=True)
         low, high, fastest = min(low, angles[0]), max(high, angles[0]), max(fastest, abs(velocities[0]))
         error, trusted = math.inf, False
-        if code != DIVERGED and float(half[INDEX]) == 2.0 * index and before != math.inf:
+        if code != DIVERGED and float(half[INDEX]) == 2.0 * index == 2.0 * full[INDEX] and before != math.inf:
             if self._estimator is None or self._estimator.h != h:
                 self._estimator = estimator_of(self, h)
             error, _, trusted = self._estimator(index, angles, velocities, high - low, fastest, min, max, math.sqrt)
@@ -225,18 +233,25 @@ class CertifiedBatch(Batch):
 
         The results in ``into`` include the error estimate; see :meth:`Batch.step`.
         """
-        before = self.get("index")
+        before, earlier = self.get("index"), self._state.copy()
         super().step(action, into)
-        after = self.get("index")
-        short = np.flatnonzero((after > before) & (after < before + self.substeps))
-        alone = {int(place): self._by_itself(int(place), action, int(after[place] - before[place])) for place in short}
+        own = self.motion()
+        after = np.ceil(own[0])
+        short = np.flatnonzero((own[0] > before) & (own[0] < before + self.substeps))
+        alone = {place: self._by_itself(self._half, place, action, int(after[place] - before[place]))
+                 for place in map(int, short)}
+        for place in map(int, np.flatnonzero(own[0] < after)):
+            steps = int(after[place] - before[place])
+            for values, value in zip(own, self._by_itself(self, place, action, steps, earlier), strict=True):
+                values[place] = value
         self._half.go_on()
         self._half.step(action, self._unread)
-        index, other, speed = self._half.motion()
+        half = self._half.motion()
         for place, motion in alone.items():
-            other[place], speed[place], index[place] = motion
-        good = (index == 2.0 * after) & (self.get("status") != DIVERGED)
-        self._judge(np.arange(self.size), other, speed, good)
+            for values, value in zip(half, motion, strict=True):
+                values[place] = value
+        good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
+        self._judge(np.arange(self.size), own, half, good)
         into.info[-1] = self._estimate
 
     def look(self, into: Results) -> None:
@@ -253,38 +268,40 @@ class CertifiedBatch(Batch):
         self._half.start(which, angle, velocity, drawn, self._unread)
         places = np.arange(self.size) if which is None else which
         self._so_far.begin(places, self.angles()[places], self.get("v", places))
-        _, other, speed = self._half.motion()
-        self._judge(places, other, speed, np.ones(self.size, dtype=np.bool_))
+        self._judge(places, self.motion(), self._half.motion(), np.ones(self.size, dtype=np.bool_))
         into.info[-1] = self._estimate
 
-    def _judge(self, which: Places, other: Array, speed: Array, good: NDArray[np.bool_]) -> None:
+    def _judge(self, which: Places, own: Motion, half: Motion, good: NDArray[np.bool_]) -> None:
         """Update the error estimates of the environments ``which``.
 
-        ``other`` and ``speed`` are the angles and velocities of all environments at half the step; where ``good`` is
-        False, they are not comparable, and the estimate is inf for the rest of the episode.
+        ``own`` and ``half`` are the steps taken, angles and velocities of all environments, in their own runs and at
+        half the step; where ``good`` is False, they are not comparable, and the estimate is inf for the rest of the
+        episode.
         """
         self._so_far.trusted &= good
-        errors = self._so_far.estimates(
-            self._estimator, self.get("index")[None], (self.angles()[None], other[None]),
-            (self.get("v")[None], speed[None]),
-        )
+        index, angles, velocities = ((one[None], other[None]) for one, other in zip(own, half, strict=True))
+        errors = self._so_far.estimates(self._estimator, index[0], angles, velocities)
         self._estimate[which] = errors[0, 0, which]
 
-    def _by_itself(self, place: int, action: NDArray[np.floating[Any]], steps: int) -> tuple[float, float, float]:
-        """Return angle, velocity and step count of the run at half the step, for one environment that stopped early.
+    def _by_itself(
+        self, batch: Batch, place: int, action: NDArray[np.floating[Any]], steps: int, blocks: Array | None = None
+    ) -> tuple[float, float, float]:
+        """Return step count, angle and velocity of one environment that stopped early, had it not stopped.
 
-        The interpreter computes them from the start of the control step, over ``steps`` steps of full length.
+        The interpreter computes them from the start of the control step, over ``steps`` steps of full length. ``batch``
+        is this batch or that at half the step, ``blocks`` a copy of its blocks at the start of the control step, by
+        default its present ones.
         """
         if self._alone is None:
             self._alone = Machine(self._scene, self.method, self.diagnostics, "python", compensated=self.compensated)
-        machine, at, half = self._alone, np.array([place]), self._half
-        values = {**self._half_numbers, HOLD[0]: 2.0 * self.substeps}
-        parameters = [float(half.get(name, at)[0]) if name in half.layout.varying else float(values[name])
+        machine, at, parts = self._alone, np.array([place]), batch.substeps // self.substeps
+        values = {**self._half_numbers, HOLD[0]: float(batch.substeps)}
+        parameters = [float(self._half.get(name, at)[0]) if name in self._half.layout.varying else float(values[name])
                       for name in machine.numbers]
-        state = [float(value) for value in half.state(place, machine.names)]
+        state = batch.state(place, machine.names, blocks)
         control = max(-1.0, min(1.0, float(action[place])))
-        machine.run(state, parameters, control, half.h, 1, 2 * steps, math.inf, NOWHERE, UNSEEN.copy())
-        return (*motion_of(state), float(state[INDEX]))
+        machine.run(state, parameters, control, batch.h, 1, parts * steps, math.inf, NOWHERE, UNSEEN.copy())
+        return (float(state[INDEX]), *motion_of(state))
 
 
 def batch_class(diagnostics: Sequence[str]) -> type[Batch]:

@@ -36,19 +36,13 @@ def frequency(scene: Scene) -> float:
     return scene.omega0 or 1.0
 
 
-def checked_limit(value: Any, scene: Scene) -> float:
-    """Return the checked |velocity| that ends an episode [rad/s], 100 omega0 if None is given.
+def checked_limit(value: Any, scene: Scene | None = None) -> float:
+    """Return the checked |velocity| that ends a run or, if a scene is given, an episode [rad/s].
 
-    Raises SceneError unless it is a number above 0.
+    An episode's is 100 omega0 if ``value`` is None. Raises SceneError unless it is a number above 0; inf is no limit.
     """
-    return limit_of(100.0 * frequency(scene) if value is None else value)
-
-
-def limit_of(value: Any) -> float:
-    """Return the checked |velocity| that ends a run [rad/s], inf if None is given (no limit).
-
-    Raises SceneError unless it is a number above 0.
-    """
+    if value is None and scene is not None:
+        value = 100.0 * frequency(scene)
     endless = isinstance(value, (float, Many)) and value == math.inf
     return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
@@ -63,6 +57,7 @@ class Each:
         size: number of environments.
         what: the word for one environment in messages, such as "run".
         validity: check of the formulas, which is called for every scene; None for no check.
+        watched: True if ``numbers`` must serve the diagnostics "tension" and "flow".
 
     Attributes:
         scene: scene of the first environment.
@@ -81,10 +76,11 @@ class Each:
         size: int,
         what: str = "environment",
         validity: Validity | None = None,
+        watched: bool = True,
     ) -> None:
         own = {name: values for name, value in parameters.items() if (values := _sequence(value, name, size, what))}
         limits = _sequence(speed_limit, "speed_limit", size, what)
-        self._own = own
+        self._own, self._watched = own, watched
         first = {name: values[0] for name, values in own.items()}
         try:
             self.scene = build_scene(scene, damping, {**parameters, **first})
@@ -96,7 +92,7 @@ class Each:
         if validity and not own:
             validity.look(self.scene, range(size))
         if not own and not limits:
-            self.numbers: dict[str, float | Array] = {**_numbers(self.scene, speed_limit)}
+            self.numbers: dict[str, float | Array] = {**self._numbers(self.scene, speed_limit)}
             return
         self._size, self._what, self._parts = size, what, program_parts(self.scene)
         self._limits = limits or [speed_limit] * size
@@ -124,7 +120,7 @@ class Each:
             scene = self.scene.replace(**{name: Many(values[places]) for name, values in own.items()})
             if program_parts(scene) != self._parts:
                 raise SceneError("These need another program.")
-            for name, value in _numbers(scene, Many(ends[places]) if limits else self._limits[0]).items():
+            for name, value in self._numbers(scene, Many(ends[places]) if limits else self._limits[0]).items():
                 columns.setdefault(name, np.empty(self._size))[places] = plain(value)
             if validity and not validity.clear(scene, places):
                 doubtful.extend(places.tolist())
@@ -169,7 +165,7 @@ class Each:
         if program_parts(scene) != self._parts:
             names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
             raise SceneError(f"its {names} would need another program than that of the first, but all share one.")
-        return scene, _numbers(scene, self._limits[place])
+        return scene, self._numbers(scene, self._limits[place])
 
     def corners(self) -> list[Scene]:
         """Return the scenes of environment 0 and of those with the extreme values of every parameter that differs."""
@@ -185,15 +181,15 @@ class Each:
         omega0 = self.numbers["omega0"]
         return [*self.corners(), *([self.of(int(np.argmax(omega0)))] if isinstance(omega0, np.ndarray) else [])]
 
+    def _numbers(self, scene: Scene, speed_limit: Any) -> Numbers:
+        """Return the numbers of one scene that a generated program for many environments takes, by name."""
+        limit = checked_limit(speed_limit, scene)
+        numbers = numbers_of(scene, self._watched or scene.body.suspension == "wire")
+        return {**numbers, "omega0": frequency(scene), "speed_limit": limit}
+
     def of(self, place: int) -> Scene:
         """Return the scene of the environment with index ``place``."""
         return self.scene.replace(**{name: values[place] for name, values in self._own.items()})
-
-
-def _numbers(scene: Scene, speed_limit: Any) -> Numbers:
-    """Return the numbers of one scene that a generated program for many environments takes, by name."""
-    limit = checked_limit(speed_limit, scene)
-    return {**numbers_of(scene), "omega0": frequency(scene), "speed_limit": limit}
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:

@@ -18,7 +18,7 @@ def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, 
     shape, total = problem.shape, problem.sum_of(problem.torques, *roles, "torque")
     if shape.slides:
         total += f" - direction*{shape.dry}"
-    return problem.define(name, first, [*air.motion(problem), f"return {total}"], problem.forces)
+    return problem.define(name, first, [*air.motion(problem), f"return {total}"], problem.shape.forces)
 
 
 def force(problem: Problem) -> str:
@@ -45,7 +45,7 @@ def rates(problem: Problem) -> str:
             terms.append(f"-direction*{shape.dry}")
         heats = [f"-v*({' + '.join(terms)})"] if terms else []
         results.append(" + ".join([*heats, *(air.heat(problem, e) for e in slips if problem.heat_of(e) == name)]))
-    return problem.define("rates", "t, q, v", [*lines, f"return {', '.join(results)}"], problem.forces)
+    return problem.define("rates", "t, q, v", [*lines, f"return {', '.join(results)}"], problem.shape.forces)
 
 
 GAUSS = (
@@ -79,7 +79,7 @@ def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *
         more, angle, velocity = air.derivatives(problem)
         lines = [*air.motion(problem), *more]
         by_angle, by_velocity = f"{by_angle} + {angle}", f"{by_velocity} + {velocity}"
-    return problem.define(name, first, [*lines, f"return {by_angle}, {by_velocity}"], problem.forces)
+    return problem.define(name, first, [*lines, f"return {by_angle}, {by_velocity}"], problem.shape.forces)
 
 
 def mean_acceleration(problem: Problem) -> str:

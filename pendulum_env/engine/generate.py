@@ -8,13 +8,13 @@ energies are divided by the moment of inertia.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
-from pendulum_env.engine import blocks, equations, report, series, watch
-from pendulum_env.engine.advance import CALLED, adapt, advance, least_tension, stick_slip
+from pendulum_env.engine import blocks, equations, report, series, slack, watch
+from pendulum_env.engine.advance import CALLED, adapt, advance, errors_of, settle, stick_slip
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
@@ -22,6 +22,7 @@ from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, called_in, check_names, constants_of, copied, with_callees
 from pendulum_env.engine.subflows import sub_flows
 from pendulum_env.physics import elementary
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.equation import equation_text
 from pendulum_env.physics.exact.flows import flow_of
@@ -47,11 +48,13 @@ class Program:
         text: the source.
         shape: names of the arguments, quadratures and reported quantities.
         title: a name for file names and messages.
+        python_functions: functions by name that only an interpreted program can call; () for most methods.
     """
 
     text: str
     shape: Shape
     title: str
+    python_functions: tuple[tuple[str, Plain], ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,8 @@ def batch_program(
 def _program(problem: Problem) -> Program:
     """Return the program for single runs of a Problem, the equation of motion of a scene with a method."""
     loops = [run(problem.shape), report.info(problem.shape)]
-    return Program(_text(problem, loops), problem.shape, problem.title)
+    called_back = tuple(problem.method.python_functions.items())
+    return Program(_text(problem, loops), problem.shape, problem.title, python_functions=called_back)
 
 
 @lru_cache(maxsize=512)
@@ -99,7 +103,8 @@ def _batch_program(problem: Problem, varying: frozenset[str], task: Task | None)
     names = None if task is None else (task[0].__name__, task[1].__name__)
     layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, names)
     text = _text(problem, blocks.loops(layout), task or ())
-    return BatchProgram(text, problem.shape, f"{problem.title}-{'runs' if task is None else 'batch'}", layout)
+    return BatchProgram(text, problem.shape, f"{problem.title}-{'runs' if task is None else 'batch'}", layout,
+                        python_functions=tuple(problem.method.python_functions.items()))
 
 
 def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
@@ -110,7 +115,8 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     shape, method = problem.shape, problem.method
     pieces = [*_step(problem), *loops]
     flow = flow_of(problem.effects)
-    known = [*problem.functions, *([flow.function] if flow else []), *HELPERS]
+    roles = (getattr(effect, role, None) for effect in problem.effects for role in Effect.__annotations__)
+    known = [*filter(callable, roles), *([flow.function] if flow else []), *HELPERS]
     copies = with_callees([*called_in("\n".join(pieces), known), *functions])
     head = f'"""{equation_text(problem.effects)}\n\nMethod: {method.name} ({method.source}).\n"""\n'
     numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
@@ -134,7 +140,7 @@ def _step(problem: Problem) -> list[str]:
     called = (*(name for name in at_rest if name not in called), *called)
     flows, hooks = sub_flows(problem, called)
     step = unroll(
-        method, quadratures=shape.quadratures, extra=problem.forces, hooks=hooks,
+        method, quadratures=shape.quadratures, extra=problem.shape.forces, hooks=hooks,
         exact_drag=len(problem.drags) < 2, estimates=shape.adaptive, compensated=shape.compensated,
         glides=bool(shape.dry),
     )
@@ -142,13 +148,15 @@ def _step(problem: Problem) -> list[str]:
         *(WRITTEN[name](problem) for name in called if name in WRITTEN),
         *flows,
         step.replace("def ", "@inline\ndef "),
-        *([adapt(shape, method)] if shape.adaptive else []),
         *([equations.resting(problem)] if held else []),
         *([stick_slip(shape, equations.in_time(problem), held)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),
         *([watch.tension(problem)] if shape.pull else []),
-        *([least_tension(shape)] if shape.slack else []),
+        *([slack.taut(shape), slack.slack_after(shape, errors_of(method) if shape.adaptive else ())]
+          if shape.slack else []),
+        *([adapt(shape, method)] if shape.adaptive else []),
         *(watch.flow(problem) if "quality_factor" in shape.watched else []),
         advance(shape),
+        *([settle(shape)] if shape.slack and not shape.adaptive else []),
     ]

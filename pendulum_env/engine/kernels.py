@@ -8,7 +8,7 @@ import os
 import pickle
 import platform
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -51,14 +51,17 @@ def functions(program: Program, backend: Backend = "auto") -> Mapping[str, Calla
             environment variable LAB_PENDULUM_BACKEND names, else compiled or, where numba cannot be imported, Python
             with one warning.
 
-    Raises EngineError for an unknown backend, or for "compiled" where numba cannot be imported.
+    Raises EngineError for an unknown backend, or for "compiled" where numba cannot be imported or cannot compile a
+    function of Python that the program calls.
     """
-    return _functions(program, resolve(backend))
+    return _functions(program, resolve(backend, program.python_functions))
 
 
 @lru_cache(maxsize=512)
 def _functions(program: Program, backend: Literal["compiled", "python"]) -> Mapping[str, Callable[..., Any]]:
-    return interpreted(program.text, program.title) if backend == "python" else compiled(program)
+    if backend == "python":
+        return interpreted(program.text, program.title, dict(program.python_functions))
+    return compiled(program)
 
 
 def forget() -> None:
@@ -69,14 +72,21 @@ def forget() -> None:
     _warn_uncached.cache_clear()
 
 
-def resolve(backend: Backend) -> Literal["compiled", "python"]:
+def resolve(backend: Backend, called_back: Collection[Any] = ()) -> Literal["compiled", "python"]:
     """Return "compiled" or "python" for the name of a backend, which may also be "auto".
 
-    Raises EngineError for an unknown name, or for "compiled" where numba cannot be imported.
+    A program that calls functions of Python, ``called_back``, is interpreted.
+
+    Raises EngineError for an unknown name, and for "compiled" with such functions or where numba cannot be imported.
     """
     if not isinstance(backend, str) or backend not in BACKENDS:
         raise EngineError(f"There is no backend {shown(backend)}{nearest(backend, BACKENDS)}")
-    wanted = os.environ.get(VARIABLE, backend) if backend == "auto" else backend
+    if called_back and backend == "compiled":
+        raise EngineError(
+            "This integrator calls a function whose course depends on its numbers, as if, while and % make it, so that "
+            "it cannot be compiled; use backend='python' or 'auto'."
+        )
+    wanted = "python" if called_back else os.environ.get(VARIABLE, backend) if backend == "auto" else backend
     if wanted not in BACKENDS:
         raise EngineError(f"{VARIABLE} must be one of {', '.join(BACKENDS)}, not {wanted!r}.")
     return _resolved(wanted)

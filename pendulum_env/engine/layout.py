@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pendulum_env.engine import report
-from pendulum_env.engine.shape import SLACKENED, Shape, indent, joined
+from pendulum_env.engine.shape import Shape, derived, indent, joined
 
 BLOCK = 256
 """Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache."""
@@ -24,44 +24,43 @@ class Layout:
         shape: interface of the program.
         varying: names of the parameters that differ between environments.
         task: names of the task's functions, reward and lost; None for runs without a task.
+
+    Attributes derived from these:
+        numbers: names of all parameters of the generated loops, equal or not between environments.
+        shared: names of the parameters that are equal in all environments, in the order of the loops' arguments.
+        fields: names of a block's fields in the order in memory; a field holds one number per environment.
+        reports: names of the reported quantities: the entries of ``info``, or without a task of a run's record.
+        results: names of a block's results: action, observation, reward, end of episode, reported quantities.
+        moved: names of the fields that a step changes; ``side`` is computed from ``turns``.
     """
 
     shape: Shape
     varying: frozenset[str]
     task: tuple[str, str] | None
 
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Return the names of all parameters of the generated loops, equal or not between environments."""
-        return (*self.shape.numbers, *LIMITS)
+    numbers: tuple[str, ...] = derived()
+    shared: tuple[str, ...] = derived()
+    fields: tuple[str, ...] = derived()
+    reports: tuple[str, ...] = derived()
+    results: tuple[str, ...] = derived()
+    moved: tuple[str, ...] = derived()
 
-    @property
-    def shared(self) -> tuple[str, ...]:
-        """Return the names of the parameters that are equal in all environments, in the order of the loops' arguments.
-        """
-        return tuple(name for name in self.numbers if name not in self.varying)
-
-    @property
-    def fields(self) -> tuple[str, ...]:
-        """Return the names of a block's fields in the order in memory; a field holds one number per environment."""
-        memory = ("held", *self.shape.memory) if self.shape.memory else ()
-        initial = ("initial",) if self.shape.ledger else ()
-        own = tuple(name for name in self.numbers if name in self.varying)
+    def __post_init__(self) -> None:
+        """Derive the names of a block's parameters, fields and results."""
+        shape, numbers = self.shape, (*self.shape.numbers, *LIMITS)
+        own = tuple(name for name in numbers if name in self.varying)
+        shared = tuple(name for name in numbers if name not in self.varying)
         state = ("index", "q", "turns", "v", "status")
-        lost = (*self.shape.lost, *self.shape.lost_sums)
-        slackened = SLACKENED if self.shape.lenient else ()
-        return (*state, *memory, *initial, *self.shape.quadratures, *lost, *self.shape.remembered, *slackened, *own)
-
-    @property
-    def reports(self) -> tuple[str, ...]:
-        """Return the names of the reported quantities: the entries of ``info``, or without a task of a run's record."""
-        return self.shape.info if self.task else report.names_recorded(self.shape)
-
-    @property
-    def results(self) -> tuple[str, ...]:
-        """Return the names of a block's results: action, observation, reward, end of episode, reported quantities."""
+        memory = ("held", *shape.memory) if shape.memory else ()
+        initial = ("initial",) if shape.ledger else ()
+        lost = (*shape.lost, *shape.lost_sums)
+        fields = (*state, *memory, *initial, *shape.quadratures, *lost, *shape.remembered, *shape.slackened, *own)
+        reports = shape.info if self.task else report.names_recorded(shape)
         seen = (*report.SEEN, "reward", "late", "ended") if self.task else ()
-        return ("control", *seen, *self.reports)
+        results = ("control", *seen, *reports)
+        moved = tuple(name for name in shape.carried if name != "side")
+        vars(self).update(
+            numbers=numbers, shared=shared, fields=fields, reports=reports, results=results, moved=moved)
 
     def at(self, name: str) -> str:
         """Return the source of the array element that holds the field ``name`` of environment ``i`` in a block."""
@@ -78,11 +77,13 @@ class Layout:
         return [f"{name} = {places[name]}" for name in names if name in places]
 
 
-def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str]) -> str:
+def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], before: Iterable[str] = ()) -> str:
     """Write the source of a function ``name`` that runs ``lines``, the source for one environment, for all of a block.
+
+    The lines ``before`` are run once, before the loop.
     """
-    signature = joined((first,), layout.shared)
-    return "\n".join(["@inline", f"def {name}({signature}):", "    for i in range(U(n)):", *indent(lines, 2), ""])
+    head = f"def {name}({joined((first,), layout.shared)}):"
+    return "\n".join(["@inline", head, *indent(before, 1), "    for i in range(U(n)):", *indent(lines, 2), ""])
 
 
 def side_of_turns(layout: Layout) -> list[str]:

@@ -16,8 +16,10 @@ import numpy as np
 
 from integrators import Method
 from pendulum_env.common.warn import warn
-from pendulum_env.engine.machine import INDEX, TWO_PI, Machine, changes_in_a_turn, fitting
+from pendulum_env.engine.machine import BY_ANGLE, INDEX, TWO_PI, Machine, fitting
+from pendulum_env.engine.problem import moving
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.source import arguments
 from pendulum_env.engine.starts import at_most
 from pendulum_env.physics.flow import damping_rate, natural_rate, terminal_speed
 from pendulum_env.physics.scene import Scene
@@ -102,27 +104,39 @@ def fastest(scene: Scene, angle: float, velocity: float, slowed: bool) -> float:
     """
     fall = 2.0 * natural_rate(scene) * math.sin(0.5 * min(abs(angle), math.pi))
     free = math.hypot(velocity, fall)
-    return max(abs(velocity), min(free, terminal_speed(scene) / scene.body.length)) if slowed else free
+    return max(abs(velocity), min(free, terminal_speed(scene) / scene.body.reach)) if slowed else free
 
 
 def too_long(
     method: Method, scenes: Iterable[Scene], h: float, angle: float | None = None, velocity: float | None = None
 ) -> Iterator[str]:
-    """Yield a warning for the first scene in which steps of ``h`` [s] are unstable, with a remedy.
+    """Yield a warning if steps of ``h`` [s] are unstable, and one if a step may turn the rod too far (PART of a turn).
+
+    Each names the first such scene and a remedy. The speed is bounded by the energy of the start; drives and wind,
+    which may add energy, do not count. Of a scene in which the steps are unstable, only that is said.
 
     Args:
         angle, velocity: largest initial values [rad, rad/s], by default those of the scene's usual run.
     """
+    unstable = turning = ""
     for scene in scenes:
         start = scene.run.angle if angle is None else angle, scene.run.velocity if velocity is None else velocity
-        z = natural_rate(scene) * h
+        z, limit = natural_rate(scene) * h, turning_speed(method, scene, h)
+        lossy = bool(scene.of_kind("dissipative"))
+        long = fast = True
         for slowed in (False, True):
-            g = h * _damping(scene, fastest(scene, *start, slowed))
-            if (z <= SHORT[0] and g <= SHORT[1]) or not _beyond(method, scene, z, g):
+            speed = fastest(scene, *start, slowed)
+            g = h * max(damping_rate(scene, speed), damping_rate(scene, 0.0)) if lossy else 0.0
+            long = long and not (z <= SHORT[0] and g <= SHORT[1]) and _beyond(method, scene, z, g)
+            fast = fast and speed > limit
+            if not (long or fast):
                 break
-        else:
-            yield _long_step_warning(method, scene, h, z, g)
-            return
+        if long:
+            unstable = unstable or _long_step_warning(method, scene, h, z, g)
+        elif fast:
+            cause = f"from its start, a bob reaches up to {speed:.3g} rad/s"
+            turning = turning or turning_warning(scene, h, speed, cause)
+    yield from filter(None, (unstable, turning))
 
 
 def turning_speed(method: Method, scene: Scene, h: float) -> float:
@@ -130,26 +144,10 @@ def turning_speed(method: Method, scene: Scene, h: float) -> float:
 
     It is inf for an exact method, and where the torque does not change with the angle or does not repeat after a turn.
     """
-    return PART * TWO_PI / h if changes_in_a_turn(scene) and not method.exact else math.inf
-
-
-def fast_turns(
-    method: Method, scenes: Iterable[Scene], h: float, angle: float | None = None, velocity: float | None = None
-) -> Iterator[str]:
-    """Yield a warning for the first scene in which a step of ``h`` [s] may turn the rod by more than PART of a turn.
-
-    ``angle`` [rad] and ``velocity`` [rad/s] are the largest initial values, by default those of the scene's usual run.
-    The speed is bounded by the energy of the start; drives and wind, which may add energy, do not count. Nothing is
-    said of a scene in which the steps are unstable: :func:`too_long` names the step to take there.
-    """
-    for scene in scenes:
-        start = scene.run.angle if angle is None else angle, scene.run.velocity if velocity is None else velocity
-        limit = turning_speed(method, scene, h)
-        fast = all(fastest(scene, *start, slowed) > limit for slowed in (False, True))
-        if fast and not any(too_long(method, (scene,), h, *start)):
-            speed = fastest(scene, *start, True)
-            yield turning_warning(scene, h, speed, f"from its start, a bob reaches up to {speed:.3g} rad/s")
-            return
+    effects = scene.effects
+    turned = any(effect.torque and not BY_ANGLE.isdisjoint(arguments(effect.torque)) for effect in effects)
+    changes = scene.periodic and (turned or moving(effects))
+    return PART * TWO_PI / h if changes and not method.exact else math.inf
 
 
 def turning_warning(scene: Scene, h: float, speed: float, cause: str) -> str:
@@ -161,11 +159,6 @@ def turning_warning(scene: Scene, h: float, speed: float, cause: str) -> str:
         "in between is not resolved: the motion can be wrong even where the energy residual is 0. Take steps of "
         f"{at_most(h * PART / turn)} s or less, which turn it by at most {PART:g} of a turn."
     )
-
-
-def _damping(scene: Scene, speed: float) -> float:
-    """Return the largest damping rate gamma of all losses together, at angular velocities from 0 to ``speed`` [1/s]."""
-    return max(damping_rate(scene, speed), damping_rate(scene, 0.0)) if scene.of_kind("dissipative") else 0.0
 
 
 def _beyond(method: Method, scene: Scene, z: float, g: float) -> bool:

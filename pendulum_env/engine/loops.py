@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pendulum_env.engine import report, watch
-from pendulum_env.engine.advance import advanced, begin, carried
-from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, UNHELD, Shape, indent, joined
+from pendulum_env.engine.advance import advanced
+from pendulum_env.engine.calls import begin
+from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, UNSURE, Shape, indent, joined
 
 
 def _unpack(shape: Shape) -> list[str]:
@@ -45,15 +46,18 @@ def _remember(shape: Shape) -> list[str]:
 
 def _one_step(shape: Shape) -> list[str]:
     """Return the source lines of one step in the body of a loop. They leave the loop by ``break`` if the run stops."""
-    codes = (DIVERGED, *((TOO_SHORT, PAUSED) if shape.adaptive else ()), *((UNHELD,) if shape.ends_slack else ()))
+    codes = (DIVERGED, *((TOO_SHORT, PAUSED) if shape.adaptive else ()))
     fails = " or ".join(f"stop == {code}.0" for code in codes)
+    cut = shape.ends_slack
+    search = [*(["portion = 1.0"] if cut else []), f"if stop == {UNSURE}.0:", f"    {advanced(shape, 'settle')}"]
     return [
         *(_remember(shape) if shape.remembered else []),
         advanced(shape),
+        *(search if shape.slack and not shape.adaptive else []),
         f"if {fails}:",
         "    break",
-        *(f"{name} = {name}1" for name in carried(shape)),
-        "index = index + 1.0",
+        *(f"{name} = {name}1" for name in shape.carried),
+        f"index = index + {'portion' if cut else '1.0'}",
         "if stop != 0.0:",
         "    break",
     ]

@@ -14,6 +14,7 @@ import integrators
 from integrators import Method, MethodError
 from integrators.method import NEEDS
 from integrators.solving.adaptive import checked
+from integrators.solving.solve import accepted
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import watch
 from pendulum_env.engine.generate import program
@@ -26,7 +27,6 @@ from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, S
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics import random
-from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
@@ -38,6 +38,9 @@ TWO_PI = 2.0 * math.pi
 DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
 """Names of the quantities that can be computed beside the motion."""
 
+FORMAT = 1
+"""Number of the form in which machines are pickled; raised by one whenever the arguments of Machine change."""
+
 UNSEEN = np.empty(3, dtype=np.float32)
 """Array into which a run writes observations that are not used."""
 
@@ -45,47 +48,40 @@ INDEX, ANGLE, TURNS, VELOCITY, KINETIC, POTENTIAL = range(len(STATE))
 """Indices of the first entries of a state."""
 
 
+ALWAYS = frozenset({"acceleration"})
+"""Properties that every scene offers, so that a method that needs no others fits without a look at the scene."""
+BY_ANGLE, BY_VELOCITY = frozenset({"angle", "tilt"}), frozenset({"velocity", "slip", "speed"})
+"""Arguments of a torque that depends on the angle, and of one that depends on the velocity."""
+
+
 def offers(scene: Scene) -> frozenset[str]:
     """Return the properties of a scene that methods may require, as names in :data:`integrators.method.NEEDS`."""
-    offered = {"acceleration"}
+    offered = {*ALWAYS}
     losses, windy = scene.of_kind("dissipative"), moving(scene.effects)
     dry = any(effect.dry for effect in losses)
     flows = all((effect.fade if windy and slipping(effect) else effect.flow) or effect.dry for effect in losses)
     if flows and not (windy and dry):
         offered.add("split")
+    torques = [(effect, {*arguments(effect.torque)}) for effect in scene.effects if effect.torque]
     if not dry:
         offered |= {"reversible", "smooth"}
-        if not any(_by_velocity(effect) for effect in scene.effects):
+        if not any(BY_VELOCITY & names for _, names in torques):
             offered.add("velocity_free")
     known = True
-    for effect in scene.effects:
-        known &= not (_by_angle(effect) and effect.by_angle is None)
-        known &= not (_by_velocity(effect) and effect.by_velocity is None)
-        known &= not (windy and slipping(effect) and "speed" in arguments(effect.torque) and effect.by_speed is None)
+    for effect, names in torques:
+        known &= not (BY_ANGLE & names and effect.by_angle is None)
+        known &= not (BY_VELOCITY & names and effect.by_velocity is None)
+        known &= not (windy and {"slip", "speed"} <= names and effect.by_speed is None)
     if known:
         offered.add("jacobian")
-        if all(effect.mean and effect.mean_by_end for effect in scene.of_kind("conservative") if _by_angle(effect)):
+        if all(effect.mean and effect.mean_by_end for effect, names in torques
+               if effect.kind == "conservative" and BY_ANGLE & names):
             offered.add("mean")
     if flow_of(scene.effects):
         offered.add("exact_flow")
     if not untraceable(scene.effects, scene.periodic):
         offered.add("taylor")
     return frozenset(offered)
-
-
-def _by_angle(effect: Effect) -> bool:
-    """Return True if an effect's torque depends on the angle."""
-    return effect.torque is not None and not {"angle", "tilt"}.isdisjoint(arguments(effect.torque))
-
-
-def _by_velocity(effect: Effect) -> bool:
-    """Return True if an effect's torque depends on the velocity."""
-    return effect.torque is not None and not {"velocity", "slip", "speed"}.isdisjoint(arguments(effect.torque))
-
-
-def changes_in_a_turn(scene: Scene) -> bool:
-    """Return True if the torque changes while the bob turns, and repeats after a whole turn."""
-    return scene.periodic and (any(_by_angle(effect) for effect in scene.effects) or moving(scene.effects))
 
 
 def fitting(scene: Scene) -> dict[str, Method]:
@@ -95,15 +91,15 @@ def fitting(scene: Scene) -> dict[str, Method]:
 
 
 def find_method(integrator: str | Method, scene: Scene) -> Method:
-    """Return the method of this name; MethodError if it does not exist or does not fit the scene."""
+    """Return the method; MethodError if it is unknown, contradicts its declared order or does not fit the scene."""
     if isinstance(integrator, str) and integrator == "auto":
         raise MethodError(
             "integrator='auto' works only in gym.make and gym.make_vec, together with accuracy; elsewhere, choose a "
             "method and a step with lab-pendulum auto or lab-pendulum cost."
         )
-    method = integrator if isinstance(integrator, Method) else integrators.get(integrator)
-    missing = method.needs - offers(scene)
-    if missing:
+    method = accepted(integrator)
+    missing = method.needs - ALWAYS
+    if missing and (missing := missing - offers(scene)):
         wants = " and ".join(NEEDS.get(need, need) for need in sorted(missing))
         names = list(fitting(scene))
         fits = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
@@ -121,11 +117,6 @@ def check_diagnostics(diagnostics: Sequence[str]) -> tuple[str, ...]:
         raise SceneError(f"diagnostics must be a tuple of names, as in ({shown(diagnostics)},).")
     names = [one_of(name, "diagnostic", DIAGNOSTICS) for name in several(diagnostics, "diagnostics", "names")]
     return tuple(name for name in DIAGNOSTICS if name in names)
-
-
-def reported(diagnostics: Sequence[str]) -> tuple[str, ...]:
-    """Return the diagnostics that a generated program computes: all but "error", which needs a second run."""
-    return tuple(name for name in diagnostics if name != "error")
 
 
 def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: float | None) -> dict[str, float]:
@@ -147,10 +138,14 @@ def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: fl
     return {"rtol": float(tolerance.rtol), "atol": float(tolerance.atol)}
 
 
-def numbers_of(scene: Scene) -> dict[str, float]:
-    """Return all numbers of a scene that generated programs take as parameters, by name."""
-    scale = scene.gravity * scene.weight_moment
-    return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **watch.numbers(scene)}
+def numbers_of(scene: Scene, watched: bool = True) -> dict[str, float]:
+    """Return all numbers of a scene that generated programs take as parameters, by name.
+
+    With ``watched=False`` those for the pull on the suspension and for the flow past the bob are left out.
+    """
+    scale = scene.restoring
+    further = watch.numbers(scene) if watched else {}
+    return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **further}
 
 
 class Machine:
@@ -195,14 +190,14 @@ class Machine:
         self.compensated = compensated = check_compensated(compensated, rtol)
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
-        self.compiled = resolve(backend) == "compiled"
-        source = program(scene, self.method, reported(self.diagnostics), bool(self.tolerance), compensated)
+        self.compiled = resolve(backend, self.method.python_functions) == "compiled"
+        source = program(scene, self.method, self.diagnostics, bool(self.tolerance), compensated)
         generated = functions(source, backend)
         self.entry: Function = generated["run"]
         self.direct: Function = self.run if self.tolerance else self.entry
         self.info: Function = generated["info"]
         self.phi = source.shape.phi
-        values = numbers_of(scene) | self.tolerance
+        values = numbers_of(scene, bool(source.shape.pull or source.shape.watched)) | self.tolerance
         self.scale = values["scale"]
         self.drawn = source.shape.drawn
         self._pace = Pace()
@@ -217,11 +212,20 @@ class Machine:
         self.sums = {name: i for i, name in enumerate(source.shape.recorded) if name in source.shape.quadratures}
         self._at_once = self._pace.units if not self.tolerance else 0 if source.shape.remembered else 1
 
-    def __reduce__(self) -> tuple[type[Machine], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[Callable[..., Machine], tuple[Any, ...]]:
         """Return the arguments that rebuild a copied or unpickled machine; compiled functions are not pickled."""
+        return _rebuilt, (FORMAT, type(self), *self.arguments)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """Return the arguments that make an equal machine, in the order of Machine's parameters."""
         tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
-        rest = (*tolerance, self.compensated, self.hold)
-        return type(self), (self.scene, self.method, self.diagnostics, self.backend, *rest)
+        return (self.scene, self.method, self.diagnostics, self.backend, *tolerance, self.compensated, self.hold)
+
+    @property
+    def ready(self) -> bool:
+        """Return True if a run starts at once: the program is interpreted, or was compiled in this process."""
+        return not self.compiled or bool(getattr(self.entry, "signatures", ()))
 
     @property
     def accounts(self) -> bool:
@@ -365,3 +369,11 @@ def followed(
     if rest and not code:
         code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
     return out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
+
+
+def _rebuilt(form: int, kind: type[Machine], *arguments: Any) -> Machine:
+    """Return an unpickled machine from its arguments; SceneError if another version of the package has pickled it."""
+    if form != FORMAT:
+        raise SceneError(f"This machine was pickled by another version of the package, in the format {shown(form)} and "
+                         f"not {FORMAT}; make it anew from its scene and method.")
+    return kind(*arguments)

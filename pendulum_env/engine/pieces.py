@@ -8,6 +8,7 @@ holds all that a step needs from the step before.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
@@ -32,6 +33,7 @@ TAKEN = STATE.index("index")
 """Index in the state of the number of steps taken."""
 
 
+@dataclass
 class Pace:
     """Limit of the work in one compiled call, adapted to the speed so that a call takes about 0.05 s.
 
@@ -39,8 +41,7 @@ class Pace:
     step, or steps of a block of runs.
     """
 
-    def __init__(self, units: int = FEW) -> None:
-        self.units = units
+    units: int = FEW
 
     def learn(self, units: float, seconds: float) -> None:
         """Adapt the limit of the work per call, after ``units`` steps or attempts took ``seconds``.
@@ -70,7 +71,7 @@ def run_in_pieces(
         out, seen: as for ``run``.
     """
     records, total, code = len(out) > 0, rows * every, OK
-    done = int(state[TAKEN] - before[TAKEN])
+    taken = float(state[TAKEN] - before[TAKEN])
     last = np.empty((1, out.shape[1])) if records else NOWHERE
 
     def report(records: Any, observation: Any) -> int:
@@ -82,10 +83,10 @@ def run_in_pieces(
         return code if code > SLACK else checked or code
 
     try:
-        if records and not done:
+        if records and not taken:
             report(out[:1], UNREAD)
-        while done < total and code in (OK, PAUSED):
-            row, within = divmod(done, every)
+        while taken < total and code in (OK, PAUSED):
+            row, within = divmod(int(taken), every)
             complete = 0 if within else min(rows - row, pace.units // every)
             already, begun = sum(state[place] for place in work), perf_counter()
             if complete:
@@ -94,9 +95,9 @@ def run_in_pieces(
                 code = call(1, min(every - within, pace.units), NOWHERE, UNREAD)
             seconds = perf_counter() - begun
             pace.learn(pace.units if code == PAUSED else sum(state[place] for place in work) - already, seconds)
-            done = int(state[TAKEN] - before[TAKEN])
-            ended = code not in (OK, PAUSED) or done % every == 0
-            if records and not complete and ended and done > row * every:
+            taken = float(state[TAKEN] - before[TAKEN])
+            ended = code not in (OK, PAUSED) or taken % every == 0
+            if records and not complete and ended and taken > row * every:
                 code = report(last, UNREAD)
                 out[row + 1] = last[0]
         return report(NOWHERE, seen)

@@ -13,7 +13,7 @@ from typing import Any
 from integrators import Method
 from pendulum_env.engine.shape import WATCHED, Shape
 from pendulum_env.engine.source import Plain, arguments
-from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.effects import Effect, Gravity
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 
@@ -36,6 +36,9 @@ class Problem:
         diagnostics: names of the quantities reported beside the motion.
         shape: names of arguments, quadratures and reported quantities of the program.
         windy: True if there is drag in a medium that moves.
+        torques: the effects that have a torque; ``drives`` and ``drags`` are the driving and the dissipative ones among
+            them. Dry friction has no torque.
+        heats: name of a dissipative effect -> name of the quadrature (integral along a step) of its heat.
     """
 
     effects: tuple[Effect, ...] = field(compare=False)
@@ -44,37 +47,15 @@ class Problem:
     diagnostics: tuple[str, ...]
     shape: Shape
     windy: bool
-
-    @property
-    def torques(self) -> list[Effect]:
-        """Return the scene's effects that have a torque."""
-        return [effect for effect in self.effects if effect.torque]
-
-    @property
-    def drives(self) -> list[Effect]:
-        """Return the scene's drives that have a torque."""
-        return [effect for effect in self.torques if effect.kind == "drive"]
-
-    @property
-    def drags(self) -> list[Effect]:
-        """Return the scene's dissipative effects that have a torque; dry friction has none."""
-        return [effect for effect in self.torques if effect.kind == "dissipative"]
+    torques: list[Effect] = field(compare=False)
+    drives: list[Effect] = field(compare=False)
+    drags: list[Effect] = field(compare=False)
+    heats: dict[str, str] = field(compare=False)
 
     @property
     def dry(self) -> Effect | None:
         """Return the scene's effect with dry friction, or None."""
         return next((effect for effect in self.effects if effect.dry), None)
-
-    @property
-    def forces(self) -> tuple[str, ...]:
-        """Return the arguments after ``t, q, v`` of generated torque functions; dry friction adds ``direction``."""
-        return (*self.shape.extra, "direction") if self.shape.slides else self.shape.extra
-
-    @property
-    def functions(self) -> list[Plain]:
-        """Return all Python functions of the scene's effects, such as torques and potentials, which programs copy."""
-        roles = (getattr(effect, role, None) for effect in self.effects for role in Effect.__annotations__)
-        return [role for role in roles if callable(role)]
 
     @property
     def title(self) -> str:
@@ -88,7 +69,7 @@ class Problem:
 
         It is "" if the effect has no heat or if the diagnostics do not include heat.
         """
-        return "" if effect is None else _heat(effect, self.diagnostics)
+        return "" if effect is None else self.heats.get(effect.name, "")
 
     # --- text -------------------------------------------------------------------------------------------------------
 
@@ -125,18 +106,29 @@ def problem_of(
 ) -> Problem:
     """Return the Problem of a scene with a method, from which programs are generated.
 
-    Raises SceneError for the diagnostic "flow" in a medium with density but without viscosity.
+    The diagnostic "error" is left out, because it needs a second run.
+
+    Raises SceneError for the diagnostic "flow" in a medium with density but without viscosity, and for a body without a
+    width across the flow.
     """
     if "flow" in diagnostics and scene.medium.density and not scene.medium.viscosity:
         raise SceneError(
             f"The diagnostic 'flow' needs a viscosity, but that of the medium '{scene.medium.name}' is 0; set it above "
             "0, or leave 'flow' out."
         )
+    if "flow" in diagnostics and (reason := scene.body.lacks.get("flow")):
+        raise SceneError(f"The diagnostic 'flow' has no meaning for the body '{scene.body.shape}', because {reason}; "
+                         "leave 'flow' out.")
+    diagnostics = tuple(name for name in diagnostics if name != "error")
     effects, windy = scene.effects, moving(scene.effects)
-    heats = [heat for effect in effects if (heat := _heat(effect, diagnostics))]
-    works = windy or any(effect.kind == "drive" and effect.torque for effect in effects)
+    torques = [effect for effect in effects if effect.torque]
+    drives = [effect for effect in torques if effect.kind == "drive"]
+    drags = [effect for effect in torques if effect.kind == "dissipative"]
+    works = windy or bool(drives)
     accounts = not {"energy", "heat_by_effect"}.isdisjoint(diagnostics)
-    quadratures = (*(("work",) if works and accounts else ()), *dict.fromkeys(heats))
+    losses = [effect.name for effect in effects if effect.kind == "dissipative"] if accounts else []
+    heats = {name: f"heat_{name}" if "heat_by_effect" in diagnostics else "heat" for name in losses}
+    quadratures = (*(("work",) if works and accounts else ()), *dict.fromkeys(heats.values()))
     parameters, side = tuple(scene.coefficients), ("side",) if scene.periodic else ()
     control = ("control",) if any(effect.controlled for effect in effects) else ()
     held = [name for effect in effects for name in effect.memory if name in _taken(effect)]
@@ -147,13 +139,14 @@ def problem_of(
         quadratures=quadratures, memory=() if adaptive else method.memory_with(quadratures),
         dry=dry, slides=bool(dry) and not method.sub_flows, periodic=scene.periodic,
         slack=slack, lenient=slack and scene.body.slack == "warn",
+        weighed=slack and scene.periodic and not windy and [e.radial for e in effects if e.radial] == [Gravity.radial],
         ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
         adaptive=adaptive, compensated=compensated,
         watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
         remembered=tuple(name for effect in effects for name in effect.memory),
         drawn=tuple(name for effect in effects if effect.draws for name in effect.memory[-effect.draws:]),
     )
-    return Problem(effects, program_parts(scene), method, diagnostics, shape, windy)
+    return Problem(effects, program_parts(scene), method, diagnostics, shape, windy, torques, drives, drags, heats)
 
 
 def program_parts(scene: Scene) -> tuple[Any, ...]:
@@ -193,10 +186,3 @@ def may_push(effect: Effect) -> bool:
 def _taken(effect: Effect) -> set[str]:
     """Return the names of the arguments that an effect's torque and wind functions take."""
     return {name for role in (effect.torque, effect.wind_x, effect.wind_y) if role for name in arguments(role)}
-
-
-def _heat(effect: Effect, diagnostics: Sequence[str]) -> str:
-    """Return the name of the quadrature (integral along a step) of an effect's heat; "" if there is none."""
-    if effect.kind != "dissipative":
-        return ""
-    return f"heat_{effect.name}" if "heat_by_effect" in diagnostics else "heat" if "energy" in diagnostics else ""

@@ -55,14 +55,8 @@ PLACE = {"r_angle": "q + 6.283185307179586*turns", "r_velocity": "v"}
 """Local names and formulas of the unwrapped angle [rad] and the velocity [rad/s]."""
 
 
-def left_out(shape: Shape) -> dict[str, str]:
-    """Return the source formulas of the rounding remainders of angle and velocity.
-
-    There are none without compensated summation.
-    """
-    if not shape.compensated:
-        return {}
-    return {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
+REMAINDERS = {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
+"""Local names and formulas of the rounding remainders of angle and velocity, with compensated summation."""
 
 
 def energy_of(shape: Shape) -> dict[str, str]:
@@ -89,14 +83,16 @@ def ledger(shape: Shape) -> dict[str, str]:
     """Return local names and source formulas of all entries of ``info``: energy ledger, heats, other diagnostics."""
     values: dict[str, str] = {}
     if shape.ledger:
-        values = {"r_time": "index*h", **PLACE, **balance(shape), **left_out(shape)}
+        values = {"r_time": "index*h", **PLACE, **balance(shape), **(REMAINDERS if shape.compensated else {})}
     heats_of = {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
     return values | heats_of | {f"r_{name}": value for name, value in watch.values(shape).items()}
 
 
 def recorded(shape: Shape) -> dict[str, str]:
     """Return local names and source formulas of the quantities that a run records: at least motion and energies."""
-    return ledger(shape) if shape.ledger else {**PLACE, **energy_of(shape), **left_out(shape), **ledger(shape)}
+    if shape.ledger:
+        return ledger(shape)
+    return {**PLACE, **energy_of(shape), **(REMAINDERS if shape.compensated else {}), **ledger(shape)}
 
 
 FOLLOWING = ("time", "energy", "energy_residual")

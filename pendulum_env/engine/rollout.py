@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from integrators import Method, MethodError
+from integrators import Event, Method, MethodError
 from integrators.steps.compensated import LOST
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import provenance
@@ -19,6 +20,7 @@ from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
 from pendulum_env.engine.certified import with_estimates
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
+from pendulum_env.engine.motion import Traced, named_events, trace
 from pendulum_env.engine.result import Rollout as Rollout
 from pendulum_env.engine.runs import Runs
 from pendulum_env.engine.shape import LEFT_OUT
@@ -31,7 +33,7 @@ from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, whole_number
+from pendulum_env.physics.units import SceneError, naming_keywords, truth, whole_number
 
 Array = NDArray[np.float64]
 
@@ -55,7 +57,7 @@ def rollout(
     backend: Backend = "auto",
     num_threads: int | None = None,
     file: str | Path | None = None,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
     rtol: float | None = None,
     atol: float | None = None,
     compensated: bool = False,
@@ -63,6 +65,8 @@ def rollout(
     substeps: int = 1,
     seed: int = 0,
     warn: bool = True,
+    events: Any = None,
+    dense: bool = False,
     **parameters: Any,
 ) -> Rollout:
     """Simulate a pendulum scene from one initial condition, or a batch of runs from several.
@@ -96,10 +100,18 @@ def rollout(
             by bit.
         file: path of a ".npy" file to which a batch's records are written as they are computed; see
             :mod:`pendulum_env.engine.stream`.
-        progress: True shows a progress bar for a batch; a function is called with the fraction done and a word for it.
+        progress: True shows a progress bar, False none; by default a notebook shows one for batches over 1.5 s. A
+            function is called with the fraction done and the present activity.
         warn: False turns off the warnings about a start angle that is likely in degrees, about an effect's formula that
             does not hold at the speed at the bottom, about unstable steps, about steps that turn the rod by more than
             half a turn, and about an implicit equation without a solution.
+        events: names, functions ``g(t, angle, velocity)`` or :class:`integrators.Event` of either, whose changes of
+            sign are located between the steps, to rounding. Names are "turning" (zeros of the velocity), "bottom",
+            "top" and "period" (whole periods of the drive). A function may have attributes ``direction`` and
+            ``terminal``, as in SciPy's ``solve_ivp``; a run that a terminal event ends has the stop reason "event".
+            Costs some 0.1 ms per step; see :mod:`pendulum_env.engine.motion` and :mod:`integrators.solving.events`.
+        dense: True for a Rollout that can be called at any time of a single run, at the method's dense order; under dry
+            friction in pieces between stops.
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. Also ``careful``: True
             raises a SceneError in place of every warning before the run.
 
@@ -114,20 +126,31 @@ def rollout(
             every=every, control=control, diagnostics=diagnostics, speed_limit=speed_limit, backend=backend, rtol=rtol,
             atol=atol, compensated=compensated, estimate_error=estimate_error, substeps=substeps, seed=seed, warn=warn,
         )
+    watched = () if events is None else named_events(events, spec.scene)
+    dense = truth(dense, "dense")
+    if estimate_error and any(event.terminal for event in watched):
+        raise SceneError("estimate_error cannot be combined with an event that ends the run; leave one of them out.")
     telling = telling_of(progress, f"{math.prod(spec.shape)} runs")
     if spec.shape == () and file is None:
-        return run(spec)
+        return run(spec, watched, dense)
+    if dense:
+        raise SceneError("dense=True is for single runs without file=; call rollout for each run of the batch.")
+    if file is not None and watched:
+        raise SceneError("events cannot be combined with file=; leave one of them out.")
     if rtol is not None or atol is not None:
         raise MethodError("rtol and atol are for single runs without file=; batches and file= need fixed steps.")
     if spec.shape == ():
         raise SceneError("file= is for batches; give angle, velocity or a parameter as an array.")
     if num_threads is not None:
         num_threads = whole_number(num_threads, "num_threads", MOST_THREADS)
-    return _run_many(spec, num_threads, None if file is None else npy_path(file), telling)
+    result = _run_many(spec, num_threads, None if file is None else npy_path(file), telling)
+    return _with_events(spec, result, watched) if watched else result
 
 
-def run(spec: RunSpec) -> Rollout:
+def run(spec: RunSpec, events: tuple[Event, ...] = (), dense: bool = False) -> Rollout:
     """Simulate the single run that a RunSpec describes, with the warnings before and after it.
+
+    ``events`` and ``dense`` are those of :func:`rollout`.
 
     Raises MethodError for a tolerance or a compensation that the method does not support, SceneError for too many
     records.
@@ -137,16 +160,65 @@ def run(spec: RunSpec) -> Rollout:
     check_count(spec.plan.count)
     machine = spec.machine()
     spec.tell()
-    streams = Streams(spec.seeds)
-    drawn = [float(streams.uniform(FIRST)[0]) for _ in machine.drawn]
+    streams = Streams(spec.seeds) if machine.drawn else None
+    drawn = [float(streams.uniform(FIRST)[0]) for _ in machine.drawn] if streams else []
     state = machine.state(float(spec.start[0]), float(spec.start[1]), drawn)
-    start = machine.array(state)
-    rows, rest = 1 + spec.plan.steps // spec.plan.every, spec.plan.steps % spec.plan.every
-    states, reason = followed(machine, state, spec.h, rows, spec.plan.every, rest, spec.control, spec.speed_limit)
+    start, plan = machine.array(state), spec.plan
+    traced: Traced | None = None
+    if events or dense:
+        traced = trace(machine, state, spec.h, plan.steps, plan.every, spec.control, spec.speed_limit, events, dense)
+        states, reason = traced.states, traced.reason
+    else:
+        rows, rest = 1 + plan.steps // plan.every, plan.steps % plan.every
+        states, reason = followed(machine, state, spec.h, rows, plan.every, rest, spec.control, spec.speed_limit)
     spec.tell_end(machine, states, state, reason)
     counts = {name: int(state[i]) for name, i in machine.kept.items()}
     result = result_of(machine, states, reason, spec.h, counts)
+    if traced is not None:
+        result = _with_motion(result, traced)
     return with_estimates(machine, start, result, spec.control) if spec.estimate_error else result
+
+
+def _with_motion(result: Rollout, traced: Traced) -> Rollout:
+    """Return a result with the events and the dense output of its run; its last time is that of a terminal event."""
+    if traced.reason == "event":
+        result.time[-1] = traced.stopped
+        result = replace(result, stop_time=traced.stopped)
+    return replace(result, t_events=traced.t, angle_events=traced.angle, velocity_events=traced.velocity,
+                   dense=traced.dense)
+
+
+def _with_events(spec: RunSpec, result: Rollout, events: tuple[Event, ...]) -> Rollout:
+    """Return a batch's result with the events of its runs, each simulated once more by itself.
+
+    Records after a terminal event are nan.
+    """
+    assert spec.start is not None
+    runs = [run(spec.alone(i), events) for i in range(math.prod(spec.shape))]
+    stops = np.array([one.stop_time for one in runs]).reshape(spec.shape)
+    after = result.time > stops[..., None]
+
+    def by_run(name: str) -> tuple[Any, ...]:
+        """Return an object array with the results of all runs for each event."""
+        columns = [np.empty(len(runs), dtype=object) for _ in events]
+        for k, column in enumerate(columns):
+            column[:] = [getattr(one, name)[k] for one in runs]
+        return tuple(column.reshape(spec.shape) for column in columns)
+
+    def cut(values: Any) -> Any:
+        return values if values is None else np.where(after, np.nan, values)
+
+    ledger = result.ledger
+    return replace(
+        result, angle=cut(result.angle), velocity=cut(result.velocity),
+        ledger=Ledger(cut(ledger.kinetic), cut(ledger.potential), cut(ledger.work), cut(ledger.heat), ledger.initial),
+        heat_by_effect={name: cut(values) for name, values in result.heat_by_effect.items()},
+        watched={name: cut(values) for name, values in result.watched.items()},
+        lost_angle=cut(result.lost_angle), lost_velocity=cut(result.lost_velocity),
+        error_estimate=cut(result.error_estimate), velocity_error_estimate=cut(result.velocity_error_estimate),
+        stop_time=stops, stop_reason=tuple(str(one.stop_reason) for one in runs),
+        t_events=by_run("t_events"), angle_events=by_run("angle_events"), velocity_events=by_run("velocity_events"),
+    )
 
 
 def _run_many(spec: RunSpec, num_threads: int | None, path: Path | None, telling: AbstractContextManager[Progress],

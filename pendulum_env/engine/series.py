@@ -38,8 +38,8 @@ class TorqueTracer:
     Time, angle and velocity vary along a step (with ``still`` only the time); all other arguments are constants.
     """
 
-    def __init__(self, periodic: bool, still: bool = False) -> None:
-        self.trace = Trace()
+    def __init__(self, periodic: bool, still: bool = False, trace: Trace | None = None) -> None:
+        self.trace = Trace() if trace is None else trace
         self.periodic = periodic
         q, v = (self.trace.leaf("steady", name) if still else self.trace.leaf(name, 0) for name in "qv")
         self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v, "slip": v}
@@ -153,7 +153,7 @@ def series(problem: Problem) -> str:
     names = results_of_series(order, list(rates))
     ends = [f"{name} = {'0.0' if text == '0' else text}" for name, text in zip(names, results, strict=True)]
     lines = [*_with_one(writer.lines), *ends, f"return {', '.join(names)}"]
-    return problem.define("series", "t, q, v", lines, problem.forces)
+    return problem.define("series", "t, q, v", lines, problem.shape.forces)
 
 
 def _rates(problem: Problem, tracer: TorqueTracer, torques: Mapping[str, Traced]) -> dict[str, Traced]:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 from integrators.steps.compensated import LOST as LOST_PARTS
 
-OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED, UNHELD = range(9)
+OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED, UNSURE = range(9)
 STOP_REASONS = {
     DIVERGED: "diverged", SPEED_LIMIT: "speed_limit", SLACK: "slack", LOST: "fell", TOO_SHORT: "step_too_short",
-    UNHELD: "slack",
 }
 """Stop code -> name of the stop reason, for the codes that end a run.
 
 LATE (an episode's time is up) and PAUSED (an adaptive run has used up the step attempts of one call, see
-:mod:`pendulum_env.engine.pieces`) do not end a run. SLACK is a wire that goes slack in a step; UNHELD is one that is
-slack before the step, which is then not taken.
+:mod:`pendulum_env.engine.pieces`) do not end a run. Nor does UNSURE: the wire may go slack in the step, which is then
+taken again with a search for the time of slack, see :mod:`pendulum_env.engine.slack`.
 """
 
 STATE = ("index", "angle", "turns", "velocity", "kinetic", "potential")
@@ -43,7 +43,10 @@ FLOW = ("reynolds_rate", "stroke_rate", "natural_rate")
 """Further parameters of programs that compute the pull on the suspension (PULL) or the flow past the bob (FLOW)."""
 
 SLACKENED = ("slackened",)
-"""Further entry of the state with slack="warn": steps taken when the wire first went slack, 0 if it never did."""
+"""Further entry of the state with slack="warn": 1 plus the number of steps taken when the wire first went slack.
+
+The number has a fraction if the wire went slack within a step. The entry is 0 as long as the wire is taut.
+"""
 
 WATCHED = {"tension": ("tension",), "flow": ("reynolds", "keulegan_carpenter", "quality_factor")}
 """Diagnostic -> its entries of ``info``: tension [N], and three pure numbers of the flow past the bob."""
@@ -75,6 +78,11 @@ SINE_RANGE = "8e8"
 """Largest angle [rad] for which the portable sine is accurate, as source."""
 
 
+def derived() -> Any:
+    """Return a field that ``__post_init__`` computes from the others, and that is not compared."""
+    return field(init=False, repr=False, compare=False)
+
+
 @dataclass(frozen=True)
 class Shape:
     """Interface of a generated program: its arguments, quadratures, possible stops and reported quantities.
@@ -89,6 +97,7 @@ class Shape:
         slides: True if steps are divided at zeros of the velocity, because of dry friction.
         periodic: True if the torques repeat after a whole turn.
         slack: True if a wire may go slack.
+        weighed: True if no radial forces but weight and centrifugal force pull on such a wire.
         lenient: True if a run continues after the wire went slack (slack="warn").
         ledger: True if the energy ledger is reported.
         by_effect: True if the heat of every effect is reported.
@@ -97,6 +106,34 @@ class Shape:
         watched: names of the further reported quantities; see WATCHED.
         remembered: names of the effects' state variables, advanced at the start of every control step.
         drawn: names of the effects' state variables that start as random whole numbers.
+
+    Attributes derived from these:
+        ends_slack: True if a wire that goes slack ends the run.
+        accounts: True if the program computes work and heat.
+        lost: names of the rounding remainders of angle and velocity, which every step takes and returns.
+        lost_sums: names of the rounding remainders of the quadratures.
+        handed: names of the values beside the motion that a step takes and hands to the next one: a multistep method's
+            history and the rounding remainders; in adaptive steps the acceleration and the rates of the quadratures.
+        pull: names of the parameters in the formula for the pull on the suspension; none if no diagnostic or wire needs
+            the pull.
+        numbers: names of all numbers of a scene that the program takes as parameters.
+        info: names of the entries of an environment's ``info``, computed at every control step.
+        recorded: names of the recorded quantities: motion, energies, quadratures, rounding remainders, diagnostics.
+        kept: names of the state's unrecorded entries: the initial energy, and the values from which a run continues.
+            Those are the method's history and the control for which it was computed, rounding remainders, in adaptive
+            runs ADAPTED (next step size and step counts), the effects' state variables, and the number of steps taken
+            in the present control step.
+        state: names of the entries of a machine's state vector: the recorded quantities, the kept ones, "phi", and the
+            reported quantities.
+        phi: index in the state of "phi", the angle from upright; the reported quantities follow it.
+        paused: names of the values from which an adaptive run continues after a pause within a step.
+        slackened: name of the state's entry of a wire that is slack, if the run continues with it; see SLACKENED.
+        carried: names of the variables that the generated ``advance`` changes in one step, such as the angle "q": the
+            motion, a multistep method's history, and the quadratures; not the step count and ADAPTED.
+        forces: arguments after ``t, q, v`` of generated torque functions; dry friction adds ``direction``.
+        step_results: names of a step's results: the motion, what a step hands to the next one, and the quadratures.
+        params: names of the entries of ``params``, the array of a program's parameters for a single run. Adaptive runs
+            also store in it the progress of a step in which they pause.
     """
 
     parameters: tuple[str, ...]
@@ -113,94 +150,66 @@ class Shape:
     adaptive: bool = False
     compensated: bool = False
     lenient: bool = False
+    weighed: bool = False
     watched: tuple[str, ...] = ()
     remembered: tuple[str, ...] = ()
     drawn: tuple[str, ...] = ()
 
-    @property
-    def ends_slack(self) -> bool:
-        """Return True if a wire that goes slack ends the run."""
-        return self.slack and not self.lenient
+    ends_slack: bool = derived()
+    accounts: bool = derived()
+    lost: tuple[str, ...] = derived()
+    lost_sums: tuple[str, ...] = derived()
+    handed: tuple[str, ...] = derived()
+    pull: tuple[str, ...] = derived()
+    numbers: tuple[str, ...] = derived()
+    info: tuple[str, ...] = derived()
+    recorded: tuple[str, ...] = derived()
+    kept: tuple[str, ...] = derived()
+    state: tuple[str, ...] = derived()
+    phi: int = derived()
+    paused: tuple[str, ...] = derived()
+    params: tuple[str, ...] = derived()
+    slackened: tuple[str, ...] = derived()
+    carried: tuple[str, ...] = derived()
+    forces: tuple[str, ...] = derived()
+    step_results: tuple[str, ...] = derived()
 
-    @property
-    def accounts(self) -> bool:
-        """Return True if the program computes work and heat."""
-        return self.ledger or self.by_effect
+    def __post_init__(self) -> None:
+        """Derive the names of all values that a program takes, records, keeps and reports."""
+        lost = LOST_PARTS if self.compensated else ()
+        lost_sums = tuple(f"lost_{name}" for name in self.quadratures) if self.compensated else ()
+        rates = tuple(f"rate_{name}" for name in self.quadratures)
+        handed = ("a", *rates) if self.adaptive else (*self.memory, *lost)
+        step_results = ("q1", "v1", *(f"{name}1" for name in handed), *(f"d_{name}" for name in self.quadratures))
+        slackened = SLACKENED if self.lenient else ()
+        place = ("q", "turns", "side") if self.periodic else ("q",)
+        carried = (*place, "v", *self.memory, *lost, *self.quadratures, *lost_sums, *slackened)
 
-    @property
-    def lost(self) -> tuple[str, ...]:
-        """Return the names of the rounding remainders of angle and velocity; every step takes and returns them."""
-        return LOST_PARTS if self.compensated else ()
-
-    @property
-    def lost_sums(self) -> tuple[str, ...]:
-        """Return the names of the rounding remainders of the quadratures."""
-        return tuple(f"lost_{name}" for name in self.quadratures) if self.compensated else ()
-
-    @property
-    def recorded(self) -> tuple[str, ...]:
-        """Return the names of the recorded quantities: motion, energies, quadratures, rounding remainders, diagnostics.
-        """
-        return (*STATE, *self.quadratures, *self.lost, *self.watched)
-
-    @property
-    def pull(self) -> tuple[str, ...]:
-        """Return the names of the parameters in the formula for the pull on the suspension.
-
-        There are none if no diagnostic or wire needs the pull.
-        """
-        return PULL if self.slack or "tension" in self.watched else ()
-
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """Return the names of all numbers of a scene that the generated program takes as parameters."""
+        pull = PULL if self.slack or "tension" in self.watched else ()
         flow = FLOW if set(WATCHED["flow"]) & set(self.watched) else ()
-        return (*self.parameters, *OWN, *self.pull, *flow)
+        numbers = (*self.parameters, *OWN, *pull, *flow)
 
-    @property
-    def info(self) -> tuple[str, ...]:
-        """Return the names of the entries of an environment's ``info``, which a program computes at every control step.
-        """
+        ledger = (*LEDGER, *(LEFT_OUT if self.compensated else ())) if self.ledger else ()
         heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
-        left_out = LEFT_OUT if self.compensated else ()
-        return (*((*LEDGER, *left_out) if self.ledger else ()), *heats, *self.watched)
+        info = (*ledger, *heats, *self.watched)
 
-    @property
-    def state(self) -> tuple[str, ...]:
-        """Return the names of the entries of a machine's state vector.
-
-        First are the recorded quantities, then the values from which a run continues, then the reported quantities.
-        """
-        return (*self.recorded, *self.kept, "phi", *self.info)
-
-    @property
-    def kept(self) -> tuple[str, ...]:
-        """Return the names of the state's unrecorded entries: initial energy, and values from which a run continues.
-
-        The values are the method's history and the control for which it was computed, rounding remainders, in adaptive
-        runs ADAPTED (next step size and step counts), the effects' state variables, and the number of steps taken in
-        the present control step.
-        """
+        recorded = (*STATE, *self.quadratures, *lost, *self.watched)
         memory = ("held", *self.memory) if self.memory else ()
         remembered = (*self.remembered, "phase") if self.remembered else ()
-        slackened = SLACKENED if self.lenient else ()
-        return ("initial", *memory, *self.lost_sums, *(ADAPTED if self.adaptive else ()), *slackened, *remembered)
+        kept = ("initial", *memory, *lost_sums, *(ADAPTED if self.adaptive else ()), *slackened, *remembered)
 
-    @property
-    def paused(self) -> tuple[str, ...]:
-        """Return the names of the values from which an adaptive run continues after a pause within a step."""
-        rates = tuple(f"rate_{name}" for name in self.quadratures)
-        loose = ("loose",) if self.slack else ()
-        return (*PART, *rates, *self.quadratures, *loose) if self.adaptive else ()
+        loose = ("loose",) if self.lenient else ()
+        paused = (*PART, *rates, *self.quadratures, *loose) if self.adaptive else ()
+        progress = (*TOLERANCE, *BOUND, *(f"paused_{name}" for name in paused)) if self.adaptive else ()
+        params = (*numbers, *(HOLD if self.remembered else ()), *progress)
 
-    @property
-    def params(self) -> tuple[str, ...]:
-        """Return the names of the entries of ``params``, the array of a program's parameters for a single run.
-
-        Adaptive runs also store in it the progress of a step in which they pause.
-        """
-        more = (*TOLERANCE, *BOUND, *(f"paused_{name}" for name in self.paused)) if self.adaptive else ()
-        return (*self.numbers, *(HOLD if self.remembered else ()), *more)
+        vars(self).update(
+            ends_slack=self.slack and not self.lenient, accounts=self.ledger or self.by_effect, lost=lost,
+            lost_sums=lost_sums, handed=handed, pull=pull, numbers=numbers, info=info, recorded=recorded, kept=kept,
+            state=(*recorded, *kept, "phi", *info), phi=len(recorded) + len(kept), paused=paused, params=params,
+            slackened=slackened, carried=carried, step_results=step_results,
+            forces=(*self.extra, "direction") if self.slides else self.extra,
+        )
 
     @property
     def stale(self) -> str:
@@ -216,11 +225,6 @@ class Shape:
         """Return the source line that advances the state variables of effects by a control step of ``span`` [s]."""
         arguments = joined(self.remembered, ("control", "first", span), self.parameters)
         return f"{joined(tuple(f'{name}1' for name in self.remembered))}, = remember({arguments})"
-
-    @property
-    def phi(self) -> int:
-        """Return the index in the state of "phi", the angle from upright; the reported quantities follow it."""
-        return len(self.recorded) + len(self.kept)
 
 
 def indent(lines: Iterable[str], depth: int) -> list[str]:

@@ -8,6 +8,8 @@ import re
 import textwrap
 from collections.abc import Callable, Iterable
 from functools import cache
+from symtable import symtable
+from threading import Lock
 from tokenize import TokenError
 from types import FunctionType
 from typing import Any
@@ -16,6 +18,8 @@ from pendulum_env.physics.elementary import sqrt
 
 Plain = Callable[..., Any]
 """A function made with def, of floats, whose source can be copied into a program."""
+PARSING = Lock()
+"""Held while Python parses a text: in Python 3.11 threads that parse at the same time may raise a SystemError."""
 _CALL = re.compile(r"(\w+)\(")
 
 
@@ -78,21 +82,37 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
     """
     names = set(coefficients)
     taken = names & {"control", "side", "direction"}
-    defined = [node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    try:
+        tables = symtable(text, "<program>", "exec").get_children()
+    except SyntaxError as error:  # a coefficient that is an argument twice
+        twice = {name for name in names if f"'{name}'" in str(error)}
+        if not twice:
+            raise
+        raise _taken(twice) from None
+    defined = [table.get_name() for table in tables]
     for name in defined:
         if defined.count(name) > 1:
             raise SourceError(f"Two functions of the generated program have the name {name}; rename one of them.")
-    for function in ast.walk(ast.parse(text)):
-        if isinstance(function, ast.FunctionDef):
-            nodes = [node for node in ast.walk(function) if isinstance(node, ast.Name)]
-            assigned = [argument.arg for argument in function.args.args]
-            assigned += [node.id for node in nodes if isinstance(node.ctx, ast.Store)]
-            taken |= names & ({function.name} | {name for name in assigned if assigned.count(name) > 1})
+    taken |= names & {*defined}
+    starts = [table.get_lineno() - 1 for table in tables]
+    for table, start, end in zip(tables, starts, [*starts[1:], None], strict=True):
+        own = {name for name in names.intersection(table.get_identifiers()) if table.lookup(name).is_assigned()}
+        twice = {name for name in own if table.lookup(name).is_parameter()}
+        if own - twice:
+            lines = text.split("\n")[start:end]
+            with PARSING:
+                tree = ast.parse("\n".join(line for line in lines if not line.startswith("@")))
+            stored = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name)
+                      and isinstance(node.ctx, ast.Store)]
+            twice |= {name for name in own if stored.count(name) > 1}
+        taken |= twice
     if taken:
-        raise SourceError(
-            f"The coefficient name {min(taken)} is already used in the generated program; choose a longer name, "
-            "such as cubic_drag_rate."
-        )
+        raise _taken(taken)
+
+
+def _taken(names: set[str]) -> SourceError:
+    return SourceError(f"The coefficient name {min(names)} is already used in the generated program; choose a longer "
+                       "name, such as cubic_drag_rate.")
 
 
 def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
@@ -117,12 +137,10 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
 def copied(functions: Iterable[FunctionType]) -> str:
     """Write the source of copies of functions, without type annotations, because programs cannot resolve their names.
     """
-    return "\n\n".join(f"@inline\n{_plain(function)}" for function in functions)
-
-
-def _plain(function: FunctionType) -> str:
-    """Return the source of a function without annotations in its signature."""
-    lines = text_of(function).splitlines()
-    end = next(i for i, line in enumerate(lines) if line.rstrip().endswith(":"))
-    signature = f"def {function.__name__}({', '.join(arguments(function))}):"
-    return "\n".join([signature, *lines[end + 1 :]]) + "\n"
+    copies = []
+    for function in functions:
+        lines = text_of(function).splitlines()
+        end = next(i for i, line in enumerate(lines) if line.rstrip().endswith(":"))
+        signature = f"def {function.__name__}({', '.join(arguments(function))}):"
+        copies.append("\n".join(["@inline", signature, *lines[end + 1 :]]) + "\n")
+    return "\n\n".join(copies)

@@ -1,7 +1,8 @@
 """The class :class:`RunSpec`, the checked description of a run, and the warnings that are given before a run.
 
 :func:`pendulum_env.rollout`, the environments, films and studies all describe their runs by a :class:`RunSpec`. To add
-a keyword to all of them, add a field with :func:`shared`; to add a warning, add a function to :data:`BEFORE`.
+a keyword to all of them, add a field with :func:`shared`; to add a warning, add a sentence to the function of
+:data:`BEFORE` with its subject.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,7 @@ from pendulum_env.common.warn import warn
 from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.certified import CertifiedBatch, CertifiedMachine, CertifiedRuns, checked_estimate
-from pendulum_env.engine.each import Each, checked_limit, limit_of
+from pendulum_env.engine.each import Each, checked_limit
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.runs import RecordSchedule, Runs
@@ -31,7 +33,7 @@ from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import still_torque
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, truth, whole_number
+from pendulum_env.physics.units import SceneError, number, other_units, truth, whole_number
 
 Array = NDArray[np.float64]
 TURNS = 2
@@ -69,7 +71,7 @@ class RunSpec:
         integrator: the method's name, as given or chosen.
         method: the integration method.
         h: the integrator's step [s].
-        each: scenes and parameter values of many runs; None for one environment.
+        each: scenes and parameter values of many runs; None for a single run and for one environment.
         shape: shape of a batch; () for a single run.
         start: initial angles [rad] and velocities [rad/s], arrays of one shape; None for environments.
         plan: the steps to take and to record; None for environments.
@@ -149,12 +151,15 @@ class RunSpec:
         share, size = starts.checked_control(control), math.prod(shape)
         initial = (starts.given_start(angle, "angle", "rad", shape),
                    starts.given_start(velocity, "velocity", "rad/s", shape))
-        validity = Validity(size, "run", *initial, control=share != 0.0)
-        each = Each(scene, damping, math.inf, flat, size, "run", validity if own["warn"] or own["careful"] else None)
-        place, usual = each.scene, each.scene.run
+        validity = Validity(size, "run", *initial, control=share != 0.0) if own["warn"] or own["careful"] else None
+        each = Each(scene, damping, math.inf, flat, size, "run", validity) if shape else None
+        place = each.scene if each else build_scene(scene, damping, flat)
+        if validity and not each:
+            validity.look(place, (0,))
+        usual = place.run
         h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
         length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
-        steps, limit = starts.checked_steps(length, h), limit_of(speed_limit)
+        steps, limit = starts.checked_steps(length, h), checked_limit(speed_limit)
         start = starts.checked_start(place, usual.angle if angle is None else angle,
                                      usual.velocity if velocity is None else velocity)
         stride, hold = whole_number(every, "every"), whole_number(substeps, "substeps", MOST_STEPS)
@@ -165,7 +170,7 @@ class RunSpec:
             scene=place, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
             plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share, diagnostics=names,
             estimate_error=estimated, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
-            compensated=compensated, seeds=seeds, formulas=validity.warning, **own,
+            compensated=compensated, seeds=seeds, formulas=validity.warning if validity else "", **own,
         )
 
     @classmethod
@@ -199,24 +204,22 @@ class RunSpec:
         Raises SceneError or MethodError for invalid arguments.
         """
         given, own = parted(parameters)
-        validity = Validity() if size is None else Validity(size, "environment")
-        check_formulas = own["warn"] or own["careful"]
-        each, place = None, None
-        if size is None:
-            place = build_scene(scene, damping, given)
-            if check_formulas:
-                validity.look(place, (0,))
-            limit = checked_limit(speed_limit, place)
-        else:
-            each = Each(scene, damping, speed_limit, given, size, validity=validity if check_formulas else None)
-            place, limit = each.scene, math.inf
+        validity = Validity(size or 1, "environment") if own["warn"] or own["careful"] else None
+        names = check_diagnostics(diagnostics)
+        watched = not {"tension", "flow"}.isdisjoint(names)
+        each = None if size is None else Each(scene, damping, speed_limit, given, size, validity=validity,
+                                              watched=watched)
+        place = each.scene if each else build_scene(scene, damping, given)
+        if validity and not each:
+            validity.look(place, (0,))
+        limit = math.inf if each else checked_limit(speed_limit, place)
         integrator, substeps, measured = choose(each.corners if each else lambda: place)
-        method, names = find_method(integrator, place), check_diagnostics(diagnostics)
+        method = find_method(integrator, place)
         return cls(
             scene=place, integrator=integrator if isinstance(integrator, str) and measured else method.name,
             method=method, h=dt / substeps, each=each, hold=substeps, diagnostics=names,
             estimate_error="error" in names, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
-            compensated=compensated, formulas=validity.warning, measured=measured, **own,
+            compensated=compensated, formulas=validity.warning if validity else "", measured=measured, **own,
         )
 
     @classmethod
@@ -238,6 +241,12 @@ class RunSpec:
         """Return the description of the single run with index ``place`` of a batch, without an error estimate."""
         assert self.each is not None
         return replace(self, scene=self.each.of(place), each=None, estimate_error=False)
+
+    def alone(self, place: int) -> RunSpec:
+        """Return the description of the single run with index ``place`` of a batch, as a run without warnings."""
+        assert self.start is not None
+        start = tuple(np.broadcast_to(values, self.shape).ravel()[place] for values in self.start)
+        return replace(self.one(place), shape=(), start=start, seeds=(self.seeds[place],), warn=False, careful=False)
 
     # --- runners ----------------------------------------------------------------------------------------------------
 
@@ -280,25 +289,16 @@ class RunSpec:
         """Return the scene's parameters by name; in a batch, those that differ between runs are arrays."""
         return self.scene.coefficients if self.each is None else self.each.numbers
 
-    def tell(self, looks: Iterable[Callable[[RunSpec], Iterator[str]]] | None = None) -> None:
-        """Emit all warnings that are known before a run, such as that of unstable steps.
-
-        ``looks`` are the functions that yield the warnings, by default :data:`BEFORE`. If the run has ``careful=True``,
-        a SceneError is raised in place of the first warning.
-        """
-        if self.warn or self.careful:
-            for look in BEFORE if looks is None else looks:
-                self._say(look(self))
-
-    def _say(self, sentences: Iterable[str]) -> None:
-        """Emit every text in ``sentences`` as a warning.
+    def tell(self, sentences: Iterable[str] | None = None) -> None:
+        """Emit every text in ``sentences`` as a warning, by default all that is known before a run, see :data:`BEFORE`.
 
         If the run has ``careful=True``, a SceneError with the first of these texts is raised instead.
         """
-        for sentence in sentences:
-            if self.careful:
-                raise SceneError(sentence)
-            warn(sentence)
+        if self.warn or self.careful:
+            for sentence in chain.from_iterable(look(self) for look in BEFORE) if sentences is None else sentences:
+                if self.careful:
+                    raise SceneError(sentence)
+                warn(sentence)
 
     def tell_of_start(self, angle: Any, velocity: Any) -> tuple[Array, Array]:
         """Return the checked initial angle [rad] and velocity [rad/s] of an episode.
@@ -306,9 +306,15 @@ class RunSpec:
         Warn if the angle is likely in degrees.
         """
         start = starts.checked_start(self.scene, angle, velocity)
-        if self.warn or self.careful:
-            self._say(far_away(start[0]))
+        self.tell(far_away(start[0]))
         return start
+
+    def tell_of_task(self, task: str | None) -> None:
+        """Warn if no task was chosen, and the usual one, swing_up, cannot be solved, as the scene has no motor."""
+        idle = task is None and not any(effect.controlled for effect in self.scene.effects)
+        if idle:
+            self.tell([f"The scene '{self.scene.name}' has no motor, so that the usual task, swing_up, cannot be "
+                       "solved; choose task='free', or a scene with a motor, such as 'lab'."])
 
     def turning_speed(self) -> float:
         """Return the |velocity| from which a step turns the rod too far [rad/s]; inf if no warning of it is wanted.
@@ -324,17 +330,13 @@ class RunSpec:
 
         Nothing more is said if a warning before the run said it, or said that the steps are too long to be stable.
         """
-        if speed > self.turning_speed() and not any(fast_steps(self)) and not any(long_steps(self)):
+        if speed > self.turning_speed() and not any(long_steps(self)):
             warn(limits.turning_warning(self.scene, self.h, speed, f"the run has reached {speed:.3g} rad/s"))
 
-    def swiftest(self) -> Sequence[Scene]:
-        """Return the scenes in which the bob may get fastest."""
-        return (self.scene,) if self.each is None else self.each.swiftest()
-
-    def tell_of_slack(self, steps: float) -> None:
-        """Warn that the wire went slack after ``steps`` steps; do nothing for 0 steps."""
-        if steps:
-            warn(f"The wire of the scene '{self.scene.name}' goes slack at {steps * self.h:g} s; the run "
+    def tell_of_slack(self, slackened: float) -> None:
+        """Warn that the wire went slack after ``slackened - 1`` steps; do nothing if ``slackened`` is 0."""
+        if slackened:
+            warn(f"The wire of the scene '{self.scene.name}' goes slack at {(slackened - 1.0) * self.h:g} s; the run "
                  "continues as if the bob hung on a rod, which can push, because slack='warn'.")
 
     def tell_of_stop(self, reason: str, state: Sequence[float], control: float | None = None) -> bool:
@@ -369,7 +371,8 @@ class RunSpec:
             self.tell_of_stop(reason, state)
         if reason != STOP_REASONS[DIVERGED]:
             self.tell_of_turns(float(np.max(np.abs(states[:, VELOCITY]))))
-        self.tell_of_slack(int(state[machine.kept["slackened"]]) if "slackened" in machine.kept else 0)
+        if "slackened" in machine.kept:
+            self.tell_of_slack(float(state[machine.kept["slackened"]]))
 
 
 SHARED: Mapping[str, Field[Any]] = {entry.name: entry for entry in fields(RunSpec) if "shared" in entry.metadata}
@@ -398,66 +401,75 @@ def scene_and_shared(scene: SceneLike, damping: Damping, parameters: Mapping[str
 
 
 def far_away(angle: Array) -> Iterator[str]:
-    """Yield a warning if an initial angle [rad] is more than two turns from the bottom, and so likely in degrees."""
-    if np.abs(angle).max() > TURNS * math.tau:
-        far = float(angle.flat[np.argmax(np.abs(angle))])
-        yield (f"Angles are in radians: an initial angle of {far:g} rad is {far / math.tau:.3g} turns from the bottom; "
-               f"{far:g} degrees would be {math.radians(far):.4g} rad.")
+    """Yield a warning if an initial angle [rad] is likely in degrees.
+
+    That is so if it is more than two turns from the bottom, or if all angles are round numbers beyond the top, as 5.0
+    and 7.5 are. Angles that are a whole number of degrees were converted; they are only said to be far away.
+    """
+    far = float(angle.flat[np.argmax(np.abs(angle))])
+    turns, degrees = abs(far) / math.tau, math.degrees(far)
+    beyond = bool(np.all((np.abs(angle) > math.pi) & (angle * 2.0 == np.round(angle * 2.0))))
+    if turns > TURNS and abs(degrees - round(degrees)) < 1e-12 * abs(degrees):
+        yield f"An initial angle of {degrees:.10g} degrees is {turns:.3g} turns from the bottom."
+    elif turns > TURNS or beyond:
+        yield (f"Angles are in radians: an initial angle of {far:g} rad is {turns:.3g} turns from the bottom; {far:g} "
+               f"degrees would be {math.radians(far):.4g} rad.")
 
 
-def in_degrees(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if an initial angle of the run is likely in degrees."""
+def strange_numbers(spec: RunSpec) -> Iterator[str]:
+    """Yield a warning for every number that is likely in other units, or that does nothing.
+
+    These are an initial angle in degrees, sizes of the bob and gravity in centimetres, millimetres or grams, and a
+    control in a scene without a motor.
+    """
+    scene = spec.scene
     if spec.start is not None:
         yield from far_away(spec.start[0])
+    body = scene.body
+    yield from other_units(**body.sizes, gravity=scene.gravity)
+    if spec.control and not any(effect.controlled for effect in scene.effects):
+        yield (f"The scene '{scene.name}' has no motor, so that control={spec.control:g} does nothing; leave it "
+               "out, or add a motor, as in the scene 'lab'.")
 
 
-def outside_formulas(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if a formula of an effect does not hold at the speeds of the run."""
+def doubtful_formulas(spec: RunSpec) -> Iterator[str]:
+    """Yield a warning if a formula of an effect does not hold at the speeds of the run, or not in moving air.
+
+    The latter is said if a formula for still air makes the torque of all losses wrong by over INEXACT.
+    """
     if spec.formulas:
         yield spec.formulas
-
-
-def uneven_flows(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if a formula for still air makes the torque of all losses wrong by over INEXACT in moving air."""
     scene = spec.scene
     loose = [effect for effect in scene.effects if type(effect).understated is not Effect.understated]
     moved = [name for name in ("wind_rate", "gust_size", "vertical_sway", "horizontal_sway") if name in spec.numbers]
     slip = sum(float(np.max(np.abs(spec.numbers[name]))) for name in moved)
-    if not loose or not slip:
-        return
     total = sum(still_torque(effect, scene.coefficients, 0.0, slip) for effect in scene.of_kind("dissipative"))
-    for effect in loose:
+    for effect in loose if slip else ():
         factor = effect.understated(scene, slip)
         share = 1.0 + (factor - 1.0) * still_torque(effect, scene.coefficients, 0.0, slip) / total
         if share > 1.0 + INEXACT:
             yield (f"In the scene '{scene.name}', {effect.name} assumes that the air's speed grows from 0 at the pivot "
-                   f"to its value at the bob. On a pendulum at rest in air of {slip * scene.body.length:.3g} m/s, the "
+                   f"to its value at the bob. On a pendulum at rest in air of {slip * scene.body.reach:.3g} m/s, the "
                    f"true torque of {effect.name} is {factor:.3g} times that of the formula, and the true torque of "
                    f"all losses together {share:.3g} times.")
 
 
 def long_steps(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if the steps are too long for the method to be stable."""
+    """Yield warnings if the steps are too long for the method to be stable, or turn the rod too far; see :mod:`limits`.
+    """
     if spec.rtol is None and not spec.measured:
-        yield from limits.too_long(spec.method, spec.swiftest(), spec.h, *_largest(spec.start))
+        largest = [] if spec.start is None else [float(np.max(np.abs(values))) for values in spec.start]
+        scenes = (spec.scene,) if spec.each is None else spec.each.swiftest()
+        yield from limits.too_long(spec.method, scenes, spec.h, *largest)
 
 
-def fast_steps(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if the start lets a single step turn the rod by more than :data:`limits.PART` of a turn."""
-    if spec.rtol is None and not spec.measured:
-        yield from limits.fast_turns(spec.method, spec.swiftest(), spec.h, *_largest(spec.start))
+def coarse_steps(spec: RunSpec) -> Iterator[str]:
+    """Yield warnings of steps that do not resolve a drive, and of control steps too short for a multistep method.
 
-
-def _largest(start: tuple[Array, Array] | None) -> list[float]:
-    """Return the largest |angle| [rad] and |velocity| [rad/s] of a start; nothing without a start."""
-    return [] if start is None else [float(np.max(np.abs(values))) for values in start]
-
-
-def long_for_drives(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning for every drive whose phase advances by more than 0.5 rad in one step."""
-    if spec.rtol is not None or spec.measured:
-        return
-    for effect in spec.scene.effects:
+    A step advances the phase of a drive by at most 0.5 rad (RESOLVED) without a warning. The method starts anew after
+    every change of control.
+    """
+    for effect in spec.scene.effects if spec.rtol is None and not spec.measured else ():
         phase = spec.h * float(np.max(np.abs(spec.numbers[effect.beat]))) if effect.beat else 0.0
         if phase > RESOLVED:
             yield (
@@ -465,13 +477,6 @@ def long_for_drives(spec: RunSpec) -> Iterator[str]:
                 f"motion; take steps of {starts.at_most(spec.h * RESOLVED / phase)} s or less "
                 f"({math.ceil(phase / RESOLVED)} times as many substeps)."
             )
-
-
-def restarts(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if control steps have so few substeps that a multistep method loses its history too often.
-
-    The method starts anew after every change of control.
-    """
     method = spec.method
     if spec.plan is None and method.begun_by and spec.hold < starts.fewest_substeps(method, spec.scene):
         yield (
@@ -482,16 +487,5 @@ def restarts(spec: RunSpec) -> Iterator[str]:
         )
 
 
-def unused_control(spec: RunSpec) -> Iterator[str]:
-    """Yield a warning if a motor torque (``control``) is requested in a scene without a motor."""
-    if spec.control and not any(effect.controlled for effect in spec.scene.effects):
-        yield (f"The scene '{spec.scene.name}' has no motor, so that control={spec.control:g} does nothing; leave it "
-               "out, or add a motor, as in the scene 'lab'.")
-
-
-OF_METHOD = (restarts, long_steps)
-"""The warnings before a run that depend on the method."""
-BEFORE: tuple[Callable[[RunSpec], Iterator[str]], ...] = (
-    in_degrees, outside_formulas, uneven_flows, long_steps, fast_steps, long_for_drives, restarts, unused_control,
-)
-"""All warnings before a run: functions of a RunSpec that yield sentences."""
+BEFORE: tuple[Callable[[RunSpec], Iterator[str]], ...] = (strange_numbers, doubtful_formulas, long_steps, coarse_steps)
+"""All warnings before a run: functions of a RunSpec that yield sentences, one function for each subject."""

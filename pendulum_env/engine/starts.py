@@ -88,7 +88,7 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
     return q, v
 
 
-def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[Method]:
+def checked_methods(integrators: Method | Iterable[str | Method], scene: Scene) -> list[Method]:
     """Return the integration methods with these names for a scene.
 
     Raises MethodError for a method that does not fit the scene, a method named twice, and an empty list.
@@ -97,10 +97,12 @@ def checked_methods(integrators: Iterable[str | Method], scene: Scene) -> list[M
 
 
 def listed_methods(integrators: Any) -> tuple[Any, ...]:
-    """Return a tuple of method names or Methods from a sequence, a comma-separated text, or the keys of a dict.
+    """Return a tuple of method names or Methods from a sequence, a comma-separated text, one Method, or a dict's keys.
 
     Raises MethodError for any other value.
     """
+    if isinstance(integrators, Method):
+        return (integrators,)
     if isinstance(integrators, str):
         return tuple(name.strip() for name in integrators.split(","))
     try:

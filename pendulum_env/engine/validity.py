@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.many import Many, plain
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.flow import bottom_speed, terminal_speed
+from pendulum_env.physics.flow import terminal_speed
 from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ def beyond(scene: Scene, speed: float, control: bool) -> str:
     return ", ".join(faults)
 
 
+@dataclass
 class Validity:
     """Check of the formulas in the scenes of runs; ``warning`` names those that do not hold in the first such run.
 
@@ -48,12 +50,12 @@ class Validity:
         control: False if no motor torque acts.
     """
 
-    def __init__(
-        self, size: int = 1, what: str = "run", angle: Array | None = None, velocity: Array | None = None,
-        control: bool = True,
-    ) -> None:
-        self._size, self._what, self._control = size, what, control
-        self._angle, self._velocity, self.warning = angle, velocity, ""
+    size: int = 1
+    what: str = "run"
+    angle: Array | None = None
+    velocity: Array | None = None
+    control: bool = True
+    warning: str = field(default="", init=False)
 
     def clear(self, scene: Scene, places: NDArray[np.intp]) -> bool:
         """Return True if the formulas of all effects hold in the runs ``places``.
@@ -62,7 +64,7 @@ class Validity:
         """
         if self.warning or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return True
-        return not beyond(scene, Many(self._speeds(scene, places)), self._control)  # type: ignore[arg-type]
+        return not beyond(scene, Many(self._speeds(scene, places)), self.control)  # type: ignore[arg-type]
 
     def look(self, scene: Scene, places: Sequence[int]) -> None:
         """Check the effects' formulas for the runs ``places`` of one scene, and set ``warning`` if one does not hold.
@@ -70,17 +72,17 @@ class Validity:
         if self.warning or not any(type(effect).outside is not Effect.outside for effect in scene.effects):
             return
         speeds = self._speeds(scene, np.asarray(places))
-        if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
+        if not any(beyond(scene, float(speed), self.control) for speed in {speeds.min(), speeds.max()}):
             return
         speeds = self._speeds(scene, np.asarray(places), slowed=True)
-        if not any(beyond(scene, float(speed), self._control) for speed in {speeds.min(), speeds.max()}):
+        if not any(beyond(scene, float(speed), self.control) for speed in {speeds.min(), speeds.max()}):
             return
         place, speed, fault = next(
             (place, speed, fault) for place, speed in zip(places, speeds.tolist(), strict=True)
-            if (fault := beyond(scene, speed, self._control))
+            if (fault := beyond(scene, speed, self.control))
         )
-        alike = self._angle is None and self._velocity is None and len(places) == self._size
-        which = "" if alike or self._size == 1 else f"{self._what} {place} of {self._size}, in "
+        alike = self.angle is None and self.velocity is None and len(places) == self.size
+        which = "" if alike or self.size == 1 else f"{self.what} {place} of {self.size}, in "
         self.warning = (
             f"In {which}the scene '{scene.name}', up to {speed:.3g} m/s at the bottom, formulas do not hold: {fault}."
         )
@@ -90,10 +92,10 @@ class Validity:
 
         With ``slowed`` they are bounded by the terminal speed, at which drag balances gravity.
         """
-        angle = np.full(len(places), scene.run.angle) if self._angle is None else self._angle[places]
-        velocity = np.full(len(places), scene.run.velocity) if self._velocity is None else self._velocity[places]
-        start = np.abs(velocity * plain(scene.body.length))
-        speed: Array = np.hypot(start, plain(bottom_speed(scene, math.pi)) * np.sin(0.5 * angle))
+        angle = np.full(len(places), scene.run.angle) if self.angle is None else self.angle[places]
+        velocity = np.full(len(places), scene.run.velocity) if self.velocity is None else self.velocity[places]
+        start = np.abs(velocity * plain(scene.body.reach))
+        speed: Array = np.hypot(start, plain(2.0 * scene.omega0 * scene.body.reach) * np.sin(0.5 * angle))
         if slowed:
             steepest = float(np.max(np.sin(np.minimum(np.abs(angle), 0.5 * math.pi))))
             speed = np.maximum(start, np.minimum(speed, terminal_speed(scene, steepest)))

@@ -25,13 +25,13 @@ def numbers(scene: Scene) -> dict[str, float]:
     frequency omega0 [1/s].
     """
     body, omega0 = scene.body, natural_rate(scene)
-    reach = body.length * body.length / scene.inertia
+    reach = body.reach * body.reach / scene.inertia
     return {
         "swing_pull": scene.bob_mass * reach,
-        "gravity_pull": scene.bob_weight * scene.gravity * body.length / scene.inertia,
-        "pull_scale": scene.inertia / body.length,
-        "reynolds_rate": reynolds_number(body.length, body, scene.medium),
-        "stroke_rate": math.pi * body.length / (body.radius * omega0) if omega0 else 0.0,
+        "gravity_pull": scene.bob_weight * scene.gravity * body.reach / scene.inertia,
+        "pull_scale": scene.inertia / body.reach,
+        "reynolds_rate": reynolds_number(body.reach, body, scene.medium),
+        "stroke_rate": math.pi * body.reach / (body.radius * omega0) if omega0 else 0.0,
         "natural_rate": omega0,
     }
 

@@ -26,13 +26,13 @@ def run_by_hand(text: str, parameters: list[float], angle: float, h: float, step
 def test_the_text_runs_and_gives_the_bits_of_a_rollout(method: str) -> None:
     scene = SCENES["vacuum"]
     numbers = [*scene.coefficients.values(), scene.inertia, scene.gravity * scene.weight_moment]
-    angle, velocity = run_by_hand(code("vacuum", method), numbers, 0.5, 0.01, 100)
+    angle, velocity = run_by_hand(code("vacuum", method, "engine"), numbers, 0.5, 0.01, 100)
     run = rollout("vacuum", integrator=method, angle=0.5, velocity=0.0, dt=0.01, duration=1.0, backend="python")
     assert (angle, velocity) == (run.angle[-1], run.velocity[-1])
 
 
 def test_it_holds_the_scene_s_effects_and_no_others() -> None:
-    words = set(re.findall(r"\w+", code("lab", "rk4")))
+    words = set(re.findall(r"\w+", code("lab", "rk4", "engine")))
     roles = ("torque", "by_angle", "potential", "flow", "radial", "wind_x", "wind_y", "advance")
     for name, effect in EFFECTS.items():
         if not SCENES["lab"].has(name):
@@ -40,18 +40,18 @@ def test_it_holds_the_scene_s_effects_and_no_others() -> None:
             assert not words & functions, f"{name} is in the program"
     assert "gravity_torque" in words or any("gravity" in word for word in words)
     assert "heat" in words
-    assert "heat" not in set(re.findall(r"\w+", code("lab", "rk4", diagnostics=())))
-    assert "linear_drag_rate" not in code("lab", "rk4", damping="none")
+    assert "heat" not in set(re.findall(r"\w+", code("lab", "rk4", "engine", diagnostics=())))
+    assert "linear_drag_rate" not in code("lab", "rk4", "engine", damping="none")
 
 
 def test_numbers_are_arguments() -> None:
-    assert code(SCENES["vacuum"].replace(length=2.0)) == code("vacuum")
+    assert code(SCENES["vacuum"].replace(length=2.0), language="engine") == code("vacuum", language="engine")
     assert code(SCENES["vacuum"].to_dict()) == code("vacuum")
 
 
 def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(SceneError, match="language"):
-        code("lab", "rk4", "javascript")
+        code("lab", "rk4", "fortran")
     with pytest.raises(MethodError, match="does not offer"):
         code("lab", "exact")
     with pytest.raises(SceneError, match="diagnostics must be a tuple"):

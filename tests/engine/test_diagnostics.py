@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
 from scipy.special import ellipkinc
 
 import pendulum_env  # noqa: F401
@@ -124,9 +127,13 @@ OMEGA = math.sqrt(9.81 / LENGTH)
 @pytest.mark.parametrize("share", [1.5, 1.8, 2.1])
 @pytest.mark.parametrize("velocity", [1.0, -1.0])
 def test_a_wire_goes_slack_where_it_should(share: float, velocity: float) -> None:
-    """Check that a wire in a vertical circle, launched at share omega0, goes slack at 3 cos(theta) = 2 - share²."""
+    """Check that a wire in a vertical circle, launched at share omega0, goes slack at 3 cos(theta) = 2 - share².
+
+    A single run ends there; a batch has no records after it.
+    """
     h = 1e-3
     wanted = math.acos((2.0 - share**2) / 3.0)
+    time = slack_time(share)
     for shape in ((), (2,)):
         r = rollout(WIRE, angle=np.zeros(shape), velocity=velocity * share * OMEGA, dt=h, duration=1.0,
                     backend="python", diagnostics=("energy", "tension"))
@@ -134,8 +141,16 @@ def test_a_wire_goes_slack_where_it_should(share: float, velocity: float) -> Non
         assert set(np.atleast_1d(r.stop_reason)) == {"slack"}
         last = int(np.flatnonzero(np.isfinite(turned.reshape(-1, turned.shape[-1])[0]))[-1])
         one, pulls = turned.reshape(-1, turned.shape[-1])[0], slack.reshape(-1, slack.shape[-1])[0]
-        assert one[last - 1] < wanted <= one[last]
-        assert pulls[last] < 0.0 <= pulls[last - 1]
+        assert np.asarray(r.stop_time) == pytest.approx(time, abs=1e-11)
+        assert np.all(pulls[:last] > 0.0)
+        if shape:
+            assert h * last < time < h * (last + 1)
+            assert pulls[last] > 0.0
+        else:
+            assert r.time[-1] == r.stop_time
+            assert one[last] == pytest.approx(wanted, abs=2e-11)
+            assert pulls[last] == pytest.approx(0.0, abs=1e-12)
+            assert abs(r.energy_residual[-1]) < 1e-10
 
 
 def test_slower_and_faster_bobs_keep_the_wire_tight() -> None:
@@ -151,32 +166,36 @@ def test_slower_and_faster_bobs_keep_the_wire_tight() -> None:
 def slack_time(share: float) -> float:
     """Return the time at which a launch at share omega0 from the bottom reaches 3 cos(theta) = 2 - share² [s].
 
-    For a launch faster than 2 omega0 it is ``2/v0 F(theta/2, (2 omega0/v0)²)``, the elliptic integral of scipy.
+    For a launch faster than 2 omega0 it is ``2/v0 F(theta/2, (2 omega0/v0)²)``, the elliptic integral of scipy; for a
+    slower one ``F(asin(sin(theta/2)/k), k²)/omega0`` with k = v0/(2 omega0).
     """
-    angle = math.acos((2.0 - share**2) / 3.0)
-    return float(2.0 / (share * OMEGA) * ellipkinc(0.5 * angle, 4.0 / share**2))
+    angle, k = math.acos((2.0 - share**2) / 3.0), 0.5 * share
+    if k < 1.0:
+        return float(ellipkinc(math.asin(math.sin(0.5 * angle) / k), k * k) / OMEGA)
+    return float(2.0 / (share * OMEGA) * ellipkinc(0.5 * angle, 1.0 / (k * k)))
 
 
 @pytest.mark.parametrize(("h", "missing"), [(0.01, 3e-5), (0.01, 1e-7), (0.05, 1e-3), (0.05, 1e-6)])
-def test_slack_between_steps_ends_the_run_in_its_step(h: float, missing: float) -> None:
+def test_slack_between_steps_ends_the_run_at_its_time(h: float, missing: float) -> None:
     """Check that a wire is slack if the launch misses sqrt(5) omega0, that of a full circle, by ever so little.
 
-    Its pull is then below zero for less than a step. Truths: time and angle in closed form.
+    Its pull is then below zero for less than a step. Truths: time and angle in closed form; methods of high order are
+    as near as their own errors, the exact one down to rounding.
     """
     share = math.sqrt(5.0) * (1.0 - missing)
     wanted, angle = slack_time(share), math.acos((2.0 - share**2) / 3.0)
     enough = math.sqrt(5.0) * (1.0 + missing)
-    for options in ({"integrator": "dop853"}, {"integrator": "gauss6", "compensated": True}, {"integrator": "exact"},
-                    {"integrator": "dop853", "rtol": 1e-11}):
+    for options, error in (({"integrator": "dop853"}, 2e-8), ({"integrator": "gauss6", "compensated": True}, 1e-5),
+                           ({"integrator": "exact"}, 2e-11), ({"integrator": "dop853", "rtol": 1e-11}, 2e-9)):
         for shape in ((), (2,)) if "rtol" not in options else ((),):
             run = partial(rollout, WIRE, angle=np.zeros(shape), dt=h, duration=1.0, backend="python", **options)
             r = run(velocity=share * OMEGA)
             assert set(np.atleast_1d(r.stop_reason)) == {"slack"}
             (stop,) = {*np.atleast_1d(r.stop_time).tolist()}
-            assert stop - h < wanted <= stop
-            turned = np.reshape(r.angle, (-1, np.shape(r.angle)[-1]))[0]
-            last = round(stop / h)
-            assert turned[last - 1] < angle <= turned[last]
+            assert stop == pytest.approx(wanted, abs=error)
+            if not shape:
+                assert r.angle[-1] == pytest.approx(angle, abs=6.0 * error)
+                assert r.time[-1] == stop
             assert set(np.atleast_1d(run(velocity=enough * OMEGA).stop_reason)) == {""}
 
 
@@ -193,14 +212,14 @@ def test_slack_between_adaptive_steps_is_found_in_one_control_step() -> None:
 def test_a_start_with_a_slack_wire_ends_at_once(options: dict[str, Any]) -> None:
     """Check that no step is taken where the pull, L v² + g cos(theta), is negative at the start."""
     least = math.sqrt(-math.cos(2.0)) * OMEGA
-    for angle, velocity, steps in ((2.0, 0.0, 0), (2.0, 0.999 * least, 0), (2.0, 1.001 * least, 1),
-                                   (0.5 * math.pi, 0.0, 10), (-0.5 * math.pi, 0.0, 10)):
+    for angle, velocity, time in ((2.0, 0.0, 0.0), (2.0, 0.999 * least, 0.0), (2.0, 1.001 * least, 9e-5),
+                                  (0.5 * math.pi, 0.0, 1e-3), (-0.5 * math.pi, 0.0, 1e-3)):
         for shape in ((), (2,)) if "rtol" not in options else ((),):
             r = rollout(WIRE, angle=np.full(shape, angle), velocity=velocity, dt=1e-4, duration=1e-3, backend="python",
                         **options)
-            assert set(np.atleast_1d(r.stop_reason)) == {"" if steps == 10 else "slack"}
-            assert (np.atleast_1d(r.stop_time) >= steps * 1e-4 - 1e-12).all()
-            if not steps:
+            assert set(np.atleast_1d(r.stop_reason)) == {"" if time == 1e-3 else "slack"}
+            assert (np.atleast_1d(r.stop_time) >= time - 1e-12).all()
+            if not time:
                 seen = np.reshape(r.angle, (-1, np.shape(r.angle)[-1]))[0]
                 assert np.count_nonzero(np.isfinite(seen)) == 1
                 assert np.all(np.asarray(r.stop_time) == 0.0)
@@ -233,6 +252,41 @@ def test_wind_alone_can_slacken_a_wire() -> None:
     assert rollout(scene, angle=1.5, dt=0.01, duration=0.1, backend="python").stop_reason == ""
 
 
+def slack_by_scipy(pull: Callable[..., float], slope: Callable[..., float], angle: float, velocity: float) -> float:
+    """Return the time at which ``pull(t, q, v)`` falls to zero in SciPy's solution of q'' = slope(t, q, v) [s]."""
+    def zero(t: float, y: Any) -> float:
+        return pull(t, *y)
+
+    zero.terminal, zero.direction = True, -1.0  # type: ignore[attr-defined]
+    found = solve_ivp(lambda t, y: (y[1], slope(t, *y)), (0.0, 5.0), (angle, velocity), method="DOP853", rtol=1e-12,
+                      atol=1e-13, events=zero, max_step=0.01)
+    return float(found.t_events[0][0])
+
+
+@pytest.mark.parametrize("options", [{}, {"rtol": 1e-11}], ids=str)
+def test_other_radial_forces_slacken_a_wire_at_their_time(options: dict[str, Any]) -> None:
+    """Check the time of slack under drag, and on a shaken pivot: T = m (L v² + (g - b W² cos(W t)) cos(theta))."""
+    sway, rate, gamma = 0.005, 40.0, 0.4
+    pivot = WIRE.with_effects((Gravity(), VerticalDrive(sway, rate)))
+    dragged = WIRE.with_effects((Gravity(), LinearDrag(gamma)))
+
+    def weight(t: float) -> float:
+        return OMEGA**2 - sway * rate**2 * math.cos(rate * t) / LENGTH
+
+    for scene, velocity, wanted in (
+        (pivot, 1.9 * OMEGA, slack_by_scipy(lambda t, q, v: v * v + weight(t) * math.cos(q),
+                                    lambda t, q, v: -weight(t) * math.sin(q), 0.3, 1.9 * OMEGA)),
+        (dragged, 2.2 * OMEGA, slack_by_scipy(lambda t, q, v: v * v + OMEGA**2 * math.cos(q),
+                                              lambda t, q, v: -OMEGA**2 * math.sin(q) - gamma * v, 0.3, 2.2 * OMEGA)),
+    ):
+        for shape in ((), (2,)) if not options else ((),):
+            r = rollout(scene, integrator="dop853", angle=np.full(shape, 0.3), velocity=velocity, dt=0.01, duration=5.0,
+                        backend="python", **options)
+            assert set(np.atleast_1d(r.stop_reason)) == {"slack"}
+            assert np.asarray(r.stop_time) == pytest.approx(wanted, abs=1e-8)
+            assert np.nanmax(np.abs(r.energy_residual)) < 1e-8
+
+
 def test_small_angles_never_slacken_a_wire_and_are_not_asked() -> None:
     """Check that the program of small angles has no test for a slack wire, since its wire never goes slack."""
     machine = Machine(SCENES["exercise"], "rk4", backend="python")
@@ -248,8 +302,9 @@ SLACKENS = "goes slack at .* s; the run continues as if the bob hung on a rod"
 
 def test_a_lenient_wire_warns_once_and_pushes_like_a_rod() -> None:
     rod = rollout(WIRE.replace(suspension="rod"), **LOOPING, dt=0.01, duration=3.0, backend="python")
-    stops = rollout(WIRE, **LOOPING, dt=0.01, duration=3.0, backend="python").stop_time
     for angle in (0.0, [0.0, 0.01]):
+        stops = np.min(rollout(WIRE, angle=angle, velocity=1.8 * OMEGA, dt=0.01, duration=3.0,
+                               backend="python").stop_time)
         with pytest.warns(UserWarning, match=SLACKENS) as caught:
             r = rollout(LENIENT, angle=angle, velocity=1.8 * OMEGA, dt=0.01, duration=3.0, backend="python")
         assert len(caught) == 1
@@ -257,6 +312,61 @@ def test_a_lenient_wire_warns_once_and_pushes_like_a_rod() -> None:
         assert caught[0].filename == __file__
         assert np.array_equal(np.reshape(r.angle, (-1, 301))[0], rod.angle)
         assert set(np.atleast_1d(r.stop_reason)) == {""}
+
+
+@pytest.mark.parametrize("options", [{}, {"compensated": True}, {"integrator": "ab3"},
+                                     {"integrator": "dop853", "rtol": 1e-9}], ids=str)
+def test_a_lenient_wire_that_is_slack_at_the_start_warns_of_zero_seconds(options: dict[str, Any]) -> None:
+    with pytest.warns(UserWarning, match="goes slack at 0 s"):
+        rollout(LENIENT, angle=2.0, velocity=0.0, dt=0.01, duration=0.1, backend="python", **options)
+
+
+@pytest.mark.parametrize("options", [{"integrator": "ab4"}, {"integrator": "dop853", "rtol": 1e-12}], ids=str)
+def test_a_lenient_wire_tells_the_time_of_slack(options: dict[str, Any]) -> None:
+    with pytest.warns(UserWarning, match=f"goes slack at {slack_time(1.8):g} s"):
+        rollout(LENIENT, **LOOPING, dt=1e-3, duration=1.0, backend="python", **options)
+
+
+@pytest.mark.parametrize("size", [0, 2])
+def test_an_episode_ends_at_the_time_of_slack(size: int) -> None:
+    """Check time and angle of the last info of an episode, in closed form, and that its state can be restored."""
+    keywords: dict[str, Any] = {"scene": WIRE, "task": "free", "backend": "python", "integrator": "dop853", "dt": 0.05}
+    env = gym.make_vec("LabPendulum-v0", num_envs=size, **keywords) if size else gym.make("LabPendulum-v0", **keywords)
+    env.reset(seed=1, options={"angle": 0.0, "velocity": 2.1 * OMEGA})
+    action = np.zeros((size, 1) if size else (1,), dtype=np.float32)
+    ended: Any = False
+    while not np.any(ended):
+        _, _, ended, _, info = env.step(action)
+    assert np.all(np.asarray(info["time"]) == pytest.approx(slack_time(2.1), abs=1e-10))
+    assert np.all(np.asarray(info["angle"]) == pytest.approx(math.acos((2.0 - 2.1**2) / 3.0), abs=1e-9))
+    if not size:
+        env.unwrapped.set_state(env.unwrapped.get_state())  # type: ignore[attr-defined]
+
+
+def test_the_quick_look_at_a_step_overlooks_no_slack() -> None:
+    """Check on random steps that ``taut`` is true only if the pull is above zero all along SciPy's cubic.
+
+    It is also true of all steps of a swing below the horizontal and of a full circle, which then cost no cosine.
+    """
+    machine = Machine(WIRE, "exact", backend="python")
+    names = machine.run.__globals__ if "taut" in machine.run.__globals__ else machine.entry.__globals__
+    look, random, h = names["taut"], np.random.default_rng(5), 0.05
+    gravity, swing, weight = OMEGA**2, 1.0, OMEGA**2
+    seen = 0
+    for q, v, turn, v1 in random.uniform((-3.0, -20.0, -0.5, -20.0), (3.0, 20.0, 0.5, 20.0), (4000, 4)):
+        if look(0.0, q, v, q + turn, v1, h, gravity, 1.0, swing, weight):
+            seen += 1
+            curve = CubicHermiteSpline([0.0, h], [q, q + turn], [v, v1])
+            times = np.linspace(0.0, h, 201)
+            assert np.min(curve(times, 1) ** 2 * swing + weight * np.cos(curve(times))) > -1e-9
+    assert 50 < seen < 3950
+    calls: list[float] = []
+    own = names["slack_after"]
+    names["slack_after"] = lambda *given: calls.append(0.0) or own(*given)
+    for velocity in (1.3 * OMEGA, 2.4 * OMEGA):
+        machine.advance(machine.state(0.0, velocity), 0.0, 0.01, 300)
+    names["slack_after"] = own
+    assert not calls
 
 
 @pytest.mark.parametrize("size", [0, 3])

@@ -12,7 +12,7 @@ import pytest
 
 from pendulum_env import SCENES, Scene
 from pendulum_env.engine.each import Each
-from pendulum_env.engine.machine import numbers_of
+from pendulum_env.engine.machine import Machine, numbers_of
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.physics.effects.effect import Effect, Kind
@@ -141,6 +141,21 @@ def test_an_effect_of_ones_own_may_call_what_it_likes() -> None:
     scene = SCENES["vacuum"].with_effects((*SCENES["vacuum"].effects, Whirl()))
     given = {"turn": np.linspace(0.1, 1.0, SIZE), "mass": np.linspace(0.5, 2.0, SIZE)}
     check_numbers(scene, Each(scene, "scene", None, given, SIZE), given)
+
+
+@pytest.mark.parametrize("form", [0, 2, None, "1"])
+@pytest.mark.parametrize("kind", ["scene", "machine"])
+def test_scenes_and_machines_pickled_by_another_version_are_refused(
+    monkeypatch: pytest.MonkeyPatch, kind: str, form: object
+) -> None:
+    thing: object = SCENES["lab"] if kind == "scene" else Machine(SCENES["vacuum"], "rk4", backend="python")
+    place = "pendulum_env.physics.scene.FORMAT" if kind == "scene" else "pendulum_env.engine.machine.FORMAT"
+    with monkeypatch.context() as patch:
+        patch.setattr(place, form)
+        old = pickle.dumps(thing)
+    with pytest.raises(SceneError, match=f"This {kind} was pickled by another version of the package, in the format "):
+        pickle.loads(old)
+    assert type(pickle.loads(pickle.dumps(thing))) is type(thing)
 
 
 def test_a_scene_is_pickled_without_what_follows_from_it() -> None:

@@ -84,13 +84,14 @@ WIDTHS = {
 }
 """Simulated processors: the features that this machine needs for them, and their environment variables."""
 COMPILED = ("compiled", "batch", "vector environment")
-ASKED = ("lab/rk4", "driven/rk4", "sticky_bearing/velocity_verlet")
+ASKED = ("driven/rk4", "sticky_bearing/velocity_verlet")
 
 ASKING = """
 import json, sys, warnings
 sys.path.insert(0, sys.argv[1])
 warnings.simplefilter("ignore")
-import same_bits
+import quick_typing, same_bits
+quick_typing.remember_types()
 kinds, samples = json.loads(sys.argv[2])
 digests = {kind: {each: same_bits.GROUPS[same_bits.KINDS[kind]][kind](each) for each in samples} for kind in kinds}
 import numpy as np

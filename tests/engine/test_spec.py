@@ -18,8 +18,12 @@ from pendulum_env.engine.spec import SHARED, RunSpec
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
 SHORT = {"duration": 0.1, "angle": 0.1}
-ENVS = {"make": lambda folder, **given: gym.make("LabPendulum-v0", backend="python", disable_env_checker=True, **given),
-        "make_vec": lambda folder, **given: gym.make_vec("LabPendulum-v0", num_envs=2, backend="python", **given)}
+ENVS = {
+    "make": lambda folder, **given: gym.make(
+        "LabPendulum-v0", **{"backend": "python", "task": "free", "disable_env_checker": True, **given}),
+    "make_vec": lambda folder, **given: gym.make_vec(
+        "LabPendulum-v0", **{"num_envs": 2, "backend": "python", "task": "free", **given}),
+}
 RUNS: dict[str, Callable[..., Any]] = {
     "rollout": lambda folder, **given: rollout(**SHORT, backend="python", **given),
     "batch": lambda folder, **given: rollout(duration=0.1, angle=[0.1, 0.2], backend="python", **given),

@@ -109,14 +109,18 @@ def test_of_a_batch_the_first_is_named() -> None:
 
 
 def test_environments_warn_when_made() -> None:
-    (text,) = texts(lambda: pendulum_env.LabPendulumEnv(STOKES, backend="python"))
+    (text,) = texts(lambda: pendulum_env.LabPendulumEnv(STOKES, backend="python", task="free"))
     assert text.startswith("In the scene 'ball', up to 0.6 m/s")
-    (text,) = texts(lambda: pendulum_env.LabPendulumVectorEnv(3, STOKES, backend="python"))
+    (text,) = texts(lambda: pendulum_env.LabPendulumVectorEnv(3, STOKES, backend="python", task="free"))
     assert text.startswith("In the scene 'ball', up to 0.6 m/s")
     slow = ball(LinearDrag(), angle=SLOW)
-    (text,) = texts(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.7, 0.8]))
+
+    def with_radii(*radii: float) -> list[str]:
+        return texts(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", task="free", radius=radii))
+
+    (text,) = with_radii(0.05, 0.7, 0.8)
     assert text.startswith("In environment 1 of 3, in the scene 'ball', up to 0.0001")
-    assert texts(lambda: pendulum_env.LabPendulumVectorEnv(3, slow, backend="python", radius=[0.05, 0.06, 0.07])) == []
+    assert with_radii(0.05, 0.06, 0.07) == []
 
 
 def test_steps_and_resets_say_nothing_more() -> None:
@@ -140,7 +144,7 @@ def test_where_a_drive_may_make_it_faster_only_what_no_speed_helps_is_told() -> 
     idle = ball(QuadraticDrag(drag_coefficient=0.45), Motor(), angle=SLOW)
     assert len(texts(lambda: run(idle))) == 1
     assert texts(lambda: run(idle, control=0.1)) == []
-    assert texts(lambda: pendulum_env.LabPendulumEnv(idle, backend="python")) == []
+    assert texts(lambda: pendulum_env.LabPendulumEnv(idle, backend="python", task="free")) == []
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -148,8 +152,8 @@ def test_no_preset_warns_in_its_usual_run(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         run(name, duration=SCENES[name].run.dt)
-        gym.make("LabPendulum-v0", scene=name, backend="python", substeps=4)
-        gym.make_vec("LabPendulum-v0", num_envs=2, scene=name, backend="python", substeps=4)
+        gym.make("LabPendulum-v0", scene=name, backend="python", task="free", substeps=4)
+        gym.make_vec("LabPendulum-v0", num_envs=2, scene=name, backend="python", task="free", substeps=4)
 
 
 def test_an_audit_says_it_in_its_table_alone() -> None:

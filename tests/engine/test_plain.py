@@ -1,0 +1,189 @@
+"""Plain programs: they run as they are, are short, and compute what a rollout computes, up to rounding.
+
+Truths are rollouts, loops written here by hand, and scipy's DOP853 on an equation written here.
+"""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import Here
+from scipy.integrate import solve_ivp
+
+from integrators import METHODS, MethodError, from_step
+from pendulum_env import SCENES, Scene, SceneError, code, rollout
+from pendulum_env.engine.machine import fitting
+from pendulum_env.engine.plain import is_plain
+from pendulum_env.physics.effects import BearingFriction, Gravity, LinearDrag, QuadraticDrag
+from pendulum_env.physics.medium import air
+
+pytestmark = pytest.mark.usefixtures("all_interpreted")
+STEPS = 40
+LINES = 40
+"""Largest length of a program for up to four stages."""
+NAMES = [name for name, method in METHODS.items() if is_plain(method)]
+
+
+def short(scene: str | Scene) -> Scene:
+    """Return a scene whose usual run takes 40 steps."""
+    place = SCENES[scene] if isinstance(scene, str) else scene
+    return place.replace(run=replace(place.run, duration=STEPS * place.run.dt))
+
+
+def executed(program: str) -> dict[str, Any]:
+    """Return the names of a program after it has run, without a window."""
+    import matplotlib.pyplot as plt
+
+    names: dict[str, Any] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "FigureCanvasAgg is non-interactive")  # there is no window to show
+        with np.errstate():  # a program may change it
+            exec(compile(program, "<plain>", "exec"), names)
+    plt.close("all")
+    return names
+
+
+def check(scene: str | Scene, method: Any) -> str:
+    """Check that a program gives the angles and velocities of a rollout; return the program."""
+    place = short(scene)
+    program = code(place, method)
+    found = executed(program)
+    run = rollout(place, integrator=method, backend="python", warn=False)
+    assert len(found["angles"]) == STEPS + 1
+    np.testing.assert_allclose(found["angles"], run.angle, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(found["velocities"], run.velocity, rtol=1e-10, atol=1e-10)
+    return program
+
+
+@pytest.mark.parametrize("method", NAMES)
+def test_every_explicit_one_step_method_has_a_plain_program(method: str) -> None:
+    scene = "exercise_large" if method in fitting(SCENES["exercise_large"]) else "vacuum"
+    program = check(scene, method)
+    chosen = METHODS[method]
+    head = "".join(line.removeprefix("#").strip() for line in program.split("import")[0].split("\n")).replace(" ", "")
+    assert chosen.source.replace(" ", "") in head
+    assert SCENES[scene].equation().replace(" ", "") in head
+    assert "Leadingerror" in head
+
+
+FEW_STAGES = [name for name in NAMES if METHODS[name].evaluations <= 4]
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_programs_of_up_to_four_stages_are_short(scene: str) -> None:
+    """Check every scene; a splitting method with more than ten sub-flows, drags included, has as many lines more."""
+    for name in FEW_STAGES:
+        try:
+            program = code(scene, name)
+        except (MethodError, SceneError):
+            continue
+        assert program.count("\n") <= LINES + max(0, len(METHODS[name].sub_flows) - 10), name
+        assert max(map(len, program.splitlines())) <= 120, name
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet", "rk4"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_scene_has_one(scene: str, method: str) -> None:
+    place = SCENES[scene]
+    fits = method in fitting(place)
+    if fits and not any(effect.dry or effect.memory for effect in place.effects) and (
+            scene != "driven" or method != "velocity_verlet"):
+        check(scene, method)
+        return
+    with pytest.raises((MethodError, SceneError), match=r"no plain loop|does not offer|drag in moving air"):
+        code(place, method)
+
+
+def test_several_drags_are_composed_as_in_the_engine() -> None:
+    place = Scene("two drags", medium=air(20.0), run=SCENES["exercise_large"].run, effects=(
+        Gravity(), LinearDrag(gamma=0.3), QuadraticDrag(c=0.4), BearingFriction(bearing_viscosity=0.01)))
+    for method in ("velocity_verlet", "forest_ruth", "yoshida6a"):
+        assert "def quadratic_drag_flow" in check(place, method)
+
+
+def test_a_step_of_one_s_own_has_one() -> None:
+    own = from_step("omega = omega + acceleration(theta, omega)*dt\ntheta = theta + omega*dt")
+    assert "    omega = omega + acceleration(theta, omega)*dt\n    theta = theta + omega*dt\n" in check("lab", own)
+
+
+def test_the_program_of_symplectic_euler_is_the_lab_sheet_s() -> None:
+    """omega += -(Omega**2 sin(theta) + gamma omega) dt, then theta += omega dt, written by hand."""
+    place = short("exercise_large")
+    found = executed(code(place, "symplectic_euler"))
+    theta, omega, dt = place.run.angle, place.run.velocity, place.run.dt
+    for angle, velocity in zip(found["angles"], found["velocities"], strict=True):
+        assert (angle, velocity) == (pytest.approx(theta, abs=1e-14), pytest.approx(omega, abs=1e-14))
+        omega += -(place.omega0**2 * math.sin(theta) + 0.02 * omega) * dt
+        theta += omega * dt
+    assert "    omega = omega + dt*acceleration(theta, omega)\n    theta = theta + dt*omega\n" in code(place,
+                                                                                                     "symplectic_euler")
+
+
+def test_the_program_solves_the_equation_in_its_first_line() -> None:
+    place = short("water")
+    found = executed(code(place, "dopri5"))
+    values = place.coefficients
+
+    def slope(t: float, y: Any) -> list[float]:
+        speed = abs(y[1])
+        reynolds = values["sphere_reynolds_rate"] * speed
+        number = reynolds + 1e-300
+        drag = number / 24.0 * (24.0 / number * (1.0 + 0.152 * number**0.677) + 0.417 / (1.0 + 5070.0 / number**0.94))
+        rates = values["sphere_stokes_rate"] * drag + values["wire_form_rate"] * speed
+        rates += values["wire_skin_rate"] * speed ** (1.0 / 3.0)
+        return [y[1], -values["gravity_rate"] * math.sin(y[0]) - rates * y[1]]
+
+    end = STEPS * place.run.dt
+    truth = solve_ivp(slope, (0.0, end), [place.run.angle, place.run.velocity], rtol=1e-11, atol=1e-13, method="DOP853")
+    assert found["angles"][-1] == pytest.approx(truth.y[0, -1], abs=1e-7)
+
+
+# --- refusals, and the command --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["backward_euler", "ab2", "gauss4", "taylor", "discrete_gradient", "exact"])
+def test_other_methods_are_refused(method: str) -> None:
+    assert not is_plain(METHODS[method])
+    with pytest.raises(MethodError, match=rf"{method} has no plain loop, .* explicit one-step methods .* rk4"):
+        code("vacuum", method)
+    assert "def run(" in code("vacuum", method, "engine")
+
+
+def test_a_branch_of_one_s_own_and_moving_air_are_refused() -> None:
+    wrapped = from_step("omega += acceleration(theta, omega)*dt\ntheta += omega*dt\nif theta > 3: theta -= 2*math.pi")
+    with pytest.raises(MethodError, match="own_step has no plain loop"):
+        code("vacuum", wrapped)
+    with pytest.raises(SceneError, match="drag in moving air: there the plain loop is for methods that take drag as"):
+        code("driven", "velocity_verlet")
+    with pytest.raises(SceneError, match="its coulomb_friction has dry friction"):
+        code("sticky_bearing", "rk4")
+    with pytest.raises(SceneError, match="its gusts has a state of its own"):
+        code("windy", "rk4")
+
+
+def test_the_command_prints_it(run_here: Here) -> None:
+    status, printed, said = run_here("code", "--integrator", "rk4", "--scene", "exercise_large", "--set", "length=0.5")
+    assert (status, said) == (0, "")
+    assert printed == code(SCENES["exercise_large"].replace(length=0.5), "rk4")
+    assert run_here("code", "-i", "rk4", "--language", "engine")[1] == code("exercise_large", "rk4", "engine")
+    status, _, said = run_here("code", "--integrator", "gauss4")
+    assert status == 2
+    assert "use language='engine' (--language engine)" in said
+    assert "did you mean plain" in run_here("code", "--language", "plane")[2]
+
+
+@pytest.mark.slow
+def test_it_runs_as_it_is_in_a_process_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "loop.py").write_text(code(short("exercise_large"), "velocity_verlet"), encoding="utf-8")
+    done = subprocess.run([sys.executable, "-I", "loop.py"], cwd=tmp_path, capture_output=True, text=True,
+                          env={"MPLBACKEND": "svg", "PATH": "/usr/bin", "MPLCONFIGDIR": str(tmp_path)})
+    assert done.returncode == 0, done.stderr
