@@ -38,6 +38,8 @@ class RandomPolicy:
     Raises SceneError for another seed.
     """
 
+    __slots__ = ("_random",)
+
     def __init__(self, seed: int = 0) -> None:
         self._random = np.random.default_rng(whole_number(seed, "seed", least=0))
 

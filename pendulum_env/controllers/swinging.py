@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 
 SHORTEST, LONGEST = 1e-5, 1.0
 """Shortest and longest control step, times omega0."""
-BOUNDS = {"observation": (1.0, 1.0, float(np.finfo(np.float32).max)), "action": (1.0,)}
-"""Bounds of the environment's own observation and action spaces, symmetric about zero."""
 REACH = 0.25
 """The torque is reduced where full torque would supply the missing energy within this angle [rad]."""
 
@@ -89,6 +87,13 @@ class SwingUp:
             raise SceneError(f"No regulator can be computed for the scene '{self.scene.name}': the motor's torque, its "
                              "lag or the control step is too large or too small.") from None
         self._motor: Array = np.zeros(1)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set an attribute while the controller is designed; AttributeError afterwards, as it would change nothing."""
+        if "_motor" in vars(self) and name != "_motor":
+            raise AttributeError(f"{name} cannot be assigned, as the controller is designed for its scene and control "
+                                 "step; make a new one with SwingUp(scene, dt, task).")
+        super().__setattr__(name, value)
 
     def __repr__(self) -> str:
         return f"SwingUp('{self.scene.name}', dt={self.dt:g} s)"
@@ -160,11 +165,11 @@ def swing_up(env: Environment) -> SwingUp:
     """
     inner: Any = getattr(env, "unwrapped", None)
     try:
-        scene, dt, task = (_attribute(inner, name) for name in ("scene", "dt", "task"))
+        scene, dt, task, bound = (_attribute(inner, name) for name in ("scene", "dt", "task", "velocity_bound"))
         keywords = {"scene": scene, "dt": dt, "task": "swing_up" if task.name == "free" else task.name}
     except AttributeError:
         raise SceneError(f"env must be a LabPendulum environment, not {shown(env)}.") from None
-    for kind, bounds in BOUNDS.items():
+    for kind, bounds in {"observation": (1.0, 1.0, bound), "action": (1.0,)}.items():
         space = getattr(env, f"single_{kind}_space", None) or getattr(env, f"{kind}_space")
         if not _bounded(space, bounds) and not (kind == "action" and _bounded(space, (math.inf,))):
             raise SceneError(f"A wrapper of env changes the {kind}s, but the controller needs them unchanged; give it "

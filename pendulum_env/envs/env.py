@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import gymnasium
@@ -11,20 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
+from pendulum_env.common.shown import one_line
 from pendulum_env.engine.each import frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.pieces import FEW
-from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
-from pendulum_env.engine.spec import OF_METHOD, RunSpec
+from pendulum_env.engine.shape import DIVERGED, LOST, SPEED_LIMIT, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
+from pendulum_env.envs.attributes import Fixed, Portable, fix
 from pendulum_env.envs.saved import checked_random, checked_state
 from pendulum_env.envs.settings import (
     METADATA,
-    action_space,
+    START,
+    UNBOUNDED,
     checked_options,
     checked_settings,
-    observation_space,
     settled,
+    spaces_of,
 )
 from pendulum_env.envs.switch import carried, following
 from pendulum_env.films.picture import Camera
@@ -32,14 +36,14 @@ from pendulum_env.films.reel import Reel, motion
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import naming_keywords, number, whole_number
+from pendulum_env.physics.units import line, naming_keywords, number, truth, whole_number
 from pendulum_env.render import View
-from pendulum_env.tasks import TASKS
+from pendulum_env.tasks import TASKS, Task
 from pendulum_env.tasks.action import torque_share
 from pendulum_env.window import Shown, window_of
 
 
-class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
     ## Description
 
@@ -74,7 +78,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `free` starts with the scene's usual run. `swing_up` starts hanging and `balance` upright, both at random: the angle
     uniform within ±0.1 rad, the velocity within ±0.05 omega0. ``reset(options={"angle": ..., "velocity": ...})`` sets
-    the start in rad and rad/s; a number that is left out is taken from the scene's usual run.
+    the start in rad and rad/s; a number that is left out is drawn by the task, and with `free` is that of the scene's
+    usual run.
 
     ## Episode End
 
@@ -99,10 +104,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Arguments
 
     ```python
-    gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task="swing_up",
+    gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task=None,
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
              rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
-             render_panels=("apparatus", "energy"))
+             render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -118,11 +123,21 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
+    - `task`: "swing_up" (the default), "balance" or "free"; a scene without a motor needs "free".
     - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
+    - `speed_penalty`: number that is subtracted from the reward in the step in which `speed_limit` ends the episode, 0
+      by default. With a low limit, `swing_up` rewards giving up: its rewards are negative, and an episode that ends
+      early collects fewer of them. In `lab` with `speed_limit=8`, full torque along the velocity ends after 78 steps
+      with a return of -462, while :class:`pendulum_env.controllers.SwingUp` earns -555 in 500 steps without this limit
+      (means of seeds 0 to 9). `speed_penalty=1000` makes the -462 a -1462. A bob that swings up passes the bottom at
+      2 omega0, 10.5 rad/s in `lab`, so choose a limit above that.
+    - `velocity_bound`: bound of the velocity in the observation space [rad/s], `inf` for none; by default the largest
+      float32, for which Gymnasium's wrappers `RescaleObservation` and `DiscretizeObservation` cannot be used: give a
+      bound for them. The observed velocity is cut to the bound, the motion is not.
     - `render_mode`: "rgb_array", or "rgb_array_list" in `gym.make`: a list of the frames since the last `render()`; or
       "human": a window in real time. In it a person can pause (`step` waits then), take single steps, slow down, change
-      the integrator, drag the bob or type a start; `info["by_hand"]` names such a change before the step. The key H
-      lists all keys; see :class:`pendulum_env.window.live.Live`.
+      the integrator, drag the bob or type a start; `info["by_hand"]` names such a change before the step, else it is
+      "". The key H lists all keys; see :class:`pendulum_env.window.live.Live`.
     - `render_size`: pixels, one number or (width, height); `render_theme`: "light" or "dark".
     - `render_panels`: any of "apparatus", "energy" (bars), "history" (the energies of 10 s), "phase" (portrait with
       separatrix and exact orbit), "residual"; only drawn panels cost time. See :data:`pendulum_env.render.PANELS`.
@@ -147,6 +162,14 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """
 
     metadata: dict[str, Any] = METADATA
+    scene: Scene
+    integrator: str
+    dt: float
+    substeps: int
+    task: Task
+    speed_limit: float
+    omega0: float
+    render_size: tuple[int, int]
 
     def __init__(
         self,
@@ -155,7 +178,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         damping: Damping = "scene",
         dt: float = 0.02,
         substeps: int = 1,
-        task: str = "swing_up",
+        task: str | None = None,
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: float | None = None,
         render_mode: str | None = None,
@@ -167,6 +190,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         accuracy: float | None = None,
         render_theme: str = "light",
         render_panels: Sequence[str] = ("apparatus", "energy"),
+        velocity_bound: float | None = None,
+        speed_penalty: float = 0.0,
         **parameters: Any,
     ) -> None:
         names = check_diagnostics(diagnostics)
@@ -179,11 +204,16 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             )
         self._machine = self._spec.machine()
         self._spec.tell()
-        self.scene, self.integrator, self.speed_limit = self._spec.scene, self._spec.integrator, self._spec.speed_limit
-        self.dt, self.substeps, self.task = setup.dt, self._spec.hold, setup.task
-        self.render_mode, self.render_size, self.metadata = setup.render_mode, setup.render_size, setup.metadata
-        self.omega0 = frequency(self.scene)
-        self.observation_space, self.action_space = observation_space(), action_space()
+        self._spec.tell_of_task(task)
+        self._scene, self._integrator, self._task = self._spec.scene, self._spec.integrator, setup.task
+        self._dt, self._substeps, self._speed_limit = setup.dt, self._spec.hold, self._spec.speed_limit
+        self._render_mode, self._render_size = setup.render_mode, setup.render_size
+        self.metadata = {**METADATA, "render_fps": 1.0 / setup.dt}  # films run at true speed
+        self._omega0 = frequency(self._scene)
+        self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
+        bound, self.observation_space, self.action_space = spaces_of(velocity_bound)
+        self._velocity_bound = bound
+        self._bounded = bound < UNBOUNDED
 
         self._h = self._spec.h
         self._state: Any = None
@@ -193,11 +223,10 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._reel = Reel(setup.look, self.dt, "energy" in names)
         self._camera = (Camera(self._machine, self._h, self.substeps, setup.render_size, setup.look)
                         if setup.render_mode else None)
-        self.window = window_of(self._shown()) if setup.render_mode == "human" else None
-        self._made_for: dict[str, Any] = {
-            "scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
-            "substeps": self.substeps, **self._machine.tolerance, **({"compensated": True} if compensated else {}),
-        }
+        self.window = window_of(self.shown()) if setup.render_mode == "human" else None
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.scene.name}, {self.integrator}, task {self.task.name}, dt = {self.dt:g} s")
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -206,13 +235,17 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError for other options, or values that are not finite, and then changes nothing.
         """
-        asked = checked_options(options, self.scene.run, self.task)
-        start = None if asked is None else one_start(self._spec, **asked)
+        asked = checked_options(options, self._scene.run, self._task)
+        angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
-        if start is None:
-            drawn = self.np_random.random(), self.np_random.random()
-            start = one_start(self._spec, *self.task.start(*drawn, self.omega0))
-        return self._start(*start)
+        if len(asked) < len(START):
+            drawn = self._task.start(self.np_random.random(), self.np_random.random(), self._omega0)
+            angle = angle if "angle" in asked else float(drawn[0])
+            velocity = velocity if "velocity" in asked else float(drawn[1])
+        started = self._start(angle, velocity)
+        if self.window is not None:
+            self.window.began(angle, velocity)
+        return started
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode from an angle [rad] and a velocity [rad/s]."""
@@ -222,7 +255,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         info = self._info(values)
         self._reel.begin(motion(values, self._h), info)
         if self.window is not None:
-            self.window.began(angle, velocity)
+            info["by_hand"] = ""
         return observation, info
 
     def step(
@@ -239,7 +272,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self.window is not None:
             self.window.attend()
         self._share = share
-        observation, code, values = self._run(self.substeps)
+        observation, code, values = self._run(self._substeps)
         if self._slackened and not self._slack and values[self._slackened]:
             self._slack = True
             self._spec.tell_of_slack(values[self._slackened])
@@ -247,8 +280,8 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._turning = math.inf
             self._spec.tell_of_turns(abs(values[VELOCITY]))
         phi = values[self._machine.phi]
-        reward = self.task.reward(phi, values[VELOCITY] / self.omega0, share)
-        if not code and self.task.lost(phi):
+        reward = self._task.reward(phi, values[VELOCITY] / self._omega0, share)
+        if not code and self._task.lost(phi):
             code = LOST
         info = self._info(values)
         if self._camera is not None:
@@ -258,11 +291,14 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if code:
             info["stop_reason"] = STOP_REASONS[code]
             self._explain(code, values)
+            if code == SPEED_LIMIT:
+                reward -= self._penalty
         return observation, reward, code != 0, False, info
 
     def _info(self, values: list[float]) -> dict[str, Any]:
         """Return Gymnasium's info dict for the numbers of a simulation's state."""
         info: dict[str, Any] = self._machine.info(values)
+        info["stop_reason"] = ""
         if "quality_factor" in info:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
         return info
@@ -279,7 +315,9 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         machine, state = self._machine, self._state
         seen = UNSEEN.copy()
         run = machine.direct if steps <= FEW else machine.run
-        code = run(state, machine.parameters, self._share, self._h, 1, steps, self.speed_limit, NOWHERE, seen)
+        code = run(state, machine.parameters, self._share, self._h, 1, steps, self._speed_limit, NOWHERE, seen)
+        if self._bounded:
+            seen[2] = min(max(seen[2], -self._velocity_bound), self._velocity_bound)
         return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -301,7 +339,7 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def get_state(self) -> dict[str, Any]:
         """Return the complete state of the environment as a dict, from which ``set_state`` resumes bit for bit."""
         return {
-            "made_for": self._made_for,
+            "made_for": self._identity(),
             "state": None if self._state is None else [float(value) for value in self._state],
             "action": self._share,
             **self._reel.saved(),
@@ -313,18 +351,33 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises SceneError, and changes nothing, for any other state.
         """
-        values, share, trail = checked_state(saved, self._made_for, self._machine)
+        values, share, trail = checked_state(saved, self._identity(), self._machine)
         past, seen = self._reel.checked(saved)
         self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
         self._state = None if values is None else self._machine.array(values)
         self._share = share
         self._reel.restore(trail, past, seen)
 
+    def _identity(self) -> dict[str, Any]:
+        """Return the scene, method and step of the environment, which a state to be restored must have too."""
+        compensated = {"compensated": True} if self._machine.compensated else {}
+        return {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
+                "substeps": self.substeps, **self._machine.tolerance, **compensated}
+
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         """Set the attributes of a copied or unpickled environment, and let its window show this copy."""
-        vars(self).update(state)
+        super().__setstate__(state)
         if self.window is not None:
-            self.window.show(self._shown())
+            self.window.show(self.shown())
+
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Assign an attribute for a wrapper, ``SyncVectorEnv.set_attr`` or ``AsyncVectorEnv.set_attr``.
+
+        Returns True if it was assigned; with ``force`` False only attributes that exist are. Refuses a setting such as
+        the length, which would otherwise become an attribute of the wrapper, without effect.
+        """
+        setting = isinstance(getattr(type(self), line(name, "name"), None), Fixed)
+        return super().set_wrapper_attr(name, value, force=truth(force, "force") or setting)
 
     def close(self) -> None:
         """Close the environment's window, if there is one."""
@@ -333,11 +386,14 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     # --- functions for the window --------------------------------------------------------------------------
 
-    def _shown(self) -> Shown:
-        """Return the interface through which a window shows and changes this environment."""
-        assert self._camera is not None
+    def shown(self) -> Shown:
+        """Return the interface through which a window shows and changes this environment.
+
+        The environment needs a render mode.
+        """
+        assert self._camera is not None, "make the environment with render_mode='rgb_array' or 'human'"
         return Shown(self._camera.apparatus, self.dt, self._camera.size, self._camera.look, self._view,
-                     self._start_by_hand, self._another, self._take)
+                     self._start_by_hand, self._another, self._take, self._facts)
 
     def _view(self) -> View:
         """Return the numbers from which a frame of the present state is drawn."""
@@ -348,28 +404,31 @@ class LabPendulumEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Start an episode at an angle [rad] and velocity [rad/s] set in the window; SceneError for invalid ones."""
         self._start(*one_start(self._spec, angle, velocity))
 
-    def _another(self, by: int) -> Machine | None:
-        """Return the simulation (machine) with the integrator ``by`` places later in the list.
-
-        The list holds the integrators that fit the scene; None if no other fits.
+    def _another(self, to: str | int) -> Machine | None:
+        """Return the simulation (machine) with another integrator, by its name or by places in the list of those that
+        fit the scene; None if it already runs. Raises MethodError for a name that does not fit.
         """
-        return following(self._machine, by)
+        return following(self._machine, to, self._spec.backend, self._h)
+
+    def _facts(self) -> dict[str, Any]:
+        """Return the scene, the method and the step, for the provenance of a saved picture."""
+        return {"scene": self.scene.to_dict(), "method": self._machine.label, "dt": self._h}
 
     def _take(self, machine: Machine) -> None:
         """Continue the simulation from the present state with the integrator of another machine (simulator)."""
         assert self._camera is not None
         other = self._spec.with_method(machine.method)
-        other.tell(OF_METHOD)
+        other.tell(chain(coarse_steps(other), long_steps(other)))
         self._spec = other
         values = [float(value) for value in self._state]
         self._state = carried(self._machine, values, machine, self._share, self._h)
-        self._machine, self.integrator = machine, machine.method.name
+        self._machine, self._integrator = machine, machine.method.name
         self._slackened = machine.kept.get("slackened", 0)
         self._turning = other.turning_speed()
-        self._made_for = {**self._made_for, "integrator": machine.method.name}
         self._camera = Camera(machine, self._h, self.substeps, self._camera.size, self._camera.look)
 
 
+fix(LabPendulumEnv, ("omega0",))
 LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
     "{the table of tasks, as `lab-pendulum list tasks` prints it}", "\n    ".join([
         "| task | reward per step | ends |", "| --- | --- | --- |",

@@ -17,7 +17,9 @@ from pendulum_env.physics.units import SceneError, number, shown, whole_number
 KEYS = ("made_for", "state", "action", "trail", "random")
 """Keys of an environment's saved state."""
 COUNTS = ("index", "taken", "rejected", "slackened", "phase")
-"""Numbers of a state that count something and so are whole."""
+"""Numbers of a state that count something and so are whole; see FRACTIONS."""
+FRACTIONS = ("index", "slackened")
+"""Counts of steps that may have a fraction on a wire, which can go slack within a step."""
 MOST_COUNT = 2.0**53
 """Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
@@ -131,11 +133,12 @@ def _check_ranges(values: Sequence[float], machine: Machine) -> None:
         for place in range(machine.phi):
             name, value = names[place], values[first + place]
             most = MOST_WORD if name in machine.drawn else machine.hold - 1 if name == "phase" else MOST_COUNT
-            if (name in COUNTS or name in machine.drawn) and not (0.0 <= value <= most and value % 1.0 == 0.0):
+            whole = value % 1.0 == 0.0 or (name in FRACTIONS and machine.scene.body.suspension == "wire")
+            if (name in COUNTS or name in machine.drawn) and not (0.0 <= value <= most and whole):
                 raise SceneError(
                     f"{name} in a state to restore must be a whole number from 0 to {most:g}, not {value!r}."
                 )
-    if values[halves[-1] + INDEX] > len(halves) * values[INDEX]:
+    if values[halves[-1] + INDEX] > len(halves) * math.ceil(values[INDEX]):
         raise SceneError("half_index in a state to restore must be at most twice index.")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,8 +16,10 @@ from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
 from pendulum_env.render import FrameStyle
-from pendulum_env.tasks import Task, find_task
+from pendulum_env.tasks import USUAL_TASK, Task, find_task
 
+UNBOUNDED = float(np.finfo(np.float32).max)
+"""Bound of the observed velocity by default: the largest float32, because checkers warn at inf [rad/s]."""
 START = ("angle", "velocity")
 """Names of the options of ``reset``."""
 MOST_SUBSTEPS = 10**9
@@ -31,11 +34,10 @@ class Settings:
     """Checked settings of an environment.
 
     Attributes:
-        dt: control step [s]; ``h``: the integrator's step [s].
+        dt: control step [s].
         substeps: number of integrator steps in a control step.
         task: the task, which defines reward, start and end of an episode.
         render_mode, render_size, look: mode of ``render``, its frame size [px], and its theme and panels.
-        many: True for a vector environment.
     """
 
     dt: float
@@ -44,17 +46,6 @@ class Settings:
     render_mode: str | None
     render_size: tuple[int, int]
     look: FrameStyle
-    many: bool = False
-
-    @property
-    def h(self) -> float:
-        """Step of the integrator [s]."""
-        return self.dt / self.substeps
-
-    @property
-    def metadata(self) -> dict[str, Any]:
-        """Gymnasium's metadata of the environment, with the frame rate at which its films run at true speed."""
-        return {**(MANY if self.many else METADATA), "render_fps": 1.0 / self.dt}
 
 
 def checked_settings(
@@ -67,7 +58,7 @@ def checked_settings(
     """
     step = number(dt, "dt", above=0.0, unit="s")
     count = whole_number(substeps, "substeps", MOST_SUBSTEPS)
-    aim = find_task(task)
+    aim = find_task(USUAL_TASK if task is None else task)
     if render_mode is not None:
         one_of(render_mode, "render_mode", RENDER_MODES)
         if many and render_mode == "human":
@@ -77,7 +68,7 @@ def checked_settings(
             )
     size = checked_size(render_size, "render_size")
     look = checked_look(render_theme, render_panels, diagnostics)
-    return Settings(step, count, aim, render_mode, size, look, many)
+    return Settings(step, count, aim, render_mode, size, look)
 
 
 def settled(
@@ -99,31 +90,34 @@ def settled(
     return choice.name, choice.substeps, True
 
 
-def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any] | None:
-    """Return the start angle and velocity from the options of ``reset``; None if the task draws them at random.
+def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any]:
+    """Return the start angle and velocity from the options of ``reset``; the task draws what is missing at random.
 
-    A number that the options leave out is taken from the scene's usual run. Raises SceneError for unknown options.
+    If the task draws no start, what the options leave out is taken from the scene's usual run. Raises SceneError for
+    unknown options.
     """
     if not (options is None or isinstance(options, Mapping)):
         raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
-    if not options and task.centre is not None:
-        return None
-    given = options or {}
+    given = dict(options or {})
     for name in given:
         if name not in START:
             raise SceneError(f"reset has no option {shown(name)}{nearest(name, START)}")
-    return {name: given.get(name, getattr(run, name)) for name in START}
+    return given if task.centre is not None else {name: given.get(name, getattr(run, name)) for name in START}
 
 
-def observation_space() -> Any:
-    """Return the observation space: cosine and sine of the angle, and the angular velocity [rad/s]."""
-    high = np.array([1.0, 1.0, np.finfo(np.float32).max], dtype=np.float32)
-    return spaces.Box(-high, high, dtype=np.float32)
+def spaces_of(bound: Any) -> tuple[float, Any, Any]:
+    """Return the checked bound of the observed velocity [rad/s], the observation space and the action space.
 
-
-def action_space() -> Any:
-    """Return the action space: the fraction of the motor's torque, from -1 to 1."""
-    return spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
+    The bound is the largest float32 if none is given; bounds beyond the largest float32 are infinite. An observation is
+    cosine and sine of the angle, and the velocity; an action is the fraction of the motor's torque, from -1 to 1.
+    Raises SceneError for what is no bound.
+    """
+    most = UNBOUNDED if bound is None else bound
+    if not (isinstance(most, float) and most == math.inf):
+        most = number(most, "velocity_bound", above=0.0, unit="rad/s")
+    most = most if most <= UNBOUNDED else math.inf
+    high = np.array([1.0, 1.0, most], dtype=np.float32)
+    return most, spaces.Box(-high, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 
 def batched(space: Any, size: int) -> Any:

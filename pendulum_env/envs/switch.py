@@ -9,8 +9,8 @@ from typing import Any
 from integrators import MethodError
 from pendulum_env.engine.certificate import ESTIMATE
 from pendulum_env.engine.generate import program
-from pendulum_env.engine.kernels import interpreted
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine, fitting, reported
+from pendulum_env.engine.kernels import Backend, interpreted
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine, fitting
 from pendulum_env.engine.wrap import side_of
 
 ANEW = ("size",)
@@ -19,22 +19,39 @@ HALF = "half_"
 """Prefix of the entries of a state that belong to a second run at half the step."""
 
 
-def following(machine: Machine, by: int) -> Machine | None:
-    """Return a simulation (machine) with another method, ``by`` places later in the list of methods that fit the scene.
+INTERPRETED = 5e-4
+"""Shortest step [s] with which interpreted steps keep up with the clock of a window."""
 
-    Methods that do not support the machine's tolerance or compensation are skipped. None if no other method fits.
+
+def following(machine: Machine, to: str | int, backend: Backend, h: float) -> Machine | None:
+    """Return a simulation (machine) with another method: that named ``to``, or that ``to`` places later in the list.
+
+    The list holds the methods that fit the scene; those that do not support the machine's tolerance or compensation are
+    skipped. None if the named method already runs, or if no other method fits. The backend is ``backend``. But a window
+    shall not stand still while a method is compiled: one that is not compiled yet is interpreted, with the same bits,
+    unless the step ``h`` [s] is too short for that.
+
+    Raises MethodError for a named method that does not fit the scene, the tolerance or the compensation.
     """
+    kind, arguments = type(machine), machine.arguments
+
+    def simulation(name: str) -> Machine:
+        made = kind(arguments[0], name, arguments[2], backend, *arguments[4:])
+        return made if made.ready or h < INTERPRETED else kind(arguments[0], name, arguments[2], "python",
+                                                               *arguments[4:])
+
+    if isinstance(to, str):
+        return None if to == machine.method.name else simulation(to)
     names = list(fitting(machine.scene))
     if machine.method.name not in names:
         names.append(machine.method.name)
-    place, way = names.index(machine.method.name), 1 if by > 0 else -1
-    kind, arguments = machine.__reduce__()
-    for steps in range(abs(by), len(names)):
+    place, way = names.index(machine.method.name), 1 if to > 0 else -1
+    for steps in range(abs(to), len(names)):
         name = names[(place + way * steps) % len(names)]
         if name == machine.method.name:
             break
         try:
-            return kind(arguments[0], name, *arguments[2:])
+            return simulation(name)
         except MethodError:  # the method has no error estimate for the tolerance, or no compensated form
             continue
     return None
@@ -68,8 +85,7 @@ def _begin(machine: Machine, state: Any, prefix: str, share: float, h: float) ->
 
     ``prefix`` is "" for the run and "half_" for a second run at half the step.
     """
-    code = program(machine.scene, machine.method, reported(machine.diagnostics), bool(machine.tolerance),
-                   machine.compensated)
+    code = program(machine.scene, machine.method, machine.diagnostics, bool(machine.tolerance), machine.compensated)
     shape = code.shape
     if not shape.memory or shape.remembered:
         return

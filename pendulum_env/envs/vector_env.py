@@ -12,27 +12,31 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from integrators import Method, MethodError
+from pendulum_env.common.shown import one_line
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import check_diagnostics
-from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.shape import SPEED_LIMIT, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
 from pendulum_env.engine.threads import MOST_THREADS
+from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.settings import (
     MANY,
-    action_space,
+    START,
+    UNBOUNDED,
     batched,
     checked_options,
     checked_settings,
-    observation_space,
     settled,
+    spaces_of,
 )
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, one_of, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, naming_keywords, number, one_of, shown, truth, whole_number
+from pendulum_env.tasks import Task
 from pendulum_env.tasks.action import checked_actions
 
 Array = NDArray[np.float64]
@@ -46,7 +50,7 @@ NOBODY: Places = np.empty(0, dtype=np.intp)
 """Empty array of environment indices."""
 
 
-class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """Vector environment of ``num_envs`` pendulums, advanced together by compiled loops.
 
     ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives
@@ -67,7 +71,15 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     Raises SceneError, MethodError or EngineError for an invalid argument, with the index of the environment.
     """
 
+    MAKER = "gym.make_vec"
     metadata: dict[str, Any] = MANY
+    scene: Scene
+    integrator: str
+    dt: float
+    substeps: int
+    task: Task
+    num_threads: int
+    render_size: tuple[int, int]
 
     def __init__(
         self,
@@ -77,7 +89,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         damping: Damping = "scene",
         dt: float = 0.02,
         substeps: int = 1,
-        task: str = "swing_up",
+        task: str | None = None,
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: Any = None,
         render_mode: str | None = None,
@@ -93,6 +105,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         accuracy: float | None = None,
         render_theme: str = "light",
         render_panels: Sequence[str] = ("apparatus", "energy"),
+        velocity_bound: float | None = None,
+        speed_penalty: float = 0.0,
         **parameters: Any,
     ) -> None:
         super().__init__()
@@ -101,9 +115,9 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
         setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names, True)
-        self.render_mode, self.render_size = setup.render_mode, setup.render_size
+        self._render_mode, self._render_size = setup.render_mode, setup.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
-        self.metadata = {**setup.metadata, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {**MANY, "render_fps": 1.0 / setup.dt, "autoreset_mode": self.autoreset_mode}
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         with naming_keywords(type(self)):
@@ -114,20 +128,31 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             )
         self._batch = spec.batch(self.num_envs, (setup.task.reward, setup.task.lost), most, wanted)
         spec.tell()
-        self.scene, self.dt, self.substeps, self.task = spec.scene, setup.dt, spec.hold, setup.task
+        spec.tell_of_task(task)
+        self._scene, self._dt, self._substeps, self._task = spec.scene, setup.dt, spec.hold, setup.task
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
-        self.integrator, self.num_threads = spec.integrator, self._batch.num_threads
-        self.single_observation_space, self.single_action_space = observation_space(), action_space()
+        self._integrator, self._num_threads = spec.integrator, self._batch.num_threads
+        self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
+        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound)
+        self._velocity_bound = bound
+        self._bounded = bound < UNBOUNDED
         self.observation_space = batched(self.single_observation_space, self.num_envs)
         self.action_space = batched(self.single_action_space, self.num_envs)
         self._reused = None if truth(copy, "copy") else self._batch.results()
         self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None
         self._streams: Streams | None = None
+        self._seeds: NDArray[np.object_] = np.empty(0, dtype=object)
         self._over, self._everyone = NOBODY, np.ones(self.num_envs, dtype=np.bool_)
+        self._running = np.full(self.num_envs, "", dtype=object)
+        self._running.flags.writeable = False
         self._told: Infos | None = None
         self._begun = self._explained = False
         self._steps, self._turning = 0, spec.turning_speed()
         self._slack = not self._batch.layout.shape.lenient  # True once no warning of a slack wire is due
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.num_envs} x {self.scene.name}, {self.integrator}, task {self.task.name}, "
+                        f"dt = {self.dt:g} s")
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
@@ -146,18 +171,24 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
         which = np.flatnonzero(mask)
         asked = checked_options(rest, self.scene.run, self.task)
-        starts = None if asked is None else checked_starts(self._spec, asked, which, size)
+        angle, velocity = checked_starts(self._spec, {**dict.fromkeys(START, 0.0), **asked}, which, size)
         self._seed(checked_seeds(seed, size), which)
-        angle, velocity = self._random(which) if starts is None else starts
-        results = self._fresh()
+        if len(asked) < len(START):
+            drawn = self._random(which)
+            angle = angle if "angle" in asked else drawn[0]
+            velocity = velocity if "velocity" in asked else drawn[1]
+        results = self._batch.results() if self._reused is None else self._reused
         if some:
             self._batch.look(results)
         self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results)
+        if self._bounded:
+            self._cut(results)
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
             self._camera.keep(None, which, results.info)
         rows = np.where(mask, results.info, 0.0) if some else results.info
-        return results.observation, self._infos(rows, mask.copy())
+        infos, none = self._infos(rows, mask.copy()), np.array(None)
+        return results.observation, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
 
     def step(
         self, actions: Any
@@ -177,15 +208,17 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
                 f"Episodes that have ended: {waiting.size}, the first in environment {waiting[0]}; reset them with "
                 "options={'reset_mask': ...} before the next step."
             )
-        results = self._fresh()
+        results = self._batch.results() if self._reused is None else self._reused
         try:
             self._batch.step(action, results)
         except BaseException:
             self._begun = False
             raise
-        if not self._slack and (steps := self._batch.slackened):
+        if self._bounded:
+            self._cut(results)
+        if not self._slack and (slackened := self._batch.slackened):
             self._slack = True
-            self._spec.tell_of_slack(steps)
+            self._spec.tell_of_slack(slackened)
         if self._steps % LOOK == 0 and (speed := float(np.abs(results.observation[:, 2]).max())) > self._turning:
             self._turning = math.inf
             self._spec.tell_of_turns(speed)
@@ -194,9 +227,14 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)
             results.reward[waiting] = 0.0
+            if self._bounded:
+                self._cut(results)
         over, self._over = NOBODY, NOBODY
-        if results.some_over:
+        if 1 in results.terminated.tobytes() or 1 in results.truncated.tobytes():  # faster than any() for some thousand
             over = np.flatnonzero(results.terminated | results.truncated)
+            if self._penalty:
+                stopped = over[results.terminated[over]]
+                results.reward[stopped[self._batch.status(stopped) == SPEED_LIMIT]] -= self._penalty
             reasons = self._reasons(over[results.terminated[over]], action)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 extra = self._final(over, results, reasons)
@@ -204,6 +242,8 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
                 reward = results.reward[over]
                 self._batch.start(over, *self._random(over), self._drawn_for(over), results)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
+                if self._bounded:
+                    self._cut(results)
             else:
                 self._over, extra = over, reasons
         if self._camera is not None:
@@ -242,12 +282,14 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes for a copy or a pickle, without the cached infos, which share arrays with this object.
         """
-        return {**vars(self), "_told": None}
+        return {**super().__getstate__(), "_told": None}
 
     # --- parts --------------------------------------------------------------------------------------------------
 
-    def _fresh(self) -> Results:
-        return self._batch.results() if self._reused is None else self._reused
+    def _cut(self, results: Results) -> None:
+        """Cut the observed velocities to ``velocity_bound``."""
+        velocity, bound = results.observation[:, 2], self._velocity_bound
+        np.clip(velocity, -bound, bound, out=velocity)
 
     def _infos_of_all(self, results: Results) -> Infos:
         """Return the infos of a step in a new dict. With ``copy=False`` the arrays in it are reused by the next step.
@@ -261,6 +303,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
     def _infos(self, rows: Array, shown: NDArray[np.bool_]) -> Infos:
         infos: Infos = dict.fromkeys(self._masks, shown)
         infos.update(zip(self._names, rows))  # noqa: B905  strict=True takes as long as three rows
+        infos["stop_reason"], infos["_stop_reason"] = self._running, shown
         if "quality_factor" in infos:
             regimes = np.full(self.num_envs, None, dtype=object)
             regimes[shown] = [regime_of_damping(quality) for quality in infos["quality_factor"][shown].tolist()]
@@ -268,7 +311,7 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         return infos
 
     def _reasons(self, ended: Places, action: NDArray[Any]) -> Infos:
-        """Return Gymnasium's infos with the stop reasons of the episodes that ended.
+        """Return the info "stop_reason": why episodes ended, and "" for the others; nothing if none ended.
 
         Warn once if an episode ended because an implicit equation was not solved.
         """
@@ -279,14 +322,18 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
             self._explained = self._spec.tell_of_stops(
                 zip(ended.tolist(), names, strict=True), self._batch.kept,
                 lambda place: min(max(float(action[place]), -1.0), 1.0))
-        return marked("stop_reason", ended, names, self.num_envs)
+        reasons = self._running.copy()
+        reasons[ended] = names
+        return {"stop_reason": reasons}
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
         """Return Gymnasium's infos with the last observations and infos of episodes that restart in the same step."""
         infos: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
         shown = infos["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
-        return {**infos, "final_info": {**self._infos(rows, shown), **reasons}, "_final_info": shown.copy()}
+        last = {**self._infos(rows, shown), **reasons}
+        last["stop_reason"] = np.where(shown, last["stop_reason"], None)
+        return {**infos, "final_info": last, "_final_info": shown.copy()}
 
     def _random(self, which: Places) -> tuple[Array, Array]:
         """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``."""
@@ -302,23 +349,38 @@ class LabPendulumVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], N
         """Seed the random streams of the environments ``which``, except where the seed is None."""
         if seeds is None:
             return
+        if isinstance(seeds, np.ndarray) and len(which) == self.num_envs:
+            self._seeds, self._streams = seeds.astype(object), Streams(seeds)
+            return
         streams = self._seeded()
         if isinstance(seeds, np.ndarray):
+            self._seeds[which] = seeds[which]
             streams.seed(which, seeds[which])
             return
         places = [place for place in which.tolist() if seeds[place] is not None]
         wanted = [seed for place in places if (seed := seeds[place]) is not None]
+        self._seeds[places] = wanted
         streams.seed(np.array(places, dtype=np.intp), wanted)
 
     def _seeded(self) -> Streams:
         """Return the random streams of all environments, created when first used."""
         if self._streams is None:
-            self._streams = Streams(fresh_seeds(self.num_envs))
+            fresh = fresh_seeds(self.num_envs)
+            self._seeds, self._streams = np.array(fresh, dtype=object), Streams(fresh)
         return self._streams
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """The seed of every environment, as that of each single environment."""
+        self._seeded()
+        return tuple(map(int, self._seeds))
 
     def _drawn_for(self, which: Places) -> dict[str, Array]:
         """Return the random initial values of effects' state variables, such as gusts, for environments ``which``."""
         return self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}
+
+
+fix(LabPendulumVectorEnv, ("omega0",))
 
 
 def autoreset_mode_of(mode: Any) -> AutoresetMode:

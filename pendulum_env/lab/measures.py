@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number, readings, series_of
 from pendulum_env.lab.noise import noise_level
-from pendulum_env.lab.turning import CLEAR, AngleSeries, hidden_in, turning_points
+from pendulum_env.lab.turning import CLEAR, AngleSeries, TurningPoints, hidden_in, turning_points
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import shown
 
@@ -37,7 +37,7 @@ class Measurement:
 
     def __str__(self) -> str:
         size = self.error if 0 < self.error < math.inf else abs(self.value) * 1e-6
-        digits = max(0, 1 - math.floor(math.log10(size))) if size > 0 else 1
+        digits = max(0, 1 - math.floor(math.log10(size))) if 0 < size < math.inf else 1
         return f"{self.value:.{digits}f} ± {self.error:.{digits}f} {self.unit}"
 
 
@@ -141,7 +141,16 @@ def decay_rate(series: AngleSeries, n: int | None = None) -> Measurement:
     Raises RecordingError for fewer than three amplitudes.
     """
     n, points = count(n, "amplitudes"), turning_points(series)
-    time, size, error = points.time[:n], points.amplitude[:n], points.error[:n]
+    return envelope_rate(points, slice(n))
+
+
+def envelope_rate(points: TurningPoints, which: slice | NDArray[np.intp] = slice(None)) -> Measurement:
+    """Return the damping rate gamma [1/s] as :func:`decay_rate` does, from the chosen turning points of a swing.
+
+    ``which``: the turning points to use, a slice or an array of indices; by default all. Raises RecordingError for
+    fewer than three.
+    """
+    time, size, error = points.time[which], points.amplitude[which], points.error[which]
     if len(time) < 3:
         raise RecordingError(f"the decay rate needs at least 3 amplitudes, the series gives {len(time)}")
     weight = (size / np.maximum(error, 1e-12 * size)) ** 2

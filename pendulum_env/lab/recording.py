@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
 from pendulum_env.lab.noise import noise_level, quantum_level
 from pendulum_env.lab.reading import ReadOptions, read_file
@@ -22,8 +23,8 @@ __all__ = ["Recording", "RecordingError"]
 _EVEN = 0.01  # of the median step: time stamps whose steps vary by less count as even
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Plotted):
     """A recorded swing: times and angles, with notes on how they were read; ``print`` shows a summary.
 
     Attributes:
@@ -44,6 +45,9 @@ class Recording:
     notes: tuple[str, ...] = ()
     release: float | None = None
     zero: float | None = None
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.source}, {len(self.time)} readings in {self.time[-1] - self.time[0]:.4g} s")
 
     def __post_init__(self) -> None:
         if not isinstance(self.source, str):

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.lab.checked import RecordingError, count
 from pendulum_env.lab.cycles import Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
-from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period
+from pendulum_env.lab.measures import Measurement, crossings, envelope_rate, period
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics.body import Body
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
 
 READ = 6
-"""Number of amplitudes in the lab sheet's first, short determination of the decay rate."""
+"""Number of amplitudes, spread over the run, in the lab sheet's short determination of the decay rate."""
 
 
-@dataclass(frozen=True, eq=False)
-class LabSheet:
+@dataclass(frozen=True, eq=False, repr=False)
+class LabSheet(Plotted):
     """The quantities measured on a free swing, with errors; :func:`measure` returns it.
 
     Attributes:
@@ -44,7 +45,7 @@ class LabSheet:
         period: mean period [s].
         points: turning points, one amplitude per half swing.
         decay: damping rate gamma of theta ~ exp(-gamma t/2) from all amplitudes [1/s].
-        first_decay: the damping rate from the first 6 (READ) amplitudes [1/s].
+        short_decay: the damping rate from 6 (READ) amplitudes spread evenly over the run, as read by hand [1/s].
         cycles: the period of every cycle, corrected to small amplitude.
         losses: constant, linear and quadratic parts of the loss per half swing; None for too few amplitudes.
     """
@@ -56,9 +57,12 @@ class LabSheet:
     period: Measurement
     points: TurningPoints
     decay: Measurement
-    first_decay: Measurement
+    short_decay: Measurement
     cycles: Cycles
     losses: Losses | None
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.recording.source}, T = {self.period}")
 
     @cached_property
     def small_period(self) -> Measurement:
@@ -75,6 +79,15 @@ class LabSheet:
         drift = cycles.drift
         slow = max(drift.value**2 - drift.error**2, 0.0) / 12.0 if math.isfinite(drift.error) else 0.0
         return Measurement(value, math.sqrt(crossing**2 + amplitude**2 + slow), "s")
+
+    @property
+    def half_decays(self) -> tuple[Measurement, Measurement] | None:
+        """Damping rates gamma from the first and from the last half of the amplitudes [1/s]; None for fewer than six.
+        """
+        middle = len(self.points.time) // 2
+        if middle < 3:
+            return None
+        return envelope_rate(self.points, slice(middle)), envelope_rate(self.points, slice(middle, None))
 
     @property
     def omega0(self) -> Measurement:
@@ -105,7 +118,7 @@ class LabSheet:
         """
         if "radius" not in self.told or self.scene.medium.empty:
             return None
-        length = self.scene.body.length if "length" in self.told else self.length.value
+        length = self.scene.body.reach if "length" in self.told else self.length.value
         first, last = (reynolds_number(2.0 * self.omega0.value * length * math.sin(0.5 * float(size)), self.scene.body,
                                        self.scene.medium) for size in self.points.amplitude[[0, -1]])
         return first, last
@@ -127,7 +140,8 @@ class LabSheet:
              f"{len(cycles.time)} cycles" + (f"; {drift}" if math.isfinite(cycles.drift.error) else "")),
             ("omega0", str(self.omega0), "2 pi/T0"),
             ("length of a point pendulum", str(self.length), f"g T0²/(4 pi²) with g = {self.scene.gravity:g} m/s²"),
-            ("gamma, first readings", str(self.first_decay), f"ln(amplitude) of the first {read}, A ~ exp(-gamma t/2)"),
+            (f"gamma, {read} readings", str(self.short_decay), f"ln(amplitude) of {read} spread over the run, "
+             "A ~ exp(-gamma t/2)"),
             ("gamma, all", str(self.decay), f"ln(amplitude) of all {swings}"),
             ("quality factor", str(self.quality).removesuffix(" 1") if self.decay.value > 0.0 else "no decay seen",
              "omega0/gamma of all"),
@@ -149,14 +163,19 @@ class LabSheet:
             f"{self.small_period}, the period of a point pendulum of length {self.length} at "
             f"g = {self.scene.gravity:g} m/s²."
         ]
+        drift = self.cycles.drift
+        if abs(drift.value) > 3.0 * drift.error:
+            lines.append(f"T0 drifts by {Measurement(1e3 * drift.value, 1e3 * drift.error, 'ms')} over the run: angles "
+                         "look scaled or displaced; try lab-pendulum fit --free length,scale.")
         if self.cycles.left_out:
             lines.append(f"T0 leaves out {self.cycles.left_out} of the cycles, because readings are missing in them.")
         if self.losses is not None:
             lines.append(f"From the envelope, {self.losses.text}.")
-        first, all_of = self.first_decay, self.decay
-        if abs(first.value - all_of.value) > 3.0 * math.hypot(first.error, all_of.error):
-            lines.append(f"The decay is not exponential: the damping rate gamma is {first} from the first {READ} "
-                         f"amplitudes and {all_of} from all.")
+        if self.half_decays is not None:
+            first, last = self.half_decays
+            if abs(first.value - last.value) > 3.0 * math.hypot(first.error, last.error):
+                lines.append(f"The decay is not exponential: the damping rate gamma is {first} in the first half of "
+                             f"the swings and {last} in the second.")
         if self.reynolds is not None:
             lines.append(f"Reynolds number {self.reynolds[0]:.0f} of the bob in the first half swing: "
                          f"{regime(self.reynolds[0])}.")
@@ -173,7 +192,7 @@ def measure(
     """Measure the quantities of a lab sheet on a recorded free swing, with errors.
 
     These are the period as the mean of n oscillations between interpolated zero crossings, the amplitude of every half
-    swing, the damping rate from the first six amplitudes and from all, omega0 corrected for the amplitude by the
+    swing, the damping rate from six amplitudes and from all, omega0 corrected for the amplitude by the
     elliptic integral, the length from g, the quality factor, the Reynolds number, and how the loss per half swing grows
     with the amplitude.
 
@@ -199,7 +218,8 @@ def measure(
         ends = crossings(swing.time, swing.angle, level=CLEAR * swing.noise)
         taken = round(float(ends[-1] - ends[0]) / mean.value)
     given = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
-    return LabSheet(swing, known, given, taken, mean, points, decay_rate(swing), decay_rate(swing, READ),
+    spread = np.unique(np.round(np.linspace(0, len(points.time) - 1, READ)).astype(np.intp))
+    return LabSheet(swing, known, given, taken, mean, points, envelope_rate(points), envelope_rate(points, spread),
                     corrected_periods(swing), losses(points) if len(points.time) >= FEWEST else None)
 
 

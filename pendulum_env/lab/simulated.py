@@ -46,7 +46,7 @@ def simulated_text() -> str:
     scene = true_scene()
     motion = rollout(scene, **RUN)  # type: ignore[arg-type]
     effects = ", ".join(effect.name for effect in scene.effects)
-    known = {"length": scene.body.length, **SCENE, "c": scene.coefficients["quadratic_drag_rate"]}
+    known = {"length": scene.body.reach, **SCENE, "c": scene.coefficients["quadratic_drag_rate"]}
     run, sensor = keywords(RUN), keywords({field.name: getattr(SENSOR, field.name) for field in fields(SENSOR)})
     facts = {"scene": f"lab with {effects}: {', '.join(f'{name} {value:.6g}' for name, value in known.items())}",
              "motion": f"rollout(true_scene(), {run})",

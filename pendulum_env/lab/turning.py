@@ -129,13 +129,15 @@ def _vertex(
         basis = np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], axis=1)
         c, a, b = np.linalg.lstsq(basis, y, rcond=None)[0].tolist()
         turn = math.atan2(sign * b, sign * a)
-        if abs(turn) > omega * reach:
+        value = c + sign * math.hypot(a, b)
+        beyond = float(np.ptp(y)) + CLEAR * sigma  # four readings beside a bad one can be on an arc of any height
+        if abs(turn) > omega * reach or not y.min() - beyond <= value <= y.max() + beyond:
             break
         gradient = np.array([1.0, math.cos(turn), math.sin(turn)])
         variance = float(gradient @ np.linalg.pinv(basis.T @ basis) @ gradient)
         variance *= len(y) / min(len(y), 2 * len(np.unique(y)))
         centre += turn / omega
-        best = (centre, c + sign * math.hypot(a, b), sigma * math.sqrt(variance))
+        best = (centre, value, sigma * math.sqrt(variance))
     return best
 
 

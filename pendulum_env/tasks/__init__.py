@@ -80,6 +80,8 @@ _ALL = (
          'abs(phi) > 0.5: "fell"'),
 )
 
+USUAL_TASK = "swing_up"
+"""Name of the task of an environment that is made without one."""
 TASKS: Mapping[str, Task] = MappingProxyType({task.name: task for task in _ALL})
 """Every task by name."""
 

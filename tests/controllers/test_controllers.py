@@ -119,12 +119,11 @@ def test_presets_that_cannot_be_swung_up_say_why() -> None:
 @pytest.mark.parametrize("share", [0.2, 0.36, 1.5])
 @pytest.mark.parametrize("name", [name for name, scene in NO_MOTOR.items() if scene.body.suspension == "rod"])
 def test_presets_on_a_rod_are_swung_up_by_a_motor_of_enough_torque(name: str, share: float) -> None:
-    """A motor with this share of the weight's torque swings the preset's bob up, or an error says why it is too weak.
-    """
+    """A motor with this share of the restoring torque at 1 rad swings a preset's body up, or an error says why not."""
     scene = NO_MOTOR[name]
-    scene = scene.with_effects((*scene.effects, Motor(max_torque=share * scene.gravity * scene.weight_moment)))
-    refused = {"textbook": "no unstable top", "chaotic": "holding the bob takes up to 1.5 N m",
-               "kapitza": "holding the bob takes up to 0.8 N m"}
+    scene = scene.with_effects((*scene.effects, Motor(max_torque=share * scene.restoring)))
+    refused = {"textbook": "no unstable top", "torsion": "no unstable top",
+               "chaotic": "holding the bob takes up to 1.5 N m", "kapitza": "holding the bob takes up to 0.8 N m"}
     if name in refused:
         with pytest.raises(SceneError, match=refused[name]):
             SwingUp(scene)
@@ -384,6 +383,18 @@ def test_it_can_be_sent_to_another_process() -> None:
     assert sent.motor_shares == controller.motor_shares
 
 
+@pytest.mark.parametrize("name", ["dt", "scene", "model", "regulators", "gain"])
+def test_nothing_can_be_assigned_to_it(name: str) -> None:
+    controller = made(LAB)
+    before = {key: getattr(controller, key, None) for key in ("dt", "scene", "model", "regulators")}
+    for one in (controller, pickle.loads(pickle.dumps(controller))):
+        with pytest.raises(AttributeError, match=rf"{name} cannot be assigned, .* make a new one with SwingUp"):
+            setattr(one, name, 0.1)
+    assert before == {key: getattr(controller, key, None) for key in before}
+    with pytest.raises(AttributeError):
+        RandomPolicy().seed = 3  # type: ignore[attr-defined]
+
+
 def test_it_is_made_for_an_environment() -> None:
     env = gym.make("LabPendulum-v0", scene="moon", dt=0.05, task="balance", backend="python")
     many = gym.make_vec("LabPendulum-v0", 3, vectorization_mode="vector_entry_point", task="free", backend="python")
@@ -416,6 +427,21 @@ def test_wrappers_that_rescale_are_refused(wrapped: Any, kind: str) -> None:
     """The controller would read rescaled values as angles and torques, and fail without an error."""
     with pytest.raises(SceneError, match=f"A wrapper of env changes the {kind}, but the controller needs them"):
         swing_up(wrapped(gym.make("LabPendulum-v0", backend="python")))
+
+
+@pytest.mark.parametrize("bound", [20.0, np.inf])
+def test_a_bound_of_the_velocity_is_no_wrapper(bound: float) -> None:
+    """Check that the controller takes environments with their own bound, and still refuses rescaled ones."""
+    options = {"velocity_bound": bound, "backend": "python"}
+    single = gym.make("LabPendulum-v0", **options)
+    for env in (single, gym.make_vec("LabPendulum-v0", 2, **options),
+                gym.make_vec("LabPendulum-v0", 2, vectorization_mode="sync", **options)):
+        swing_up(env)
+    with pytest.raises(SceneError, match="A wrapper of env changes the observations"):
+        swing_up(gym.wrappers.NormalizeObservation(single))
+    if bound == 20.0:
+        with pytest.raises(SceneError, match="A wrapper of env changes the observations"):
+            swing_up(gym.wrappers.RescaleObservation(single, np.float32(-1.0), np.float32(1.0)))
 
 
 @pytest.mark.parametrize("policy", [designed(LAB), RandomPolicy(1)], ids=["controller", "chance"])

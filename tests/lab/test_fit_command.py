@@ -27,6 +27,7 @@ from virtual_swings import recorded, swing
 from pendulum_env import Scene, plots
 from pendulum_env.lab import Recording, measure
 from pendulum_env.lab.fitting import fit as fitting
+from pendulum_env.lab.fitting.grade import Fault
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.shooting import FitSolution, jacobian
@@ -117,9 +118,24 @@ def test_it_prints_and_writes_all(
     assert own == ["Warning: nobody told the mass"]
     (call,) = asked
     assert (call["effects"], call["free"], call["length"], call["mass"], call["radius"]) == (
-        "auto", ("length",), 0.105, 0.05, 0.01)
+        "auto", None, 0.105, 0.05, 0.01)
     assert {path.name for path in (tmp_path / "x").iterdir()} == {
         "measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv", "models.csv", "fit.png", "scene.json"}
+
+
+def test_no_verdict_follows_a_fit_that_is_not_usable(
+    found: Fit, asked: list[dict[str, Any]], run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The grade is said once, and no model, length or pattern is judged beside it."""
+    monkeypatch.setattr(figure, "recorded", lambda found: plots.figure(size=(1.0, 1.0))[0])
+    bad = replace(found, faults=(Fault("the pendulum is driven", True),))
+    bad = replace(bad, comparison=FitComparison.of((bad, shifted(bad))))
+    monkeypatch.setattr(fitting, "fit", lambda *_words, **_options: warnings.warn(bad.grade.text, stacklevel=1) or bad)
+    code, printed, said = run_here("fit", "swing.txt", "--length", "0.105", "--length-error", "0.004", "--out", "x")
+    assert code == 0, said
+    assert (printed + said).count("The fit is not usable, because the pendulum is driven.") == 1
+    for words in ("The best model", "verdict", "ruled out", "sigma", "Runs test"):
+        assert words not in printed, words
 
 
 def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
@@ -159,7 +175,8 @@ def test_files_say_where_they_come_from(found: Fit, tmp_path: Path) -> None:
         assert facts["Software"].startswith("lab-pendulum ")
     assert not (tmp_path / "models.csv").exists()
     assert b"virtual" in (tmp_path / "fit.png").read_bytes()
-    assert json.loads((tmp_path / "scene.json").read_text())["provenance"]["damping"] == "linear"
+    origin = json.loads((tmp_path / "scene.json").read_text())["provenance"]
+    assert (origin["damping"], origin["grade"]) == ("linear", "The fit is usable.")
     rows = table(tmp_path / "residuals.csv")[1]
     columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
     np.testing.assert_array_equal(columns["time_s"], found.recording.time)
@@ -229,6 +246,7 @@ def test_goodness_says_whether_a_pattern_is_left(found: Fit) -> None:
     wave = found.residual + 5e-3 * np.sin(found.recording.time)
     off = replace(found, solution=replace(found.solution, residual=wave))
     assert "has a pattern" in goodness(off)
+    assert goodness(off).endswith(off.grade.text)
     assert "p < 1e-06" in goodness(off)
 
 

@@ -182,6 +182,21 @@ def test_equilibrium_of_turning_points(ratio: float) -> None:
     assert equilibrium(coulomb) == pytest.approx(0.02, abs=1e-15)
 
 
+def test_a_bad_reading_makes_no_turning_point_beyond_the_readings() -> None:
+    """A reading 20 degrees off near the bottom: the arc through the readings beside it could have any height."""
+    time = np.arange(0.0, 20.0, 0.02)
+    for at in (402, 777):
+        angle = 0.5 * np.exp(-0.05 * time) * np.cos(4.4 * time)
+        angle += 1.7e-3 * np.random.default_rng(0).standard_normal(len(time))
+        angle[at] += 0.35
+        assert turning_points(Recording(time, angle, "bad")).amplitude.max() < 1.0
+
+
+def test_a_number_without_a_finite_error_can_be_printed() -> None:
+    """The quality factor of a swing that does not decay is infinite, with an infinite error."""
+    assert str(Measurement(math.inf, math.inf, "1")) == "inf ± inf 1"
+
+
 @pytest.mark.parametrize(
     ("degrees", "ratio"), [(0.0, 1.0), (10.0, 1.00190718814), (30.0, 1.01740879760), (90.0, 1.18034059902)]
 )

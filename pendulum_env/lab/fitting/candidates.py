@@ -77,8 +77,9 @@ def geometric(scene: Scene) -> Names:
 
     Drag on the suspension is included only if the scene has that effect or gives the suspension's thickness.
     """
-    return tuple(name for name, effect in DAMPINGS.items() if not effect.fitted and effect.trial(scene) is not None
-                 and (effect.at_bob or scene.body.thickness is not None or scene.has(effect.name)))
+    return tuple(name for name, effect in DAMPINGS.items() if not effect.fitted
+                 and (trial := effect.trial(scene)) is not None and trial.needs not in scene.body.lacks
+                 and (effect.at_bob or scene.body.diameter_known or scene.has(effect.name)))
 
 
 def _compatible(scene: Scene, names: Names) -> bool:

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import RunsTest, reading_error, runs_test
+from pendulum_env.lab.measures import Measurement
 
 Array = NDArray[np.float64]
 
@@ -21,6 +23,8 @@ COARSE = 1.2
 """A parameter is named in the report if rounding enlarges its standard error by more than this factor."""
 STEADIEST = 0.97
 """Upper limit of the autocorrelation of half swings in the bandwidth formula (Andrews & Monahan 1992)."""
+DRIFTS = 3.0
+"""A drift of the period enters the error of the length if it is this many of its own errors."""
 DRAWS = 256
 """Number of rounded motions that are simulated; a standard error from this many is accurate to 4 %."""
 
@@ -35,12 +39,15 @@ class Errors:
         plain: the covariance matrix that would hold for independent residuals.
         freedom: degrees of freedom of Student's t for intervals.
         how: the method of calculation, as text.
+        drift: change of the small-angle period over the recording, relative to the period [1]; None if neither the
+            length nor gravity was fitted.
     """
 
     covariance: Array
     plain: Array
     freedom: float
     how: str
+    drift: Measurement | None = None
 
 
 def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
@@ -51,6 +58,11 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
     :func:`long_run` covariance S of the scores ``J_i r_i`` summed over half swings. A misfit that oscillates with the
     swing gives scores of a constant sign, correlated over many swings, plus an oscillation that these sums remove. No
     variance is reduced by this correction, and none is smaller than :func:`rounding_covariance` gives.
+
+    The fitted length L, or gravity, is one value for a recording in which the small-angle period T may change, as it
+    seems to if the angles are scaled or displaced. If the change over the recording, ``d T`` by :func:`period_drift`,
+    exceeds three of its errors, the variance ``(2 L d)² / 12`` of a value that is spread evenly over this range is
+    added.
 
     Args:
         solution: the least-squares fit.
@@ -76,13 +88,56 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
         if coarse:
             remarks.append(f"the sensor's steps of {math.degrees(quantum):.3g} degrees enlarge the error of {coarse}, "
                            "as successive swings are rounded in nearly the same way")
+    drift, ratio = None, next((name for name in (LENGTH, GRAVITY, "inertia") if name in solution.model.names), None)
+    if ratio is not None:
+        drift, at = period_drift(solution), solution.model.names.index(ratio)
+        if abs(drift.value) > DRIFTS * drift.error:
+            spread = 2.0 * solution.values[at] * drift.value / math.sqrt(12.0)
+            least = np.zeros_like(covariance)
+            least[at, at] = covariance[at, at] + spread**2
+            covariance = _widened(covariance, least)
+            remarks.append(_drifting(drift, ratio, SCALE in solution.model.names))
     if not known or not free.all():
         lost = ", ".join(name for name, sure in zip(solution.model.names, free, strict=True) if not sure)
         remarks.append(f"the recording does not determine {lost}")
     held = at_bound(solution)
     if held:
         remarks.append(f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} at the bound 0, with a one-sided error")
-    return Errors(covariance, plain, freedom, "; ".join(remarks) + ".")
+    return Errors(covariance, plain, freedom, "; ".join(remarks) + ".", drift)
+
+
+def period_drift(solution: FitSolution) -> Measurement:
+    """Return the change of the small-angle period over a recording, relative to the period, from a fit's residuals.
+
+    A period that changes by d T, linearly in time, moves the angles by ``v t (1 - t/D) d/2`` from those with its mean,
+    for the velocity v and the duration D. The part of this that no fitted parameter describes is fitted to the
+    residuals by least squares. The error allows for correlated residuals, as those of the parameters do.
+    """
+    time, slopes = solution.model.time - solution.model.time[0], solution.jacobian
+    moved = solution.velocity * time * (1.0 - time / time[-1]) / 2.0
+    size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
+    others, _ = np.linalg.qr(slopes / np.where(size > 0.0, size, 1.0))
+    moved = moved - others @ (others.T @ moved)
+    square = float(moved @ moved)
+    value = float(moved @ solution.residual) / square if square > 0.0 else 0.0
+    rest = solution.residual - value * moved
+    plain, freedom = np.array([[1.0 / square if square > 0.0 else math.inf]]), len(rest) - slopes.shape[1] - 1
+    variance = plain * float(rest @ rest) / max(freedom, 1)
+    test = runs_test(rest)
+    if test.p < DEPENDENT:
+        scores = half_swings((moved * rest)[:, None], solution.velocity)
+        variance, *_ = _dependent(plain, variance, scores, len(rest), test)
+    return Measurement(value, math.sqrt(float(variance[0, 0])), "1")
+
+
+def _drifting(drift: Measurement, name: str, scaled: bool) -> str:
+    """Return a remark on a drift of the period that enters the error of the length or of gravity, and its usual cause.
+    """
+    percent = str(Measurement(100.0 * drift.value, 100.0 * drift.error, "%"))
+    cause = "although the scale is fitted, so the length, the pivot or the zero moves" if scaled else (
+        f"angles look scaled or displaced: try --free {name},{SCALE}")
+    return (f"the amplitude-corrected period drifts by {percent} over the run, which the error of {name} includes; "
+            f"{cause}")
 
 
 def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:

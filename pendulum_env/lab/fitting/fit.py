@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from inspect import signature
 from os import PathLike
 from typing import Any
 
@@ -12,21 +14,22 @@ import numpy as np
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
+from pendulum_env.lab.fitting.grade import of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.shooting import solve_all
-from pendulum_env.lab.fitting.start import Measured, growth
+from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import apparatus
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.damping import NONE, with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, nearest, several, shown
+from pendulum_env.physics.units import SceneError, naming_keywords, nearest, other_units, several, shown
 
 BOB = ("radius", "mass")
 """Parameters that must be given for the drag on the bob to be known, in a known medium."""
-GROWS = 0.005
-"""Growth of a swing over an earlier one, as a share of the largest swing, above which a warning is given."""
 LEAST_REST = 1e-3
 """Shortest rest at the end of a recording, as a share of its duration, that is left out of the fit."""
 
@@ -36,8 +39,8 @@ def fit(
     effects: str | Sequence[str] = AUTO,
     *,
     scene: str | Scene | Mapping[str, object] | PathLike[str] | None = None,
-    free: Sequence[str] = (LENGTH,),
-    progress: Progress | bool = False,
+    free: Sequence[str] | None = None,
+    progress: Progress | bool | None = None,
     **parameters: Any,
 ) -> Fit:
     """Fit the parameters of a scene to a recording, by least squares of the whole trajectory.
@@ -55,14 +58,17 @@ def fit(
         scene: the pendulum and its surroundings, without the scene's own damping; by default a pendulum in air with
             the given ``parameters``.
         free: parameters to fit besides the start and the dampings: positive parameters of the scene, such as "length"
-            or "gravity" (a recording determines only their ratio), and "scale", that of the sensor. The scale follows
+            or "gravity" (a recording determines only their ratio), and "scale", that of the sensor. By default the
+            length; of other bodies than a bob or a rod, the measure of theirs that sets the period. The scale follows
             from the dependence of the period on the amplitude and needs swings of about 30 degrees or more. () for
             none.
-        progress: True for a progress bar; or a function that is called with the fraction done and a short text.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
         **parameters: known parameters of the scene, such as ``length=0.65, mass=0.0415``.
 
-    Warns if the best model does not follow all swings; if swings grow, which damping cannot cause; if a fitted damping
-    parameter depends on a mass that is not given; and if the length is neither given nor fitted. Raises RecordingError
+    The ``grade`` of a fit says whether it is usable. Warns with the grade's sentence if the best model does not follow
+    all swings, or if swings grow or stay equal, which damping cannot cause; if a fitted damping parameter depends on a
+    mass that is not given; and if the length is neither given nor fitted. Raises RecordingError
     unless ``recording`` is a Recording of a free swing below half a turn, with at least three turning points and more
     readings than fitted parameters; SceneError for invalid names and values.
     """
@@ -70,32 +76,36 @@ def fit(
         raise RecordingError(f"recording must be a Recording, for example from Recording.read, got {shown(recording)}")
     with naming_keywords(fit):
         place = apparatus(scene, parameters)
+    body = place.body
+    for sentence in other_units(**body.sizes, gravity=place.gravity):
+        warn(sentence)
     if not place.of_kind("conservative") or not place.omega0 > 0.0:
         raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")
     known = scene is not None or all(name in parameters for name in BOB)
-    names = _checked(free, place)
+    names = _checked((place.body.fitted,) if free is None else free, place)
     wanted = models_of(effects, place, known)
+    if not isinstance(place.body, Body) and all(_undetermined(place, damping, names) for damping in wanted):
+        raise SceneError(f"free cannot have {' and '.join(name for name in names if name != SCALE)} together: a free "
+                         f"swing of the body '{place.body.shape}' shows only a quotient of them, in its period; "
+                         "measure all but one of them.")
     free_swing = recording.released()
     swing = _moving(free_swing)
     models = [_model(place, damping, swing, names) for damping in wanted]
     sigma = max(swing.noise, 1e-12 * float(np.ptp(swing.angle)))
     with telling_of(progress, "fit") as telling:
         solutions = solve_all(models, swing, sigma, telling)
-    rest = float(free_swing.time[-1] - swing.time[-1])
-    fits = [Fit(swing, solution, sigma, rest=rest) for solution in solutions]
+    rest, measured = float(free_swing.time[-1] - swing.time[-1]), Measured.of(swing)
+    damped = not place.medium.empty and any(wanted)
+    faults = tuple(of_swings(measured.points, math.tau / measured.period, damped))
+    fits = [Fit(swing, solution, sigma, rest=rest, faults=faults) for solution in solutions]
     comparison = FitComparison.of(fits)
     best = comparison.fits[0]
-    if best.solution.lost:
-        warn(f"the best model, {best.damping}, follows the recording only until {best.solution.followed:.4g} s; do not "
-             "use the numbers of this fit.")
-    grown, when = growth(Measured.of(swing).points)
-    if grown > GROWS:
-        warn(f"the swings grow by {100.0 * grown:.3g} % of the largest until {when:.4g} s, which damping cannot cause: "
-             "check for a drive, a push, a second release or bad readings, and do not use the numbers of this fit.")
+    if faults or best.solution.lost:
+        warn(best.grade.text)
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)
     if scene is None and LENGTH not in parameters and LENGTH not in names:
-        warn(f"the length is taken to be {place.body.length:g} m, as it is neither given nor fitted; give length=.")
+        warn(f"the length is taken to be {place.body.reach:g} m, as it is neither given nor fitted; give length=.")
     return replace(best, comparison=comparison) if len(fits) > 1 else best
 
 
@@ -130,6 +140,26 @@ def _checked(free: Sequence[str], place: Scene) -> tuple[str, ...]:
     if LENGTH in names and GRAVITY in names:
         raise SceneError("free cannot have both length and gravity: a recording determines only their ratio.")
     return names
+
+
+def _undetermined(place: Scene, damping: Names, free: Names) -> bool:
+    """Return True if a free swing cannot tell several free parameters of a scene apart.
+
+    That is so if the coefficients of the equation of motion, without those of fitted dampings, change by them in fewer
+    ways than there are parameters.
+    """
+    names = [name for name in free if name != SCALE]
+    own: dict[str, dict[str, float]] = {name: {} for name in damping if not DAMPINGS[name].fitted}
+    scene = with_damping(place, own or NONE)
+    torques = [effect.torque for effect in scene.effects if effect.torque and not effect.controlled]
+    used = {name for torque in torques for name in signature(torque).parameters}
+
+    def logarithms(place: Scene) -> Any:
+        return np.log([abs(value) for name, value in place.coefficients.items() if name in used and value])
+
+    slopes = [logarithms(scene.replace(**{name: float(scene.parameters()[name]) * 1.0001}))  # type: ignore[arg-type]
+              - logarithms(scene) for name in names]
+    return len(names) > 1 and int(np.linalg.matrix_rank(1e4 * np.array(slopes), tol=1e-3)) < len(names)
 
 
 def _model(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]) -> Model:

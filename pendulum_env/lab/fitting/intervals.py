@@ -99,7 +99,7 @@ def student(fit: Fitted, name: str, level: float) -> Interval:
     return Interval(max(value - reach, least), value + reach)
 
 
-def profile(fit: Fitted, name: str, level: float, progress: Progress | bool) -> Interval:
+def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | None) -> Interval:
     """Return the profile-likelihood interval of a parameter.
 
     It contains the values at which the sum of squares, with all other parameters fitted anew, is less than ``t² s²``
@@ -210,7 +210,7 @@ class Bootstrap:
         return Interval(float(low), float(high))
 
 
-def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool) -> Bootstrap:
+def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool | None) -> Bootstrap:
     """Refit the model to ``n`` simulated recordings: the fitted motion plus residuals in a new random order.
 
     Residuals are drawn in blocks that may overlap (Künsch 1989, Ann. Stat. 17, 1217), of ``n^(1/3)`` readings or 5

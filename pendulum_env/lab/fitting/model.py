@@ -156,17 +156,19 @@ class Model:
     def _varied(self) -> dict[str, float]:
         """Values, by name and as in the model's scene, of all parameters that differ between the runs of a batch.
 
-        These are the length, the free parameters of the scene, and those of all compiled dampings.
+        These are the length (of other bodies than a bob, the measure that they name), the free parameters of the scene,
+        and those of all compiled dampings.
         """
         own = [effect for effect in self.scene.effects if effect.kind == "dissipative" and effect.fitted]
-        known = {LENGTH: self.scene.body.length, **self.scene.parameters()}
-        values = {name: float(known[name] or 0.0) for name in (LENGTH, *self.free) if name not in SENSOR}
+        known = self.scene.parameters()
+        varied = (self.scene.body.fitted, *self.free)
+        values = {name: float(known[name] or 0.0) for name in varied if name not in SENSOR}
         return {**values, **{_fitted(effect.damping): float(getattr(effect, effect.fitted)) for effect in own}}
 
     @cached_property
     def _on_rod(self) -> Scene:
         """The model's scene with a rod as suspension, because fits do not model a slack wire."""
-        return self.scene.replace(suspension="rod", thickness=self.scene.body.diameter)
+        return self.scene.replace(body=self.scene.body.taut())
 
     def scene_with(self, values: Array) -> Scene:
         """Return the model's scene with the given parameter values, and with only the dampings of the model."""

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.lab.fitting.candidates import shapes
-from pendulum_env.lab.fitting.errors import Errors, errors_of
+from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
+from pendulum_env.lab.fitting.grade import Fault, Grade, graded, of_lost, of_misfit
 from pendulum_env.lab.fitting.intervals import Bootstrap, Interval, bootstrap, place_of, profile, sample, student
-from pendulum_env.lab.fitting.model import START, Model, unit_of
+from pendulum_env.lab.fitting.model import START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
     FOUND,
@@ -39,18 +41,14 @@ Array = NDArray[np.float64]
 ALIKE, RULED_OUT = 6.0, 10.0
 """Models count as alike if their information criteria differ by less than the first value, and a model is ruled out
 from the second on (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773: "strong" and "very strong" evidence)."""
-STRUCTURE = 5.0
-"""Residuals show a misfit if their number of runs is this many standard deviations from that of independent ones."""
-EXCESS = 2.0
-"""Residuals show a misfit if they are this many times the scatter of the readings."""
 VERDICTS = ((ALIKE, "alike"), (RULED_OUT, "unlikely"), (math.inf, "ruled out"))
 """Upper limit of the difference to the best model's criterion, and the verdict on a model below this limit."""
 NEEDLESS = "needless"
 """Verdict on a model that fits as closely as the best or contains it, but has more parameters than this justifies."""
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(Plotted):
     """Least-squares fit of one model to a recording.
 
     Attributes:
@@ -59,6 +57,7 @@ class Fit:
         sigma: standard deviation of one reading, used as weight of the fit [rad].
         comparison: comparison with the other models; None if only one was fitted.
         rest: duration of the rest at the end of the recording that was not fitted [s].
+        faults: signs that the recording is not a free swing, which are part of the ``grade``.
     """
 
     recording: Recording
@@ -66,6 +65,10 @@ class Fit:
     sigma: float
     comparison: FitComparison | None = None
     rest: float = 0.0
+    faults: tuple[Fault, ...] = ()
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.recording.source}, {self.damping} damping, rms {self.rms:.2g} rad")
 
     @property
     def model(self) -> Model:
@@ -104,8 +107,21 @@ class Fit:
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of one reading [rad], rounding included, from its scatter about neighbouring readings."""
-        return reading_error(self.recording.time, self.residual)
+        """Standard deviation of one reading [rad], rounding included, from its scatter about neighbouring readings.
+
+        It is at least that of a rounding error, quantum / sqrt(12), which neighbours that are rounded alike do not
+        show.
+        """
+        quantum = self.recording.quantum
+        if not quantum:
+            return reading_error(self.recording.time, self.residual)
+        return math.hypot(noise_beside(self.recording.time, self.residual, quantum), quantum / math.sqrt(12.0))
+
+    @cached_property
+    def rounded_alike(self) -> bool:
+        """True if the readings scatter by less than half the sensor's step, so that neighbours are rounded alike."""
+        quantum = self.recording.quantum
+        return noise_beside(self.recording.time, self.residual, quantum) < 0.5 * quantum
 
     @property
     def chi2(self) -> float:
@@ -118,9 +134,11 @@ class Fit:
         """Probability of a chi2 at least as large if the residuals are independent noise.
 
         The noise is estimated from the same readings. Therefore ``chi2 / degrees_of_freedom`` scatters like that of
-        0.62 times as many degrees of freedom, which is taken into account.
+        0.62 times as many degrees of freedom, which is taken into account. If neighbouring readings are rounded alike,
+        the degrees of freedom are divided by ``correlation_time`` instead.
         """
-        return chi_squared_p(FOUND * self.chi2, FOUND * self.degrees_of_freedom)
+        share = 1.0 / self.correlation_time if self.rounded_alike else FOUND
+        return chi_squared_p(share * self.chi2, share * self.degrees_of_freedom)
 
     @cached_property
     def runs(self) -> RunsTest:
@@ -149,6 +167,14 @@ class Fit:
     def errors(self) -> Errors:
         """Covariance matrix of the parameters, its degrees of freedom, and the method of its calculation."""
         return errors_of(self.solution, self.recording.quantum)
+
+    @cached_property
+    def grade(self) -> Grade:
+        """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
+        swing = self.recording.angle - self.values[self.names.index(ZERO)]
+        rms = math.sqrt(float(self.residual @ self.residual) / self.degrees_of_freedom)
+        return graded([*self.faults, *of_lost(self.damping, self.solution.followed, self.recording.time, swing),
+                       *of_misfit(self.damping, rms, self.noise, self.runs.z, self.rounded_alike)])
 
     @property
     def how(self) -> str:
@@ -181,7 +207,7 @@ class Fit:
         """
         return student(self, name, level)
 
-    def profile(self, name: str, level: float = 0.95, progress: Progress | bool = False) -> Interval:
+    def profile(self, name: str, level: float = 0.95, progress: Progress | bool | None = None) -> Interval:
         """Return the profile-likelihood interval of a parameter; all other parameters are fitted anew at every trial
         value.
 
@@ -191,7 +217,7 @@ class Fit:
         """
         return profile(self, name, level, progress)
 
-    def bootstrap(self, n: int = 200, seed: int = 0, progress: Progress | bool = False) -> Bootstrap:
+    def bootstrap(self, n: int = 200, seed: int = 0, progress: Progress | bool | None = None) -> Bootstrap:
         """Refit the model to ``n`` simulated recordings: its motion plus blocks of its residuals in random order.
 
         See :func:`pendulum_env.lab.fitting.intervals.bootstrap`. Ctrl-C returns the refits done so far, with a warning.
@@ -271,7 +297,7 @@ class FitComparison:
     def of(cls, fits: Sequence[Fit]) -> FitComparison:
         """Compare several fits to one recording and sort them, the best first."""
         scores = common_bic(fits)
-        order = sorted(range(len(fits)), key=lambda i: (fits[i].solution.lost, scores[i]))
+        order = sorted(range(len(fits)), key=lambda i: scores[i])
         return cls(tuple(fits[i] for i in order), tuple(scores[i] - scores[order[0]] for i in order))
 
     @property
@@ -287,14 +313,22 @@ class FitComparison:
         return self._judged("alike")
 
     @property
+    def drawn(self) -> tuple[Fit, ...]:
+        """Fits to look at: those whose criterion is less than 10 above the best one's, and the closest of the models
+        that are ruled out.
+        """
+        out = self.verdicts.index(VERDICTS[-1][1]) if self.ruled_out else 0
+        return tuple(fit for i, fit in enumerate(self.fits) if self.delta_bic[i] < RULED_OUT or i == out)
+
+    @property
     def unlikely(self) -> tuple[str, ...]:
         """Names of the unlikely models: Bayesian information criterion from 6 to 10 above that of the best model."""
         return self._judged("unlikely")
 
     @property
     def ruled_out(self) -> tuple[str, ...]:
-        """Names of the models that are ruled out: Bayesian information criterion 10 or more above the best one's, or
-        not all swings followed. Models with unnecessary parameters, ``needless``, are not among them.
+        """Names of the models that are ruled out: Bayesian information criterion 10 or more above the best one's.
+        Models with unnecessary parameters, ``needless``, are not among them.
         """
         return self._judged("ruled out")
 
@@ -325,7 +359,7 @@ class FitComparison:
         for one, delta in zip(self.fits, self.delta_bic, strict=True):
             word = next(word for limit, word in VERDICTS if delta < limit or limit == math.inf)
             more = delta >= ALIKE and (own < set(one.model.damping) or one.rms <= self.best.rms)
-            verdicts.append(VERDICTS[-1][1] if one.solution.lost else NEEDLESS if more else word)
+            verdicts.append(NEEDLESS if more else word)
         return ("best", *verdicts[1:])
 
     def spread(self, name: str) -> float:
@@ -349,24 +383,26 @@ class FitComparison:
 
     @property
     def text(self) -> str:
-        """Summary in sentences: the best model, models that fit equally well, and models that are ruled out."""
-        return " ".join(self._sentences())
+        """Summary in sentences: the best model, models that fit equally well, models that are ruled out, and the grade
+        of the best fit. If that is not usable, the grade alone.
+        """
+        grade = self.best.grade
+        return " ".join([*self._sentences(), grade.text] if grade.usable else [grade.text])
 
     def _sentences(self) -> list[str]:
         """Return the sentences of the summary of a comparison of damping models."""
         best = self.best
-        if best.solution.lost:
-            return [f"No model follows all swings; the closest is {_called(best.damping)}, {_rms(best)}."]
         if len(self.fits) == 1:
-            return [f"Only one model was compared: {_called(best.damping)}, {_rms(best)}.", *self._structure()]
+            return [f"Only one model was compared: {_called(best.damping)}, {_rms(best)}."]
         sentences = [f"The best model is {_called(best.damping)}, {_rms(best)}."]
         if self.alike:
             sentences.append(f"The recording cannot distinguish the best model from {_listed(self.alike)}.")
         if self.unlikely:
             sentences.append(f"Unlikely: {_listed(self.unlikely)}.")
         if self.ruled_out:
-            out = [f"{name} (" + ("does not follow the swings" if self[name].solution.lost else
-                                  f"{math.degrees(self[name].rms):.3g} degrees") + ")" for name in self.ruled_out]
+            out = [f"{name} ({math.degrees(self[name].rms):.3g} degrees"
+                   + (", does not follow the swings)" if not self[name].grade.usable else ")")
+                   for name in self.ruled_out]
             sentences.append(f"Ruled out: {_listed(out)}.")
         if self.needless:
             sentences.append(f"Models with more parameters that fit no better: {_listed(self.needless)}.")
@@ -375,21 +411,14 @@ class FitComparison:
             if len(names) > 1 and used & set(names):
                 sentences.append(f"The dampings {_listed(names)} have torques of the same shape, so no recording can "
                                  f"tell them apart; {first} stands for all of them.")
-        return sentences + self._structure()
-
-    def _structure(self) -> list[str]:
-        """Return a list with a sentence that even the best model does not fit to within the noise, if this is so."""
-        best = self.best
-        excess = math.sqrt(best.chi2 / best.degrees_of_freedom)
-        if excess < EXCESS and abs(best.runs.z) < STRUCTURE:
-            return []
-        return [f"No model fits to within the noise: the rms residual of {best.damping} is "
-                f"{math.degrees(best.rms):.3g} degrees, the error of a reading {math.degrees(best.noise):.2g} "
-                f"(runs test: z = {best.runs.z:.3g})."]
+        return sentences
 
     @property
     def table(self) -> Table:
-        """Table of the compared models, one row each, the best first: residuals, information criterion, verdict."""
+        """Table of the compared models, one row each, the best first: residuals, information criterion, verdict.
+
+        If not even the best fit is usable, the table has no verdicts.
+        """
         head = ("model", "parameters", "rms [deg]", "largest [deg]", "envelope [deg]", "delta BIC", "runs z", "verdict")
         rows = []
         for one, delta, verdict in zip(self.fits, self.delta_bic, self.verdicts, strict=True):
@@ -397,7 +426,8 @@ class FitComparison:
             degrees = (math.degrees(one.rms), math.degrees(largest), math.degrees(envelope_misfit(one)))
             rows.append((one.damping, str(len(one.names)), *(f"{x:.3g}" for x in degrees), f"{delta:.1f}",
                          f"{one.runs.z:.1f}", verdict))
-        return Table(head, tuple(rows))
+        columns = len(head) if self.best.grade.usable else -1
+        return Table(head[:columns], tuple(row[:columns] for row in rows))
 
 
 Comparison = FitComparison

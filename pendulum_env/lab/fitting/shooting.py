@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, START, VELOCITY, ZERO, Model
 from pendulum_env.lab.fitting.start import Measured, visible
+from pendulum_env.lab.fitting.statistics import reading_error
 from pendulum_env.lab.recording import Recording
+from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import DAMPINGS
 
 Array = NDArray[np.float64]
@@ -59,7 +61,7 @@ class FitSolution:
     Attributes:
         model: the fitted model.
         values: fitted parameters, in the order of ``model.names``.
-        residual: recording minus model at every time [rad].
+        residual: recording minus model at every time; 10 (BEYOND) after the model's run has stopped early [rad].
         jacobian: derivatives of the model's angles by the parameters, shape ``(times, names)``.
         velocity: velocity of the model at every time [rad/s].
         followed: time up to which the model follows the swings: its angles are off by less than half the amplitude
@@ -130,8 +132,13 @@ def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitS
     model follows the swings.
     """
     angles, velocity = model.motion(values)
-    last = max(followed(model, values, angle, sigma, angles[0]) - 1, 0)
-    return FitSolution(model, values, angle - angles[0], jacobian(model, values), velocity[0], float(model.time[last]))
+    residual = np.asarray(np.nan_to_num(angle - angles[0], nan=BEYOND))
+    last = followed(model, values, angle, sigma, angles[0])
+    if last < len(angle):  # readings may be worse at the end, where the model must then be off by more
+        scatter = np.fmax(reading_error(model.time[last:], residual[last:]), sigma[last:])
+        last = followed(model, values, angle, np.concatenate([sigma[:last], scatter]), angles[0])
+    until = float(model.time[max(last - 1, 0)])
+    return FitSolution(model, values, residual, jacobian(model, values), np.nan_to_num(velocity[0]), until)
 
 
 def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: Mapping[str, Any]) -> Array:
@@ -191,8 +198,10 @@ def sizes(model: Model, values: Array) -> Array:
     """
     scene, given = model.scene_with(values), dict(zip(model.names, values, strict=True))
     swing = max(abs(given[ANGLE]), abs(given[VELOCITY]) / scene.omega0, 1e-3)
-    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, LENGTH: 1e-3 * scene.body.length,
+    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, LENGTH: 1e-3 * scene.body.reach,
              GRAVITY: 1e-3 * scene.gravity}
+    if not isinstance(scene.body, Body):
+        known |= {name: 1e-3 * abs(given[name]) for name in model.free if name != SCALE}
     least = dict(zip(model.numbers, visible(scene, model.numbers, swing), strict=True))
     return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 

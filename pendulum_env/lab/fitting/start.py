@@ -18,6 +18,7 @@ from pendulum_env.lab.measures import crossings
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics import exact
+from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene
@@ -29,6 +30,10 @@ SEEN = 1e-3
 """Relative loss of amplitude per half swing at which a damping is just visible."""
 MISSED = 0.1
 """Relative error of the period above which no length is accepted; a ball of finite size has a shortest period."""
+SEARCHED = tuple(step**sign for step in (1.02, 1.1, 1.3, 2.0, 5.0, 30.0) for sign in (1, -1))
+"""Factors up to which a parameter that gives the recorded period is searched, one after the other."""
+SHORTEST = 1e-3
+"""Shortest length in units of the bob's radius; a ball hung so near its centre swings far slower than at any longer."""
 HIGHEST = 3.1
 """Upper limit of the amplitudes with which periods are corrected to small amplitude [rad]."""
 
@@ -113,37 +118,54 @@ def small_period(swing: Recording, points: TurningPoints) -> float:
     return float(np.median(np.diff(times) / exact.period(sizes, math.tau)))
 
 
-def growth(points: TurningPoints) -> tuple[float, float]:
-    """Return the largest growth of a swing over an earlier one, as a share of the largest swing, and its time [s].
-
-    Growth by less than 5 standard errors counts as 0. The size of a swing is the sum of two successive amplitudes,
-    which an error of the zero does not change.
-    """
-    if len(points.amplitude) < 3:
-        return 0.0, 0.0
-    size = points.amplitude[1:] + points.amplitude[:-1]
-    error = np.hypot(points.error[1:], points.error[:-1])
-    least = np.maximum.accumulate(np.where(size <= np.minimum.accumulate(size), np.arange(len(size)), 0))
-    gain = size - size[least]
-    clear = gain > 5.0 * np.hypot(error, error[least])
-    at = int(np.argmax(np.where(clear, gain, 0.0)))
-    return (float(gain[at] / size.max()), float(points.time[at])) if clear[at] else (0.0, 0.0)
-
-
 def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
     """Return the scene with the length or the gravity, if it is in ``free``, adjusted to a small-angle period [s].
 
-    Raises SceneError if no length gives the period.
+    Of other bodies than a bob, the first parameter in ``free`` that changes the period is adjusted. Raises SceneError
+    if no length of a bob gives the period.
     """
+    if not isinstance(scene.body, Body):
+        return _tuned(scene, [name for name in free if name != SCALE], period)
+    bob = f"a bob of radius {scene.body.radius:g} m"
+    fault = SceneError(f"No length gives {bob} the recorded period of {period:.3g} s.")
     for _ in range(4):  # the period of a bob of finite size is not proportional to sqrt(length), so this iterates
         ratio = (period * scene.omega0 / math.tau) ** 2
         for name, factor in ((LENGTH, ratio), (GRAVITY, 1.0 / ratio)):
             if name in free:
-                scene = scene.replace(**{name: float(scene.parameters()[name]) * factor})  # type: ignore[arg-type]
+                value = float(scene.parameters()[name]) * factor  # type: ignore[arg-type]
+                if name == LENGTH and value < SHORTEST * scene.body.radius:
+                    raise fault
+                scene = scene.replace(**{name: value})
                 break
     if LENGTH in free and abs(period * scene.omega0 / math.tau - 1.0) > MISSED:
-        size = f"of radius {scene.body.radius:g} m"
-        raise SceneError(f"No length gives a bob {size} the recorded period of {period:.3g} s.")
+        raise fault
+    return scene
+
+
+def _tuned(scene: Scene, names: Sequence[str], period: float) -> Scene:
+    """Return the scene with the first named parameter that can give it a period [s]; unchanged if none can.
+
+    Values are searched outwards from the scene's own, up to 30 times as large or small, and then by bisection.
+    """
+    def scene_at(name: str, factor: float) -> Scene | None:
+        try:
+            return scene.replace(**{name: float(scene.parameters()[name]) * factor})  # type: ignore[arg-type]
+        except SceneError:
+            return None
+
+    def excess(name: str, factor: float) -> float:
+        place = scene_at(name, factor)
+        return math.nan if place is None else period * place.omega0 / math.tau - 1.0
+
+    for name in names:
+        for step in SEARCHED:
+            ends = [1.0, step]
+            if not excess(name, ends[0]) * excess(name, ends[1]) <= 0.0:
+                continue
+            for _ in range(50):
+                middle = math.sqrt(ends[0] * ends[1])
+                ends[0 if excess(name, ends[0]) * excess(name, middle) > 0.0 else 1] = middle
+            return scene_at(name, ends[0]) or scene
     return scene
 
 

@@ -1,0 +1,137 @@
+"""What single and vector environments share: attributes that cannot be assigned, a spec for JSON, saved objects."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import os
+from collections.abc import Iterable, Mapping
+from inspect import signature
+from typing import Any
+
+import numpy as np
+from gymnasium.envs.registration import EnvSpec
+
+from integrators import METHODS, Method
+from pendulum_env.common.shown import Displayed
+from pendulum_env.physics.bodies import BODIES, body_data
+from pendulum_env.physics.body import RigidBody
+from pendulum_env.physics.effects import EFFECTS, Effect
+from pendulum_env.physics.medium import Medium
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, shown
+
+FORMAT = 2
+"""Number of the form in which environments are pickled; raised by one whenever their attributes change."""
+
+
+class Fixed:
+    """Attribute of an environment that is read from ``_name``, and that refuses to be assigned.
+
+    The value is built into the environment's program, so that another value would change nothing.
+    """
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name, self.maker = name, getattr(owner, "MAKER", "gym.make")
+
+    def __get__(self, environment: Any, kind: type | None = None) -> Any:
+        if environment is None:
+            return self
+        try:
+            return vars(environment)[f"_{self.name}"]
+        except KeyError:
+            raise AttributeError(f"{type(environment).__name__} has no attribute {self.name!r}.") from None
+
+    def __set__(self, environment: Any, value: Any) -> None:
+        if self.name == "omega0":
+            raise AttributeError("omega0 cannot be assigned, as it follows from the scene; make a new environment with "
+                                 f'another length or gravity, as {self.maker}("LabPendulum-v0", length=1.0).')
+        raise AttributeError(f"{self.name} cannot be assigned, as it is built into the environment's program; make a "
+                             f'new environment with {self.maker}("LabPendulum-v0", {self.name}={shown(value)}).')
+
+
+def fix(environment: type, more: Iterable[str]) -> None:
+    """Make all keywords of an environment's class, all parameters of scenes and ``more`` attributes :class:`Fixed`."""
+    own = set(signature(environment).parameters) - {"parameters", "num_envs", "autoreset_mode"}
+    sizes = {entry.name for part in (*BODIES.values(), Medium, *EFFECTS.values())
+             for entry in dataclasses.fields(part)}
+    for name in (own | sizes | {"gravity", "body", "medium", "effects", "run", *more}) - {"name"}:
+        attribute = Fixed()
+        attribute.__set_name__(environment, name)
+        setattr(environment, name, attribute)
+
+
+class PortableSpec(EnvSpec):
+    """Gymnasium's specification of an environment, whose ``to_json`` refuses what JSON cannot hold.
+
+    Scenes, effects, media, registered methods, arrays and paths are kept as the dicts, names, lists and texts that make
+    the same environment.
+    """
+
+    def to_json(self) -> str:
+        """Return the specification as JSON; SceneError names an argument that JSON cannot hold."""
+        for name, value in self.kwargs.items():
+            if not _is_plain(value):
+                raise SceneError(f"{name}={shown(value)} cannot be written as JSON; give it by the name of a method of "
+                                 "the package, or a scene of the package's own effects.")
+        return super().to_json()
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in the form that JSON can hold and that makes the same environment, unchanged if there is none."""
+    if isinstance(value, Scene) and all(EFFECTS.get(effect.name) is type(effect) for effect in value.effects):
+        return value.to_dict()
+    if isinstance(value, Effect) and EFFECTS.get(value.name) is type(value):
+        return {"effect": value.name, **dataclasses.asdict(value)}  # type: ignore[call-overload]
+    if isinstance(value, Method) and METHODS.get(value.name) is value:
+        return value.name
+    if isinstance(value, RigidBody):
+        return body_data(value)
+    if isinstance(value, Medium):
+        return dataclasses.asdict(value)
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    if isinstance(value, enum.Enum):
+        return value.value
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    return [_plain(entry) for entry in value] if isinstance(value, (list, tuple)) else value
+
+
+def _is_plain(value: Any) -> bool:
+    """Return True if JSON holds a value without changing its meaning."""
+    if isinstance(value, dict):
+        return all(isinstance(name, str) and _is_plain(entry) for name, entry in value.items())
+    return all(map(_is_plain, value)) if isinstance(value, (list, tuple)) else (
+        value is None or isinstance(value, (str, int, float, bool)))
+
+
+class Portable(Displayed):
+    """Part of an environment's class that keeps its specification and its pickled form, and shows it in notebooks."""
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """Specification with which Gymnasium made the environment; its ``to_json`` makes an equal one elsewhere."""
+        kept: EnvSpec | None = vars(self).get("_made_by")
+        return kept
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        if spec is not None:
+            spec = PortableSpec(**{entry.name: getattr(spec, entry.name) for entry in dataclasses.fields(spec)
+                                   if entry.init})
+            spec.kwargs = {name: _plain(value) for name, value in spec.kwargs.items()}
+        vars(self)["_made_by"] = spec
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes for a copy or a pickle, with the number of their form."""
+        return {**vars(self), "format": FORMAT}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Set the attributes of a copied or unpickled environment; SceneError if another version has pickled it."""
+        if state.get("format") != FORMAT:
+            raise SceneError(f"This {type(self).__name__} was pickled by another version of the package, in the format "
+                             f"{shown(state.get('format'))} and not {FORMAT}; make the environment anew.")
+        vars(self).update((name, value) for name, value in state.items() if name != "format")

@@ -1,0 +1,194 @@
+"""Grade of a fit: usable, usable with exceptions, or not usable, with the reasons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from pendulum_env.lab.measures import envelope_rate
+from pendulum_env.lab.turning import TurningPoints
+
+Array = NDArray[np.float64]
+
+GROWS, DRIVEN = 0.005, 0.05
+"""Growth of a swing over an earlier one, as a share of the largest swing, that is mentioned; and growth from which on a
+recording is not a free swing."""
+STEADY = 5000.0
+"""Lowest quality factor at which swings count as steady. Air alone makes that of a laboratory pendulum smaller."""
+VISIBLE = 0.05
+"""Smallest steady amplitude, as a share of the largest, that counts as driven."""
+LASTS = 9
+"""Number of successive swings whose median shows the growth that lasts."""
+LOST = 0.05
+"""Share of the squared angles in readings that the model does not follow, from which on a fit is not usable."""
+BESIDE = 0.5
+"""A misfit counts if it exceeds this share of the error of a reading and the residuals have a pattern."""
+EXCESS, PATTERN = 2.0, 5.0
+"""Residuals show a misfit if they are the first number of times the error of a reading, or if they have too few runs by
+the second number of standard deviations."""
+
+
+class Fault(NamedTuple):
+    """A reason against a fit: a clause that can follow "because"; ``serious`` if the fit is then not usable."""
+
+    text: str
+    serious: bool
+
+
+class Grade(NamedTuple):
+    """Grade of a fit: the reasons against it; it is usable without any, and not usable with a serious one."""
+
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def usable(self) -> bool:
+        """False if one of the reasons is serious, so that no number of the fit should be used."""
+        return not any(fault.serious for fault in self.faults)
+
+    @property
+    def word(self) -> str:
+        """The grade in a few words: "usable", "usable with exceptions" or "not usable"."""
+        return ("usable with exceptions" if self.faults else "usable") if self.usable else "not usable"
+
+    @property
+    def text(self) -> str:
+        """The grade and its reasons as a sentence."""
+        reasons = "; ".join(fault.text for fault in self.faults if fault.serious or self.usable)
+        return f"The fit is not usable, because {reasons}." if not self.usable else (
+            f"The fit is usable, except that {reasons}." if reasons else "The fit is usable.")
+
+
+def of_swings(points: TurningPoints, omega: float, damped: bool) -> list[Fault]:
+    """Return the signs in a recording's turning points that it is not a free swing: swings that grow or stay equal.
+
+    Args:
+        points: turning points about the equilibrium.
+        omega: angular frequency of the swings [rad/s].
+        damped: True if a free swing must decay; False for a swing in vacuum, or one that is fitted without damping.
+    """
+    share, when, lasting = growth(points)
+    rate = envelope_rate(points)
+    faults = []
+    if share > GROWS:
+        text = (f"the swings grow by {100.0 * share:.3g} % of the largest until {when:.4g} s, which damping cannot "
+                "cause: check for a drive, a push, a second release or bad readings")
+        faults.append(Fault(text, lasting > DRIVEN or rate.value < -2.0 * rate.error))
+    if not damped or any(fault.serious for fault in faults):
+        return faults
+    if (quality := steady(points, omega)) > STEADY:
+        faults.append(Fault(f"the swings do not decay (their quality factor is above {quality:.2g}): the pendulum is "
+                            "driven, or simulated without damping", True))
+    elif settled(points):
+        end = slice(len(points.time) // 2, None)
+        size, since = math.degrees(float(np.median(points.amplitude[end]))), float(points.time[end][0])
+        faults.append(Fault(f"the swings settle at {size:.3g} degrees and do not decay after {since:.4g} s, which no "
+                            "damping causes: the pendulum is driven", True))
+    return faults
+
+
+def growth(points: TurningPoints) -> tuple[float, float, float]:
+    """Return the largest growth of a swing over an earlier one, as a share of the largest swing, its time [s], and the
+    largest growth that lasts for several swings.
+
+    Growth by less than 5 standard errors counts as 0. The size of a swing is the sum of two successive amplitudes,
+    which an error of the zero does not change. The growth that lasts is that of the median of nine successive
+    sizes, which a bad reading does not change.
+    """
+    size = points.amplitude[1:] + points.amplitude[:-1]
+    error = np.hypot(points.error[1:], points.error[:-1])
+    gain = _gain(size, error)
+    lasting = _gain(median_filter(size, LASTS, mode="nearest"), error) if len(size) > LASTS else gain
+    at = int(np.argmax(gain))
+    return float(gain[at] / size.max()), float(points.time[at]), float(lasting.max() / size.max())
+
+
+def _gain(size: Array, error: Array) -> Array:
+    """Return the growth of every swing over the smallest one before it; 0 if it is below 5 standard errors."""
+    least = np.maximum.accumulate(np.where(size <= np.minimum.accumulate(size), np.arange(len(size)), 0))
+    gain = size - size[least]
+    return np.where(gain > 5.0 * np.hypot(error, error[least]), gain, 0.0)
+
+
+def steady(points: TurningPoints, omega: float) -> float:
+    """Return the lowest quality factor that agrees with swings of equal size; 0 if they decay."""
+    rate, error = _decay(points, slice(None))
+    return 0.0 if rate > 2.0 * error else omega / max(rate + 2.0 * error, 2.0 * error, 1e-300)
+
+
+def settled(points: TurningPoints) -> bool:
+    """Return True if swings decay at first, and in the second half much less than any damping can cause.
+
+    The damping rate of no damping falls faster with the amplitude than that of quadratic drag, which is proportional to
+    it. The rate in the second half must be below half of what this gives, by two of its errors.
+    """
+    half = len(points.time) // 2
+    if half < 3:
+        return False
+    (first, its_error), (last, error) = _decay(points, slice(half)), _decay(points, slice(half, None))
+    size, end = (float(np.median(points.amplitude[part])) for part in (slice(half), slice(half, None)))
+    seen = first > 3.0 * its_error and end > VISIBLE * float(points.amplitude.max())
+    return seen and last + 2.0 * error < 0.5 * first * end / size
+
+
+def _decay(points: TurningPoints, part: slice) -> tuple[float, float]:
+    """Return the damping rate of a part of a swing and its error [1/s].
+
+    The error allows for one error of an amplitude that is equal in successive swings, because a coarse sensor rounds
+    them in the same way.
+    """
+    rate, time = envelope_rate(points, part), points.time[part]
+    alike = 2.0 * float(np.median(points.error[part] / points.amplitude[part])) / float(time[-1] - time[0])
+    return rate.value, math.hypot(rate.error, 2.0 * alike)
+
+
+def of_lost(damping: str, followed: float, time: Array, swing: Array) -> list[Fault]:
+    """Return a list with the stretch at the end of a recording that a model does not follow, if there is one.
+
+    It is serious if the stretch has over 5 % (LOST) of the sum of the squared angles, because readings tell about the
+    parameters in proportion to these.
+
+    Args:
+        damping: name of the model.
+        followed: time up to which the model follows the swings [s].
+        time: times of the recording [s].
+        swing: angles of the recording about the equilibrium [rad].
+    """
+    after = time > followed
+    if not after.any():
+        return []
+    share = float(swing[after] @ swing[after]) / max(float(swing @ swing), 1e-300)
+    if share > LOST:
+        return [Fault(f"the model {damping} follows the recording only until {followed:.4g} s", True)]
+    size = math.degrees(float(np.max(np.abs(swing[after]))))
+    return [Fault(f"the model {damping} does not follow the readings after {followed:.4g} s, which are within "
+                  f"{size:.2g} degrees of the equilibrium", False)]
+
+
+def of_misfit(damping: str, rms: float, noise: float, z: float, alike: bool) -> list[Fault]:
+    """Return a list with the misfit of a model, if its residuals exceed the error of a reading.
+
+    They exceed it clearly by a factor of 2 (EXCESS). By less, they must have a pattern too, and a misfit of half an
+    error of a reading: with many readings, a runs test alone finds misfits that nobody minds.
+
+    Args:
+        damping: name of the model.
+        rms: root mean square of the residuals, in the degrees of freedom [rad].
+        noise: error of a reading [rad].
+        z: result of the runs test; below 0 for too few runs.
+        alike: True if neighbouring readings are rounded alike, which makes a pattern without a misfit.
+    """
+    pattern = z < -PATTERN and not alike and rms > noise * math.hypot(1.0, BESIDE)
+    if rms < EXCESS * noise and not pattern:
+        return []
+    return [Fault(f"the model {damping} does not fit to within the noise: its rms residual is {math.degrees(rms):.3g} "
+                  f"degrees, the error of a reading {math.degrees(noise):.2g} (runs test: z = {z:.3g})", False)]
+
+
+def graded(faults: Sequence[Fault]) -> Grade:
+    """Return the grade for a list of reasons, the serious ones first."""
+    return Grade(tuple(sorted(faults, key=lambda fault: not fault.serious)))

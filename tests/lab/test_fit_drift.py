@@ -1,0 +1,86 @@
+"""Test that the error of a fitted length includes a drift of the amplitude-corrected period.
+
+Recordings whose scale, zero or pivot drifts are simulated by scipy; the lengths of their halves must agree.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from virtual_swings import GRAVITY, MASS, even, recorded, swing
+
+from pendulum_env.lab import Recording
+from pendulum_env.lab.fitting.fit import fit
+
+Array = NDArray[np.float64]
+COUNT = 20
+
+
+def sinking(time: Array, angle: float, length: float, gamma: float, drift: float) -> Array:
+    """Return the swing of a pendulum whose length grows by the relative amount ``drift`` over the run, linearly."""
+    end = float(time[-1])
+
+    def slope(t: float, y: Array) -> list[float]:
+        now, rate = length * (1.0 + drift * (t / end - 0.5)), length * drift / end
+        return [y[1], -GRAVITY / now * math.sin(y[0]) - (gamma + 2.0 * rate / now) * y[1]]
+
+    return np.asarray(solve_ivp(slope, (0.0, end), [angle, 0.0], "DOP853", time, rtol=1e-9, atol=1e-11).y[0])
+
+
+def drifting(kind: str, seed: int) -> Recording:
+    """Return a simulated recording in which the sensor's scale or zero, or the pivot's height, drifts by 1 to 4 %."""
+    source = np.random.default_rng(seed)
+    angle, length = math.radians(source.uniform(10.0, 60.0)), source.uniform(0.3, 1.0)
+    drift = source.uniform(0.01, 0.04) * source.choice([-1.0, 1.0])
+    span = source.uniform(15.0, 30.0) * math.tau * math.sqrt(length / GRAVITY)
+    time = even(span, source.uniform(20.0, 40.0))
+    clean = sinking(time, angle, length, 2.0 * source.uniform(0.3, 1.2) / span, drift if kind == "pivot" else 0.0)
+    later = drift * time / span
+    seen = clean * (1.0 + later) if kind == "scale" else clean + angle * later if kind == "zero" else clean
+    return recorded(time, seen, noise=math.radians(source.uniform(0.05, 0.3)),
+                    quantum=math.radians(source.choice([0.0, 0.1, 0.25])), seed=seed)
+
+
+@pytest.mark.slow
+def test_the_lengths_of_both_halves_agree_within_three_errors_in_95_per_cent() -> None:
+    """Without the drift in the error, only half of the differences are below three errors, and some are above ten."""
+    pulls = []
+    for seed in range(COUNT):
+        whole = drifting(("scale", "zero", "pivot")[seed % 3], seed)
+        middle = 0.5 * whole.time[-1]
+        first, last = (
+            fit(Recording(whole.time[part] - whole.time[part][0], whole.angle[part], "half"), "linear", mass=MASS
+                ).parameters["length"] for part in (whole.time <= middle, whole.time > middle))
+        pulls.append((first.value - last.value) / math.hypot(first.error, last.error))
+    assert np.mean(np.abs(pulls) < 3.0) >= 0.95
+
+
+@pytest.mark.filterwarnings("ignore:The fit is usable, except")
+def test_the_report_gives_the_drift_and_its_usual_meaning() -> None:
+    """A length that grows by 2 % has a period that grows by 1 %; spread evenly, its error is 2 % / sqrt(12)."""
+    time = even(25.0, 40.0)
+    seen = recorded(time, sinking(time, 0.4, 0.5, 0.03, 0.02), noise=math.radians(0.1))
+    found = fit(seen, "linear", mass=MASS)
+    drift = found.errors.drift
+    assert drift is not None
+    assert drift.value == pytest.approx(0.01, rel=0.03)
+    assert drift.error < 1e-3
+    assert found.parameters["length"].error == pytest.approx(0.5 * 0.02 / math.sqrt(12.0), rel=0.05)
+    assert "the amplitude-corrected period drifts by" in found.how
+    assert "angles look scaled or displaced: try --free length,scale" in found.how
+
+
+def test_a_free_scale_takes_the_drift_away() -> None:
+    """A scale that is 3 % too large at 50 degrees makes the corrected period drift."""
+    time = even(30.0, 40.0)
+    seen = recorded(time, swing(time, math.radians(50.0), length=0.5, gamma=0.08), noise=math.radians(0.1), scale=1.03)
+    plain, scaled = (fit(seen, "linear", mass=MASS, free=free) for free in (("length",), ("length", "scale")))
+    assert "try --free length,scale" in plain.how
+    assert "drifts" not in scaled.how
+    assert abs(scaled.parameters["length"].value - 0.5) < 4.0 * scaled.parameters["length"].error
+    assert abs(plain.parameters["length"].value - 0.5) < 4.0 * plain.parameters["length"].error
+    assert scaled.parameters["length"].error < plain.parameters["length"].error
