@@ -19,7 +19,7 @@ MARGIN = 1.15
 """Ratio of the limits of the portrait's axes to the largest values on its curves."""
 CLOSE = math.radians(10.0)
 """Amplitude up to which a portrait shows only the surroundings of the swing [rad]."""
-KNOWN = ("gravity", "small_angle_gravity")
+KNOWN = ("gravity", "small_angle_gravity", "fibre")
 """Conservative effects with orbits in closed form."""
 NOTES = {
     (False, False): ("exact orbit",),
@@ -35,12 +35,13 @@ def curves(scene: Scene, energy: float) -> Curves:
 
     With gravity the orbit is v² / 2 + 2 omega0² sin²(theta / 2) = E / I. It is closed below the separatrix
     v = ±2 omega0 cos(theta / 2), and two lines above it. For swings without drive below 10°, the limits of the axes
-    enclose the orbit only. With linearised gravity the orbit is an ellipse, and there is no separatrix. Without
-    gravity, or with another potential, there are no curves. Drives and wind are ignored.
+    enclose the orbit only. With linearised gravity or a fibre the orbit is an ellipse, and there is no
+    separatrix. Without these, or with another potential or two, there are no curves. Drives and wind are ignored.
     """
     share = max(energy, 0.0) / scene.inertia
     rates = scene.coefficients
-    if any(effect.name not in KNOWN for effect in scene.of_kind("conservative")):
+    held = scene.of_kind("conservative")
+    if len(held) > 1 or any(effect.name not in KNOWN for effect in held):
         return Curves(velocity_reach=reach(MARGIN * math.sqrt(2.0 * share)), periodic=scene.periodic)
     driven = bool(scene.of_kind("drive") or scene.of_kind("medium"))
     notes = NOTES[bool(scene.of_kind("dissipative")), driven]
@@ -48,8 +49,9 @@ def curves(scene: Scene, energy: float) -> Curves:
         k = math.sqrt(0.5 * share / rates["gravity_rate"])
         return _pendulum(math.sqrt(rates["gravity_rate"]), k, notes, not driven)
     speed = MARGIN * math.sqrt(2.0 * share)
-    if rates.get("spring_rate", 0.0) > 0.0 and speed > 0.0:
-        omega0, turn = math.sqrt(rates["spring_rate"]), np.linspace(0.0, 2.0 * math.pi, POINTS)
+    spring = rates.get("spring_rate", rates.get("fibre_rate", 0.0))
+    if spring > 0.0 and speed > 0.0:
+        omega0, turn = math.sqrt(spring), np.linspace(0.0, 2.0 * math.pi, POINTS)
         unit, size = np.stack((np.cos(turn), omega0 * np.sin(turn)), axis=1), math.sqrt(2.0 * share) / omega0
         wide = math.radians(reach(math.degrees(MARGIN * size)))
         return Curves((size * unit,), (), wide, reach(speed), periodic=False, notes=notes)

@@ -99,8 +99,8 @@ class Camera:
 def apparatus(scene: Scene) -> Apparatus:
     """Return a scene's pendulum with the dimensions that frames draw."""
     body = scene.body
-    return Apparatus(body.length, body.radius, body.suspension, 0.5 * body.diameter, title=scene.name,
-                     sway=_sum(effect.sway for effect in scene.effects))
+    return Apparatus(body.reach, body.radius, body.suspension, 0.5 * body.diameter, title=scene.name,
+                     sway=_sum(effect.sway for effect in scene.effects), outline=body.outline)
 
 
 def pivots(scene: Scene, time: float, times: Iterable[float]) -> dict[str, Any]:

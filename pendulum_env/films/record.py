@@ -10,14 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import METHODS, Method
-from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import output_folder, provenance
+from pendulum_env.common.shown import html_of
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.spec import RunSpec, parted
 from pendulum_env.engine.starts import checked_control, checked_steps, listed_methods
 from pendulum_env.films.look import checked_look, checked_size
-from pendulum_env.films.runs import NEAR, Track, instants, track_of
+from pendulum_env.films.runs import NEAR, Track, drawn_large, instants, strip_span, track_of
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, naming_keywords, number, several
@@ -36,7 +37,7 @@ MOST_PANELS = 16
 
 
 class Filmed(NamedTuple):
-    """The path of a film, and the runs in it that stopped early.
+    """The path of a film, and the runs in it that stopped early; a notebook shows a player.
 
     Attributes:
         path: path of the film.
@@ -46,11 +47,16 @@ class Filmed(NamedTuple):
     path: Path
     stopped: dict[str, str]
 
+    def _repr_html_(self) -> str:
+        """Return a player of the film as HTML, with the film itself up to 5 MB, otherwise with a link to the file."""
+        return html_of(self)
 
+
+@with_bar("film")
 def film(
     scenes: SceneLike | Sequence[SceneLike],
     path: str | Path,
-    integrators: str | Sequence[str | Method] = "rk4",
+    integrators: str | Method | Sequence[str | Method] = "rk4",
     *,
     damping: Damping = "scene",
     rtol: float | None = None,
@@ -58,7 +64,7 @@ def film(
     backend: Backend = "auto",
     theme: str = "light",
     panels: Sequence[str] = DEFAULT,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     angle: float | None = None,
     velocity: float | None = None,
     duration: float | None = None,
@@ -74,17 +80,20 @@ def film(
         film("lab", "swing.mp4", slow=4.0, theme="dark", panels=("apparatus", "energy", "phase"))
         film("exercise", "euler.mp4", "forward_euler,symplectic_euler", duration=5.0, angle=1.0)
 
-    The frames look like those that an environment renders. To film an agent in an environment, use
+    The frames look like those that an environment renders, but where all swings stay below 30 degrees, the pendulum is
+    drawn about twice as long and not with its full circle. Below several runs a strip shows their angles over the last
+    ten seconds. To film an agent in an environment, use
     ``gymnasium.wrappers.RecordVideo``.
 
     Args:
         scenes: preset name, dict, Scene or a scene's JSON file; a list of them is shown side by side.
         path: path of the film, ending in .mp4 or .gif.
-        integrators: names of methods, or one string with commas between them; every scene runs with every method.
+        integrators: names of methods, one string with commas between them, or one Method; every scene runs with each.
         damping: as :func:`pendulum_env.rollout`'s, of every scene.
         rtol, atol, backend: as :func:`pendulum_env.rollout`'s.
         theme, panels: as ``render_theme`` and ``render_panels`` of gym.make.
-        progress: function that is called with the fraction done and the current task.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
         angle, velocity, duration, dt, control, fps, slow, size: as :func:`record`'s.
         **parameters: as :func:`pendulum_env.rollout`'s, of every scene.
 
@@ -116,7 +125,7 @@ def record(
     size: int | tuple[int, int] = 500,
     theme: str = "light",
     panels: Sequence[str] = DEFAULT,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     **shared: Any,
 ) -> Filmed:
     """Simulate and film one run or several; the film lasts ``duration`` times ``slow``, to within one frame.
@@ -265,8 +274,8 @@ def _frames(tracks: Sequence[Track], time: NDArray[np.float64], size: tuple[int,
             look: FrameStyle) -> Iterator[Any]:
     """Yield the frames of a film one after the other; when all runs have stopped, their last frame is repeated."""
     last: Any = None
-    for shown in instants(tracks, time, "past" in look.needs):
+    for shown in instants(drawn_large(tracks), time, "past" in look.needs or len(tracks) > 1):
         if last is None or shown is not last[0]:
-            last = shown, (side_by_side(shown, size, look=look) if len(shown) > 1 else
+            last = shown, (side_by_side(shown, size, look=look, strip=strip_span(time)) if len(shown) > 1 else
                            frame(*shown[0], size=size, look=look))
         yield last[1]

@@ -53,9 +53,11 @@ class Reel:
 
     def __init__(self, look: FrameStyle, dt: float, energies: bool) -> None:
         self.names = (*MOTION, *(LEDGER if energies else ()))
-        self.every, length = kept(dt)
         self.trail: deque[Any] | None = deque(maxlen=trail_length(dt)) if "trail" in look.needs else None
-        self.past: deque[Any] | None = deque(maxlen=length) if "past" in look.needs else None
+        self.past: deque[Any] | None = None
+        if "past" in look.needs:
+            self.every, length = kept(dt)
+            self.past = deque(maxlen=length)
         self._steps = 0
 
     def begin(self, motion: Sequence[Any], info: Mapping[str, Any]) -> None:

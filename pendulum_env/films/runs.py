@@ -19,12 +19,15 @@ from pendulum_env.films.reel import kept
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
 from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View
+from pendulum_env.render.strip import WINDOW
 
 FloatArray = NDArray[np.float64]
 Panel = tuple[Apparatus, View]
 
 PAST = ("angle", "velocity", "kinetic", "potential", "heat", "work", "residual")
 """Names of a run's series that frames show of the time before them."""
+SMALL = math.radians(30.0)
+"""Largest |angle| of a film whose picture shows the arc of the swing only [rad]."""
 NEAR = 1e-9
 """Instants closer than this to a state, as a share of the time between states, show that state."""
 
@@ -98,6 +101,28 @@ def instants(tracks: Sequence[Track], time: FloatArray, past: bool = False) -> I
             shown = [(track.apparatus, track.view(time, i, past)) for track in tracks]
             still = shown if all(now > track.end for track in tracks) else []
         yield shown
+
+
+def drawn_large(tracks: Sequence[Track]) -> list[Track]:
+    """Return the runs of a film with pendulums drawn about twice as long if all swings stay below 30 degrees (SMALL).
+
+    The picture then shows the arc of the largest swing, not the pendulum's full circle. Films with a moving pivot, a
+    compound pendulum or a motor's torque stay as they are.
+    """
+    swing = max(float(np.abs(track.series["angle"]).max()) for track in tracks)
+    if not swing < SMALL or any(any(track.apparatus.sway) or track.apparatus.outline or track.torque_share
+                                for track in tracks):
+        return [*tracks]
+    return [replace(track, apparatus=replace(track.apparatus, swing=swing)) for track in tracks]
+
+
+def strip_span(time: FloatArray) -> float:
+    """Return the time that a film's strip of angles covers [s]: the film's, at most ten seconds, whole if above 1 s.
+
+    ``time`` are the instants of the film's frames [s].
+    """
+    lasts = float(time[-1])
+    return min(WINDOW, max(math.ceil(lasts - NEAR) if lasts > 1.0 else lasts, NEAR))
 
 
 def track_of(

@@ -6,8 +6,8 @@
 No function opens a window, uses pyplot's state or changes a global setting permanently.
 """
 
-from pendulum_env.plots.energy import energy, energy_error
-from pendulum_env.plots.motion import angle, deviation, phase, velocity
+from pendulum_env.plots.energy import energy, energy_error, energy_residual
+from pendulum_env.plots.motion import angle, deviation, phase, portraits, velocity
 from pendulum_env.plots.series import DENSE
 from pendulum_env.plots.style import WIDE, colours, figure, save, save_all, styled
 from pendulum_env.plots.titles import describe, legend
@@ -21,9 +21,11 @@ __all__ = [
     "deviation",
     "energy",
     "energy_error",
+    "energy_residual",
     "figure",
     "legend",
     "phase",
+    "portraits",
     "save",
     "save_all",
     "styled",

@@ -17,7 +17,7 @@ from pendulum_env.plots.style import blank, styled
 from pendulum_env.plots.titles import fitted, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, OKABE_ITO
 from pendulum_env.study.audit.swing import METHOD
-from pendulum_env.study.audit.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow
+from pendulum_env.study.audit.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow, off_by, strong_damping
 
 QUANTITIES = (
     ("period", "of the period", OKABE_ITO["blue"]),
@@ -33,6 +33,9 @@ FORMULA: dict[str, Any] = {
     "linestyle": "none", "marker": "D", "markersize": 5.5, "markerfacecolor": "white", "color": INK,
 }
 """Marker style of textbook predictions."""
+FAR: dict[str, Any] = {**FORMULA, "color": "#A8A8A8"}
+"""Marker style of textbook predictions that are too large or too small by more than the factor OFF."""
+OFF = 2.0
 DECADES = 4
 """Changes more than this many powers of ten below the tolerance are written as numbers instead of drawn."""
 WIDE, ROW, FRAME, LINE, BELOW = 10.0, 0.46, 2.3, 0.2, 0.55
@@ -45,7 +48,7 @@ NOTE = 480.0
 def draw(audit: Audit, figure: Figure | None = None) -> Figure:
     """Draw the bar chart of an audit, the changes due to every effect, in a new or a given figure of suitable size."""
     rows = sum(row.verdict != NOT_JUDGED for row in audit.rows)
-    drawing = blank((WIDE, FRAME + ROW * rows + LINE * len(_left_out(audit).splitlines())), figure)
+    drawing = blank((WIDE, FRAME + ROW * rows + LINE * len(_note(audit).splitlines())), figure)
     with styled():
         changes(audit, drawing.subplots())
     return drawing
@@ -54,18 +57,19 @@ def draw(audit: Audit, figure: Figure | None = None) -> Figure:
 def changes(audit: Audit, axes: Axes | None = None) -> Axes:
     """Draw bars for the changes of the motion due to every effect, on a logarithmic axis; pale if they do not matter.
 
-    A line marks the tolerance and diamonds mark textbook predictions. Effects that the audit could not judge are named
-    below the axis.
+    A line marks the tolerance and diamonds mark textbook predictions, pale ones where these are more than a factor of 2
+    (OFF) off; if the damping is too strong for textbook formulas, a sentence below the axis says so. Effects that the
+    audit could not judge are named there, too.
     """
     if axes is None:
         return draw(audit).axes[0]
-    rows, note = [row for row in audit.rows if row.verdict != NOT_JUDGED], _left_out(audit)
+    rows, note = [row for row in audit.rows if row.verdict != NOT_JUDGED], _note(audit)
     with styled():
         low, high = _span(audit)
         axes.set_xscale("log")
         axes.set_xlim(low, high)
         for i, row in enumerate(rows):
-            _bars(axes, row, i, audit.integration_error)
+            _bars(axes, row, i, audit)
             bold = row.verdict == CALLED_FOR
             cost = f", {row.ns_per_step:+.1f} ns" if row.ns_per_step else ", no cost"
             cost = cost if math.isfinite(row.ns_per_step) else ""
@@ -86,6 +90,8 @@ def changes(audit: Audit, axes: Axes | None = None) -> Axes:
                            if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
         if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
             bars.append(Line2D([], [], label="textbook formula", **FORMULA))
+        if any(off_by(audit, row, name) > OFF for row in rows for name, _, _ in QUANTITIES):
+            bars.append(Line2D([], [], label=f"textbook formula, off by more than a factor of {OFF:g}", **FAR))
         below = axes.transAxes + ScaledTranslation(0.0, -BELOW, axes.figure.dpi_scale_trans)
         key = axes.legend(handles=[*bars, limit], loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=below,
                           ncols=2, fontsize=9.5, title=note or None, title_fontsize=9.5, alignment="left",
@@ -94,10 +100,11 @@ def changes(audit: Audit, axes: Axes | None = None) -> Axes:
     return axes
 
 
-def _left_out(audit: Audit) -> str:
-    """Return the note below an audit's chart on the effects that could not be judged, broken into lines; or ""."""
+def _note(audit: Audit) -> str:
+    """Return the note below an audit's chart, broken into lines: on textbook formulas, and on effects not judged."""
     left = ", ".join(row.effect for row in audit.rows if row.verdict == NOT_JUDGED)
-    return fitted(f"Effects not judged, because parameters or a medium are missing: {left}.", 9.5, NOTE) if left else ""
+    unjudged = f"Effects not judged, because parameters or a medium are missing: {left}." if left else ""
+    return "\n".join(fitted(text, 9.5, NOTE) for text in (strong_damping(audit), unjudged) if text)
 
 
 def _span(audit: Audit) -> tuple[float, float]:
@@ -115,10 +122,10 @@ def _values(row: AuditRow) -> Sequence[float]:
     return [abs(value) for value in values if math.isfinite(value)]
 
 
-def _bars(axes: Axes, row: AuditRow, place: float, own: float) -> None:
+def _bars(axes: Axes, row: AuditRow, place: float, audit: Audit) -> None:
     """Draw the bars of one effect of an audit side by side at the height ``place``, with the textbook's predictions.
 
-    ``own`` is the integration error; a change below it is written as "none".
+    A change below the audit's integration error is written as "none".
     """
     left = axes.get_xlim()[0]
     shown = [(name, tone) for name, _, tone in QUANTITIES if math.isfinite(getattr(row, f"{name}_change"))]
@@ -132,9 +139,9 @@ def _bars(axes: Axes, row: AuditRow, place: float, own: float) -> None:
             axes.barh(y, size - left, left=left, height=BAR, zorder=2,
                       color=tone if row.verdict == CALLED_FOR else _faded(tone))
         elif math.isfinite(size):
-            _write(axes, "none" if size <= own else f"{size:.0e}", y)
+            _write(axes, "none" if size <= audit.integration_error else f"{size:.0e}", y)
         if formula > left:
-            axes.plot(formula, y, zorder=3, **FORMULA)
+            axes.plot(formula, y, zorder=3, **(FAR if off_by(audit, row, name) > OFF else FORMULA))
 
 
 def _predicted(row: AuditRow, name: str) -> float:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 import integrators
-from pendulum_env.plots.style import blank, distinct, styled
+from pendulum_env.plots.style import blank, decades, distinct, styled
 from pendulum_env.plots.style import figure as one
 from pendulum_env.plots.titles import footnote, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
@@ -106,14 +106,6 @@ def work_precision(
             axis.set_minor_formatter(NullFormatter())
         _floors(at, study, error)
     return at
-
-
-def decades(low: float, high: float) -> tuple[float, float]:
-    """Return the limits of a logarithmic axis, widened if fewer than two powers of ten lie within them."""
-    first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
-    if last > first:
-        return low, high
-    return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
 
 
 def leading(study: CostStudy) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Figures of the energy over time and of its numerical error."""
+"""Figures of the energy over time and of its numerical error, the residual of the energy balance."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from pendulum_env.plots.series import Span, check, dense, largest, swing, whole, within
-from pendulum_env.plots.style import figure, looks, styled
+from pendulum_env.plots.series import Span, check, peaks, swing, whole, within
+from pendulum_env.plots.style import figure, logarithmic, looks, styled
 from pendulum_env.plots.titles import describe, legend, named
 from pendulum_env.render.palette import FAINT_INK
 
@@ -22,6 +22,8 @@ APART = 30.0
 FLOOR, CEILING = 1e-3, 1e6
 """Lower and upper end of the logarithmic energy axis, as multiples of the initial energy. If all runs reach energies
 above the upper end, the axis is linear."""
+TAME = 0.1
+"""Runs with relative energy errors up to this determine the linear axis of the energy residual."""
 LEAST = 1e-17
 """Relative energy errors below this are not drawn."""
 PREFIXES = ((0.1, 1.0, "J"), (1e-4, 1e-3, "mJ"), (1e-7, 1e-6, "µJ"), (0.0, 1e-9, "nJ"))
@@ -65,17 +67,48 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
     return at
 
 
-def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
-    """Draw the relative energy error of every run, |residual| / E0, on a logarithmic axis against time [s].
+def energy_residual(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
+    """Draw the energy residual of every run, with its sign, in percent of the initial energy against time [s].
 
-    The residual is the change of the energy, minus the work done on the pendulum, plus the heat. Without drives and
-    dissipation it is the energy error. Over many swings, the largest value in every half swing is drawn. An initial
-    energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for runs that cannot be drawn.
+    The axis is linear and fits the methods that keep the energy within 10 % (TAME), so that one sees the energy of a
+    symplectic method swing about the true one; other curves leave the axes. Without such a method the axis fits the
+    smallest error. An initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for
+    runs that cannot be drawn.
     """
     check(runs)
     at = axes if axes is not None else figure()[1][0]
     span = span or whole(runs)
-    many = dense(runs, span)
+    moving = any(float(run.energy[0]) for run in runs.values())
+    sizes = []
+    with styled():
+        for key, look in looks(runs).items():
+            run = runs[key]
+            part = within(run.time, span)
+            share = run.energy_residual[part] / (abs(float(run.energy[0])) or 1.0)
+            sizes.append(float(np.max(np.abs(share[np.isfinite(share)]), initial=0.0)))
+            at.plot(run.time[part], 100.0 * share if moving else share, label=named(key, run), **look.line)
+        limit = max((size for size in sizes if size <= TAME), default=min(sizes)) * (100.0 if moving else 1.0)
+        if limit > 0.0:
+            at.set_ylim(-1.15 * limit, 1.15 * limit)
+        at.axhline(0.0, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
+        label = "energy residual" + (" / E$_0$ [%]" if moving else " [J]")
+        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
+        legend(at)
+    return at
+
+
+def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
+    """Draw the relative energy error of every run, |residual| / E0, on a logarithmic axis against time [s].
+
+    The residual is the change of the energy, minus the work done on the pendulum, plus the heat. Without drives and
+    dissipation it is the energy error. Over more than two swings, the largest value in each half swing is drawn. An
+    initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for runs that cannot be
+    drawn.
+    """
+    check(runs)
+    at = axes if axes is not None else figure()[1][0]
+    span = span or whole(runs)
+    many = span[1] - span[0] > 2.0 * swing(runs)
     moving = any(float(run.energy[0]) for run in runs.values())
     with styled():
         for key, look in looks(runs).items():
@@ -83,10 +116,9 @@ def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes:
             part = within(run.time, span)
             time, error = run.time[part], np.abs(run.energy_residual[part]) / (abs(float(run.energy[0])) or 1.0)
             if many:
-                time, error = largest(time, error, 0.5 * swing(runs))
+                time, error = peaks(time, error, run.velocity[part], 0.5 * swing(runs))
             at.plot(time, np.where(error >= LEAST, error, math.nan), label=named(key, run), **look.line)
-        at.set_yscale("log")
-        at.minorticks_off()
+        logarithmic(at)
         label = "|energy residual|" + (" / E$_0$" if moving else " [J]")
         label += "\nlargest in each half swing" if many else ""
         at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))

@@ -13,20 +13,27 @@ from matplotlib.patches import Rectangle
 from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
-from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG
+from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG, Case
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.plots.style import blank, styled
+from pendulum_env.plots.titles import fitted
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 
-CELL = 0.2
-"""Side of a cell [inch]."""
+CELL, WIDEST, BREADTH = 0.2, 0.4, 4.0
+"""Height and least width of a cell, its largest width, and the width up to which cells are widened [inch]."""
 LABEL = 8.5
 """Font size of the labels [points]."""
-TOP, FOOT, RIGHT = 1.55, 0.95, 0.8
-"""Space for the title and the names of families, for the legend, and for names that extend to the right [inch]."""
-LEAST = 9.5
-"""Minimum width of the figure [inch]."""
+HEAD, FLAT, SLANTED, BESIDE, RIGHT = 0.5, 0.3, 1.05, 0.35, 0.45
+"""Space for the title, for the names of families, for those at an angle, to the left of the cases' names, and for
+names that extend to the right [inch]."""
+ENTRY, LINE = 3.5, 0.25
+"""Width of an entry of the legend, and height of its lines [inch]."""
+TALL, BROAD, LARGER = 60.0, 60, 1.5
+"""Rows above which the methods' names stand below the cells, too; number of methods above which the cases' names stand
+to the right, too; and the factor by which the title, names of groups and families, and legend are then larger."""
+TALLEST = 1.3
+"""A figure that would be higher than this multiple of its width has its groups of cases in several blocks."""
 GAP, HEADING = 0.6, 1.2
 """Space between families of methods, and between groups of cases, where the group's name is written [cells]."""
 LOOKS = {
@@ -45,39 +52,69 @@ FAILED, KNOWN = "-", (0, (1.2, 0.8))
 def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
     """Draw the matrix of hard cases, with one row per case, in groups, and one column per method, in families.
 
+    Of few methods, the groups stand in several blocks side by side, so that the figure is not a narrow strip.
     The colour of a cell is the outcome of a run, and an outline marks a failure. Colours are those of Okabe & Ito 2008;
     outcomes also differ in lightness and mark. Runs that did not take place are left blank. ``figure`` is drawn into
     and resized; by default a new figure.
     """
     methods = _by_family(matrix.methods)
     columns = _places((method.family for method in methods), GAP)
-    rows = _places((case.group for case in matrix.cases), HEADING)
-    names = [case.name for case in matrix.cases]
-    beside = _longest(names) + 0.7
+    cell = max(CELL, min(WIDEST, BREADTH / len(methods)))
+    across = cell * (columns[-1] + 1.5)
     above = _longest(method.name for method in methods) + 0.15
-    width = max(LEAST, beside + CELL * (columns[-1] + 1.5) + RIGHT)
-    body = CELL * (rows[-1] + 2.0)
-    height = body + above + TOP + FOOT
+    broad = len(methods) > BROAD
+    larger = LARGER if broad else 1.0
+    groups = [list(members) for _, members in groupby(matrix.cases, key=lambda case: case.group)]
+    for count in range(1, len(groups) + 1):
+        blocks = _blocks(groups, count)
+        names = [_longest(case.name for case in block) + BESIDE for block in blocks]
+        wide = [(1 + broad) * beside + across + RIGHT for beside in names]
+        rows = [_places((case.group for case in block), HEADING) for block in blocks]
+        width, high = max(sum(wide), ENTRY), CELL * (max(places[-1] for places in rows) + 2.0)
+        if high <= TALLEST * width:
+            break
     with styled():
+        handles, words = _entries(matrix)
+        entries_across = max(1, min(3, int(width / (ENTRY * larger))))
+        foot = 0.15 + larger * LINE * -(-len(words) // entries_across)
+        title = fitted(_title(matrix), 13.0 * larger, 72.0 * (width - 0.24))
+        flat = all(_fits(family, len(list(members)), cell, larger)
+                   for family, members in groupby(methods, key=lambda method: method.family))
+        tall = max(places[-1] for places in rows) > TALL
+        low = foot + above * tall
+        height = high + above + larger * ((FLAT if flat else SLANTED) + HEAD * (1 + title.count("\n"))) + low
         drawing = blank((width, height), figure, None)
-        wide = CELL * (columns[-1] + 1.5) / width
-        axes = drawing.add_axes((beside / width, FOOT / height, wide, body / height))
-        column = {method.name: x for method, x in zip(methods, columns, strict=True)}
-        row = {id(case): y for case, y in zip(matrix.cases, rows, strict=True)}
-        at = [(column[entry.method.name], row[id(entry.case)]) for entry in matrix.entries]
-        _cells(axes, matrix.entries, at)
-        axes.set(xlim=(-0.75, columns[-1] + 0.75), ylim=(rows[-1] + 0.6, -1.4))
-        axes.set_xticks(columns, [method.name for method in methods], rotation=90, fontsize=LABEL)
-        axes.set_yticks(rows, names, fontsize=LABEL)
-        axes.tick_params(length=0, labeltop=True, labelbottom=False, pad=2)
-        axes.grid(False)
-        axes.spines[:].set_visible(False)
-        _families(axes, methods, columns, above)
-        _groups(axes, matrix, rows)
-        drawing.legend(*_entries(matrix), loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=3, fontsize=9.5,
-                    handlelength=1.4, columnspacing=2.0)
-        drawing.text(0.12 / width, 1.0 - 0.12 / height, _title(matrix), fontsize=13, va="top")
+        left, top = 0.0, low + high
+        for block, places, own, beside in zip(blocks, rows, wide, names, strict=True):
+            body = CELL * (places[-1] + 2.0)
+            axes = drawing.add_axes(((left + beside) / width, (top - body) / height, across / width, body / height))
+            column = {method.name: x for method, x in zip(methods, columns, strict=True)}
+            row = {id(case): y for case, y in zip(block, places, strict=True)}
+            entries = [entry for entry in matrix.entries if id(entry.case) in row]
+            _cells(axes, entries, [(column[entry.method.name], row[id(entry.case)]) for entry in entries])
+            axes.set(xlim=(-0.75, columns[-1] + 0.75), ylim=(places[-1] + 0.6, -1.4))
+            axes.set_xticks(columns, [method.name for method in methods], rotation=90, fontsize=LABEL)
+            axes.set_yticks(places, [case.name for case in block], fontsize=LABEL)
+            axes.tick_params(length=0, labeltop=True, labelbottom=tall, labelright=broad, pad=2)
+            axes.grid(False)
+            axes.spines[:].set_visible(False)
+            _families(axes, methods, columns, above, cell, larger)
+            _groups(axes, block, places, left + 0.12, larger)
+            left += own
+        drawing.legend(handles, words, loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=entries_across,
+                       fontsize=9.5 * larger, handlelength=1.4, columnspacing=2.0)
+        drawing.text(0.12 / width, 1.0 - 0.12 / height, title, fontsize=13.0 * larger, va="top")
     return drawing
+
+
+def _blocks(groups: Sequence[Sequence[Case]], count: int) -> list[list[Case]]:
+    """Return the cases of the figure's blocks, which stand side by side: whole groups, in order, of similar height."""
+    sizes = [len(group) + HEADING for group in groups]
+    blocks: list[list[Case]] = [[] for _ in range(count)]
+    for i, group in enumerate(groups):
+        middle = sum(sizes[:i]) + 0.5 * sizes[i]
+        blocks[int(count * middle / sum(sizes))] += group
+    return [block for block in blocks if block]
 
 
 def _longest(names: Iterable[str]) -> float:
@@ -117,25 +154,35 @@ def _cells(axes: Axes, entries: Sequence[MatrixEntry], at: Sequence[tuple[float,
                                      linestyle=KNOWN if entry.known else FAILED, zorder=3.0, clip_on=False))
 
 
-def _families(axes: Axes, methods: Sequence[Method], columns: Sequence[float], above: float) -> None:
-    """Draw a line over the columns of every family of methods, and its name above, at an angle if it does not fit."""
+def _families(axes: Axes, methods: Sequence[Method], columns: Sequence[float], above: float, cell: float,
+              larger: float) -> None:
+    """Draw a line over the columns of every family of methods, and its name above, at an angle if it does not fit.
+
+    ``above`` is the height of the methods' names, and ``cell`` the width of a column [inch]; ``larger`` the factor of
+    the font size.
+    """
     over = blended_transform_factory(axes.transData, axes.get_figure().dpi_scale_trans)  # type: ignore[union-attr]
     top = axes.get_position().y1 * axes.get_figure().get_size_inches()[1]  # type: ignore[union-attr]
     for family, members in groupby(zip(methods, columns, strict=True), key=lambda pair: pair[0].family):
         own = [x for _, x in members]
         first, last = own[0] - 0.45, own[-1] + 0.45
         axes.plot([first, last], [top + above] * 2, color=FAINT_INK, linewidth=1.2, clip_on=False, transform=over)
-        fits = 72.0 * CELL * (last - first) > width_of(family, 9.5)
-        axes.text(first, top + above + 0.06, family, fontsize=9.5, transform=over, ha="left", va="bottom",
-                  rotation=0 if fits else 40, rotation_mode="anchor")
+        fits = _fits(family, len(own), cell, larger)
+        axes.text(first, top + above + 0.06, family, fontsize=9.5 * larger, transform=over, ha="left", va="bottom",
+                  rotation=0 if fits else 50, rotation_mode="anchor")
 
 
-def _groups(axes: Axes, matrix: Matrix, rows: Sequence[float]) -> None:
-    """Write the name of every group of hard cases above the rows of the group."""
+def _fits(family: str, columns: int, cell: float, larger: float) -> bool:
+    """Return True if a family's name fits above its columns, which are ``cell`` [inch] wide."""
+    return 72.0 * cell * (columns - 0.1) > width_of(family, 9.5 * larger)
+
+
+def _groups(axes: Axes, block: Sequence[Case], rows: Sequence[float], left: float, larger: float) -> None:
+    """Write the name of every group of hard cases above the rows of the group, from ``left`` [inch] on."""
     along = blended_transform_factory(axes.get_figure().dpi_scale_trans, axes.transData)  # type: ignore[union-attr]
-    for group, members in groupby(zip(matrix.cases, rows, strict=True), key=lambda pair: pair[0].group):
+    for group, members in groupby(zip(block, rows, strict=True), key=lambda pair: pair[0].group):
         first = next(members)[1]
-        axes.text(0.12, first - 0.95, group, fontsize=10.5, transform=along, ha="left", va="center")
+        axes.text(left, first - 0.95, group, fontsize=10.5 * larger, transform=along, ha="left", va="center")
 
 
 def _entries(matrix: Matrix) -> tuple[list[Any], list[str]]:

@@ -32,12 +32,10 @@ CLOSE = 600
 """Largest number of readings in the phase portrait."""
 CROWDED = 3000
 """Largest number of residuals that are joined by a line."""
-MODELS = 4
-"""Largest number of models whose envelopes are drawn."""
 BEST = OKABE_ITO["vermillion"]
 """Colour of the fitted model."""
-OTHERS = tuple(OKABE_ITO[name] for name in ("blue", "bluish_green", "orange"))
-"""Colours of the envelopes of other models."""
+OTHERS = tuple(OKABE_ITO[name] for name in ("blue", "bluish_green", "orange", "reddish_purple", "sky_blue"))
+"""Colours of the envelopes of other models, used again for more of them with another dash pattern."""
 READING: dict[str, Any] = {"color": INK, "marker": "o", "linestyle": "none", "markeredgewidth": 0.0}
 
 
@@ -45,9 +43,10 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
     """Draw the report figure of a fit, with angles in degrees about the fitted equilibrium.
 
     The panels are the free swing with the fitted model, its first and last cycles, the residual over time, the
-    amplitudes of half swings on a logarithmic axis with the envelopes of the compared models, and the phase portrait of
-    the first and last cycles. The velocity of a reading is the slope of a cubic fitted to the neighbouring readings.
-    ``figure`` is drawn into and resized; by default a new figure.
+    amplitudes of half swings on a logarithmic axis with the envelopes of the models within 10 of the best criterion and
+    of the closest one that is ruled out, and the phase portrait of the first and last cycles. The velocity of a reading
+    is the slope of a cubic fitted to the neighbouring readings. ``figure`` is drawn into and resized; by default a new
+    figure.
     """
     from pendulum_env.lab.recording import Recording
     from pendulum_env.lab.turning import turning_points
@@ -75,8 +74,8 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
         _residual(rest, fit)
         _envelope(drawing.add_subplot(grid[3, 0]), fit, turns, fine)
         _phase(drawing.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
-        title = f"{swing.source} · {fit.damping} damping · residual {math.degrees(fit.rms):.2g}° rms"
-        headline(drawing, title)
+        rms = f"residual {math.degrees(fit.rms):.2g}° rms"
+        headline(drawing, f"{swing.source} · {fit.damping} damping · {rms} · {fit.grade.word}")
     return drawing
 
 
@@ -91,10 +90,10 @@ def _over_time(
 
 
 def _residual(at: Axes, fit: Fit) -> None:
-    """Draw the residual of a fit over time [s], with the scatter of one reading shaded."""
+    """Draw the residual of a fit over time [s], with the error of a reading shaded."""
     time, rest = fit.recording.time, np.degrees(fit.residual)
     at.axhspan(-math.degrees(fit.noise), math.degrees(fit.noise), color="#E6E6E6", zorder=1.0, linewidth=0.0,
-               label=f"± {math.degrees(fit.noise):.2g}°, one reading's scatter")
+               label=f"± {math.degrees(fit.noise):.2g}°, the error of a reading")
     many = len(time) > CROWDED
     at.plot(time, rest, color=FAINT_INK, linewidth=0.0 if many else 0.5, zorder=2.0)
     at.plot(time, rest, markersize=0.9 if many else 1.8, zorder=2.5, **{**READING, "color": BEST})
@@ -110,29 +109,31 @@ def _envelope(at: Axes, fit: Fit, points: TurningPoints, fine: FloatArray) -> No
 
     at.errorbar(points.time, np.degrees(points.amplitude), np.degrees(points.error), elinewidth=0.6, ecolor=FAINT_INK,
                 markersize=3.2, label="recording", zorder=3.2, **READING)
-    for i, one in enumerate(_models(fit)):
+    models = fit.comparison
+    words = {one.damping: f", {word}" for one, word in zip(models.fits, models.verdicts, strict=True)
+             if one.damping != fit.damping and fit.grade.usable} if models else {}
+    for i, one in enumerate((fit, *models.drawn[1:]) if models else (fit,)):
         rows = replace(one.model, time=fine).motion(one.values)[0][0] - one.parameters["zero"].value
         known = np.isfinite(rows)
         if np.count_nonzero(known) < 3:
             continue
         turns = turning_points(Recording(fine[known], rows[known], one.damping))
-        line = {"color": (BEST, *OTHERS)[i], "linestyle": LINES[i][0], "linewidth": 2.0 if one is fit else 1.7}
-        at.plot(turns.time, np.degrees(turns.amplitude), label=f"{one.damping} ({math.degrees(one.rms):.2g}° rms)",
-                zorder=3.0 - 0.1 * i, **line)
-    at.set_yscale("log")
-    at.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
-    at.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
-    at.yaxis.set_minor_locator(NullLocator())
+        colour, (dashes, width) = OTHERS[i % len(OTHERS) - 1] if i else BEST, LINES[i % len(LINES)]
+        at.plot(turns.time, np.degrees(turns.amplitude), color=colour, linestyle=dashes, linewidth=width,
+                label=f"{one.damping} ({math.degrees(one.rms):.2g}° rms{words.get(one.damping, '')})",
+                zorder=2.5 + 0.05 * i)
+    amplitudes(at)
     at.legend(loc="best", fontsize=9)
     at.set(xlabel="time since the release [s]", ylabel="amplitude of half swings [degrees]",
            xlim=(0.0, float(fine[-1])))
 
 
-def _models(fit: Fit) -> list[Fit]:
-    """Return the fit of a report figure and up to three other damped models it was compared with, simple ones first."""
-    others = [one for one in (fit.comparison.fits if fit.comparison else ())
-              if one.damping not in (fit.damping, "none")]
-    return [fit, *sorted(others, key=lambda one: "+" in one.damping)][:MODELS]
+def amplitudes(at: Axes) -> None:
+    """Make the vertical axis logarithmic, with plain numbers such as 20 and 30 as tick labels."""
+    at.set_yscale("log")
+    at.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0)))
+    at.yaxis.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+    at.yaxis.set_minor_locator(NullLocator())
 
 
 def _phase(

@@ -1,9 +1,10 @@
-"""Select the points of a curve to draw: a span of time, the turning points, or the largest value in every swing."""
+"""Select the points of a curve to draw: a span of time, the turning points, or the largest value in each half swing."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -16,7 +17,13 @@ FloatArray = NDArray[np.float64]
 Span = tuple[float, float]
 
 DENSE = 15.0
-"""Figures of more periods than this show curves through the turning points, as single swings would not be visible."""
+"""Figures of more periods than this draw thin lines, and have further axes for the first and the last swings."""
+CROWDED = 150.0
+"""Figures of more periods than this show bands between turning points, as single swings would not be visible."""
+TURNS = 30
+"""Largest number of periods in a phase portrait."""
+PEAKS = 120
+"""Largest number of points of an upper envelope."""
 
 
 class ExactMotion(Protocol):
@@ -72,8 +79,13 @@ def swing(runs: Mapping[str, Rollout]) -> float:
 
 
 def dense(runs: Mapping[str, Rollout], span: Span) -> bool:
-    """Return True if a span of time contains too many swings to draw them one by one."""
+    """Return True if a span of time contains so many swings that they need thin lines."""
     return span[1] - span[0] > DENSE * swing(runs)
+
+
+def crowded(runs: Mapping[str, Rollout], span: Span) -> bool:
+    """Return True if a span of time contains too many swings to draw them one by one."""
+    return span[1] - span[0] > CROWDED * swing(runs)
 
 
 def swings(values: FloatArray) -> bool:
@@ -100,16 +112,42 @@ def _extremes(values: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return turns[values[turns] >= values[turns - 1]], turns[values[turns] < values[turns - 1]]
 
 
-def largest(time: FloatArray, values: FloatArray, window: float) -> tuple[FloatArray, FloatArray]:
-    """Return the largest value in every window of time, with the time of the window's middle.
+def peaks(time: FloatArray, values: FloatArray, velocity: FloatArray, half: float) -> tuple[FloatArray, FloatArray]:
+    """Return the largest value in each half swing, from turning point to turning point, with the time of its middle.
 
-    ``window`` is the length [s]. Samples left over at the end for less than half a window belong to the last window.
+    So a curve that rises and falls with every swing gets its upper envelope, however long its swings take. ``half`` is
+    half the period of small swings [s]; where the bob does not turn round for longer than four of them, windows of this
+    length take the place of half swings. Neighbouring windows are joined until there are at most 120 (PEAKS).
     """
-    if len(time) < 2 or not math.isfinite(window):
+    if len(time) < 2 or not math.isfinite(half):
         return time, values
-    size = max(1, round(window / float(time[1] - time[0])))
-    starts = np.arange(0, len(time) - size // 2, size) if len(time) > size else np.array([0])
-    return time[np.minimum(starts + size // 2, len(time) - 1)], np.fmax.reduceat(values, starts)
+    size = max(1, round(half / float(time[1] - time[0])))
+    turns = 1 + np.flatnonzero(np.signbit(velocity[1:]) != np.signbit(velocity[:-1]))
+    turns = turns[np.diff(turns, prepend=0) > size // 2]
+    even, edges = np.arange(size, len(time), size), np.concatenate(([0], turns, [len(time)]))
+    after = np.searchsorted(edges, even, side="right")
+    even = even[edges[after] - edges[after - 1] > 4 * size]
+    starts = np.unique(np.concatenate((edges[:-1], even)))
+    starts = starts[: max(1, len(starts) - 1)]  # the rest of the run belongs to the last whole window
+    starts = starts[:: -(-len(starts) // PEAKS)]
+    middles = (starts + np.append(starts[1:], len(time))) // 2
+    return time[middles], np.fmax.reduceat(values, starts)
+
+
+def periods(velocity: FloatArray, parts: Sequence[slice]) -> tuple[int, list[slice]]:
+    """Return n, and the slices of every n-th period in ``parts`` of a motion, so that there are at most 30 (TURNS).
+
+    A period is the time between two turning points on the side of positive angles. A motion with fewer of them stays
+    whole, and n is 1.
+    """
+    turns = 1 + np.flatnonzero(np.signbit(velocity[1:]) & ~np.signbit(velocity[:-1]))
+    inside = [[part.start, *turns[(turns > part.start + 1) & (turns < part.stop)].tolist(), part.stop]
+              for part in parts]
+    gap = -(-sum(len(edges) - 1 for edges in inside) // TURNS)
+    if gap <= 1:
+        return 1, list(parts)
+    return gap, [slice(first, last + 1) for edges in inside
+                 for first, last in list(pairwise(edges))[::gap]]
 
 
 def joined(pieces: Iterable[FloatArray]) -> FloatArray:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
+import math
 import os
+from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
 
 SHEET = Path(__file__).with_name("figures.mplstyle")
+HEAVY = 1_000_000
+"""Size of an SVG [bytes] beyond which a notebook shows the figure as PNG."""
 WIDE = (8.0, 4.5)
 """Size of a figure with one pair of axes [inch]."""
 
@@ -43,6 +48,8 @@ FURTHER = ("#882255", "#7A4B1E", "#6B7A1E", "#8C8C8C")
 """Additional colours for figures with many methods: P. Tol's wine, and a brown, an olive and a grey."""
 DARKER = {OKABE_ITO["yellow"]: "#C7B400"}
 """Darker replacements of colours that are too pale for thin lines on white."""
+ALONE = 2.0
+"""Width of a curve that is alone in its figure."""
 THINNER = 0.75
 """Factor on the width of every further curve with the same dash pattern in a figure."""
 
@@ -116,18 +123,56 @@ def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: 
         return drawing, list(drawing.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
 
 
+class ShownFigure(Figure):
+    """A figure that notebooks show, as SVG, without pyplot, which would show it a second time."""
+
+    def _repr_html_(self) -> str:
+        """Return the figure as HTML, which notebooks show."""
+        return self.as_html()
+
+    def as_html(self) -> str:
+        """Return the figure as an image in HTML: SVG, or PNG if the SVG is larger than 1 MB (HEAVY)."""
+        kind, data = "svg+xml", self._written("svg")
+        if len(data) > HEAVY:
+            kind, data = "png", self._written("png")
+        source = f"data:image/{kind};base64,{b64encode(data).decode('ascii')}"
+        return f'<img alt="figure" style="max-width: 100%; background: white" src="{source}">'
+
+    def _written(self, form: str) -> bytes:
+        """Return the figure as a file of the form "svg" or "png"."""
+        file = io.BytesIO()
+        with styled():
+            self.savefig(file, format=form, metadata={"Date": None} if form == "svg" else None)
+        return file.getvalue()
+
+
 def blank(
     size: tuple[float, float], given: Figure | None = None, layout: Literal["constrained"] | None = "constrained"
 ) -> Figure:
     """Return an off-screen figure of ``size`` [inch] without axes; a given figure gets the size and the layout."""
     with styled():
         if given is None:
-            drawing = Figure(figsize=size, layout=layout)
+            drawing = ShownFigure(figsize=size, layout=layout)
             FigureCanvasAgg(drawing)
             return drawing
         given.set_size_inches(*size)
         given.set_layout_engine(layout or "none")
         return given
+
+
+def decades(low: float, high: float) -> tuple[float, float]:
+    """Return the limits of a logarithmic axis, widened if fewer than two powers of ten lie within them."""
+    first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
+    if last > first:
+        return low, high
+    return 10.0 ** math.floor(math.log10(low)), 10.0 ** math.ceil(math.log10(high))
+
+
+def logarithmic(axes: Axes) -> None:
+    """Make the vertical axis of finished curves logarithmic, with two powers of ten or more as tick labels."""
+    axes.set_yscale("log")
+    axes.minorticks_off()
+    axes.set_ylim(*decades(*axes.get_ylim()))
 
 
 def place(name: str) -> int:
@@ -163,9 +208,12 @@ def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
 def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     """Return the curve style of every label of ``names``, a dict of methods' names by label.
 
-    Colour, dash pattern and marker are those of the method. Widths are chosen so that curves do not hide each other. A
-    second curve of one method gets the next dash pattern.
+    Colour, dash pattern and marker are those of the method, but a curve that is alone is solid and has no marker.
+    Widths are chosen so that curves do not hide each other. A second curve of one method gets the next dash pattern.
     """
+    if len(names) == 1:
+        (label, name), = names.items()
+        return {label: Look(colour(place(name)), "-", "", "-", "", ALONE, ALONE, 2.0)}
     styles: dict[str, Look] = {}
     methods: list[str] = []
     kinds: list[int] = []

@@ -1,8 +1,9 @@
 """The panel "energy": a horizontal bar for every entry of the energy ledger, with its name and its value in joules.
 
-All bars share one axis, from -0.25 to 1.15 times the energy scale (normally the energy at the start), with a line at 0
-and a dashed line at the scale. A bar that is longer than the axis ends in an arrow head after a cut. A negative value
-is a hollow bar to the left of zero.
+All bars share one axis, from -1.05 to 1.15 times the energy scale (normally the energy at the start), with a line at 0
+and a dashed line at the scale. So a method may lose all the energy before its residual leaves the axis. A bar that is
+longer than the axis ends in an arrow head after a cut, and has its value on it if there is no room for values beside
+the bars. A negative value is a hollow bar to the left of zero.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ import math
 from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, bar, polygon
 from pendulum_env.render.palette import ENERGY_COLOURS, rgb
-from pendulum_env.render.text import MINUS, measure, write
+from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
 from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import View
 
-REACH = (0.25, 1.15)
+REACH = (1.05, 1.15)
 LEAST_PITCH = 0.8
 """Smallest distance between rows that have text, in font sizes."""
 _PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
@@ -111,7 +112,12 @@ class Bars:
                 bar(image, tip, top, self.zero - 1, bottom, ink)
                 bar(image, tip + rim, top + rim, self.zero - 1, bottom - rim, rgb(theme.paper))
             if tip != end:
-                self._overflow(image, tip, top + self.thick / 2, math.copysign(1.0, value))
+                side = math.copysign(1.0, value)
+                self._overflow(image, tip, top + self.thick / 2, side)
+                text, room = joules(value), abs(tip - self.zero) - 1.4 * self.thick
+                if self.lettered and not self.values_end and measure(text, LEAST_SIZE)[0] <= room:
+                    write(image, text, self.zero + side * 0.3 * self.font, y, LEAST_SIZE, theme.ink,
+                          (0.0 if side > 0.0 else 1.0, 0.5))
             if self.values_end:
                 write(image, joules(value), self.values_end, y, self.font, theme.ink, (1.0, 0.5), theme.paper)
 

@@ -187,3 +187,9 @@ def grid(panels: int, columns: int | None) -> tuple[int, int]:
         raise ValueError(f"columns must be None or a whole number above 0, not {columns!r}")
     columns = min(columns, panels)
     return columns, math.ceil(panels / columns)
+
+
+def spare(panels: int, columns: int | None = None) -> int:
+    """Return the number of empty places in the grid of several pictures; see :func:`grid`."""
+    across, down = grid(panels, columns)
+    return across * down - panels if panels > 1 else 0

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from pendulum_env.render.bars import rows
-from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid
+from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid, spare
 from pendulum_env.render.paint import Image
 from pendulum_env.render.palette import colour, rgb
 from pendulum_env.render.stage import DEFAULT, FrameStyle, Stage, stage
+from pendulum_env.render.strip import WINDOW, angles, shared_scale
 from pendulum_env.render.text import fit, measure, write
 from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, View
 
 PLAIN = FrameStyle()
+STRIP = 0.4
+"""Height of the strip with angles below several pendulums, over the height of one picture."""
 
 
 def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, look: FrameStyle = PLAIN) -> Image:
@@ -46,11 +50,14 @@ def side_by_side(
     columns: int | None = None,
     look: FrameStyle = PLAIN,
     own_clocks: bool = False,
+    strip: float | None = None,
 ) -> Image:
     """Return a picture of several pendulums under a shared clock, row by row, each with its caption and bars.
 
     The picture is a uint8 array of shape (H, W, 3). A pendulum without an accent has ``colour(index)``, the colour that
-    figures give to the index-th method. A title that all pendulums share is written beside the clock.
+    figures give to the index-th method. A title that all pendulums share is written beside the clock. Under a shared
+    clock the panels "residual" share one scale, and empty places in the last row show the angles of all pendulums over
+    the last ten seconds if every view has its past.
 
     Args:
         panels: (apparatus, view) of every pendulum.
@@ -58,6 +65,8 @@ def side_by_side(
         columns: number of pendulums in a row; None for a grid that is wider than high.
         look: theme and panels of all pendulums.
         own_clocks: True gives every pendulum its own clock, and allows different times.
+        strip: time [s] up to 10 s over which the angles are shown, and in a picture without empty places a strip below
+            is added for them; None for 10 s and no strip. The views need their past.
 
     Raises ValueError for no panels, an invalid size or columns, or times that differ under a shared clock, except
     those of stopped runs.
@@ -71,9 +80,15 @@ def side_by_side(
         if not (own_clocks or view.stopped) and abs(view.time - time) > 1e-9 * max(1.0, abs(time)):
             raise ValueError(f"the panels share one clock, so a view at {view.time} s beside one at {time} s "
                              "must be marked stopped")
+    if "residual" in look.panels and not own_clocks:
+        scale = shared_scale([view for _, view in panels])
+        panels = [(apparatus, replace(view, residual_scale=view.residual_scale or scale)) for apparatus, view in panels]
     theme, size = THEMES[look.theme], round(1.2 * font_size(width, height))
     top = round(1.7 * size) if min(width, height) >= TEXT_FROM else 0
-    image = np.empty((top + down * height, across * width, 3), dtype=np.uint8)
+    empty, font = spare(len(panels), columns), font_size(width, height)
+    drawn = bool(top) and not own_clocks and all(view.past is not None for _, view in panels)
+    below = round(STRIP * height) if strip is not None and drawn and not empty else 0
+    image = np.empty((top + down * height + below, across * width, 3), dtype=np.uint8)
     image[...] = rgb(theme.paper)
     titles = {apparatus.title for apparatus, _ in panels}
     if top:
@@ -86,7 +101,14 @@ def side_by_side(
         title = " · ".join(part for part in (apparatus.title if titles else "", view.caption) if part)
         image[y:y + height, x:x + width] = _draw(
             apparatus, view, (width, height), look, colour(index), own_clocks, title)
-    image[top::height] = image[top:, width::width] = rgb(theme.hairline)
+    end = top + down * height
+    if drawn and (empty or below):
+        gap = 2.0 * font if empty else 0.7 * font
+        area = (Box((across - empty) * width + gap, end - height + gap, across * width - gap, end - gap) if empty else
+                Box(gap, end + gap, across * width - gap, end + below - gap))
+        tones = [theme.accent(view.accent or colour(i)) for i, (_, view) in enumerate(panels)]
+        angles(image, area, [view for _, view in panels], tones, font, theme, strip or WINDOW)
+    image[top:end + 1:height] = image[top:end, width::width] = rgb(theme.hairline)
     return image
 
 

@@ -17,13 +17,18 @@ from pendulum_env.render.palette import gradient, rgb
 from pendulum_env.render.ring import HEAD, Ring
 from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
 from pendulum_env.render.theme import Theme
-from pendulum_env.render.view import Apparatus, View
+from pendulum_env.render.view import BALL, BAR, Apparatus, View
 
 _WHEEL = ((1.0, "steel_dark"), (0.94, "steel_light"), (0.70, "steel_dark"),
           (0.65, "steel"), (0.40, "steel_dark"), (0.35, "steel_light"))
-_TICKS = ((30, 0.10, "ink"), (10, 0.065, "faint_ink"), (5, 0.035, "faint_ink"))
+_TICKS = ((30, 0.10, "ink"), (10, 0.065, "faint_ink"), (5, 0.035, "faint_ink"), (1, 0.02, "faint_ink"))
+_DIAL, _WHEEL_SHARE, _HOUSING = 0.74, 0.18, 1.2
+"""Radius of the degree scale over the arm, of the wheel over that of the scale, half the housing's height over that of
+the wheel."""
 _NUMBERS_END = 0.86
 _TURN_RADIUS, _TURN_WIDTH = 0.38, 0.055
+_WITHIN = 0.6
+"""Radius of a pendulum whose plate covers the pivot, over that of the room; the degree scale is around it."""
 TRAIL_STRENGTH = 0.6
 """Opacity of the trail at the bob."""
 PIECE, MOST_PIECES = 5.0, 200
@@ -36,6 +41,9 @@ HEAD_LENGTH = 3.2
 
 class Stand:
     """The panel "apparatus" of a frame: the pendulum on its stand, with dimensions in pixels.
+
+    The full circle of the pendulum fits into the panel or, if the apparatus has a swing, the arc of that swing, with
+    the pivot near the upper edge.
 
     Attributes:
         x, y: position of the pivot at rest.
@@ -54,16 +62,28 @@ class Stand:
         room = min(body.width, body.height) / 2 - max(3.0, 0.015 * min(shape))
         self.x, self.y = body.middle
         self.shaken = any(apparatus.sway)
-        self.scale = room / (apparatus.length + apparatus.bob_radius + max(apparatus.sway))
+        self.scale = (_WITHIN if apparatus.covers else 1.0) * room / (apparatus.extent + max(apparatus.sway))
+        if apparatus.swing is not None:
+            edge, housing = max(3.0, 0.015 * min(shape)), _DIAL * _WHEEL_SHARE * _HOUSING
+            aside = apparatus.length * math.sin(apparatus.swing) + apparatus.bob_radius
+            self.scale = min((body.height - 2 * edge) / ((1 + housing) * apparatus.length + apparatus.bob_radius),
+                             (body.width / 2 - edge) / aside)
+            room = self.scale * (apparatus.length + apparatus.bob_radius)
+            self.y = body.top + edge + housing * self.scale * apparatus.length
         self.arm, self.bob = apparatus.length * self.scale, max(apparatus.bob_radius * self.scale, 2.5)
         thinnest = max(2.2, 0.016 * self.arm) if apparatus.suspension == "rod" else max(1.3, 0.006 * self.arm)
-        self.reach = self.arm + self.bob + max(apparatus.sway) * self.scale
+        self.thinnest = thinnest
+        self.reach = (apparatus.extent + max(apparatus.sway)) * self.scale if apparatus.outline else (
+            self.arm + self.bob + max(apparatus.sway) * self.scale)
         self.rod = min(max(2 * apparatus.rod_radius * self.scale, thinnest), 0.2 * room + thinnest)
-        self.dial = max(min(0.74 * self.arm, self.arm - self.bob - 0.08 * room), 0.3 * room)
-        self.wheel = 0.18 * self.dial
+        self.dial = max(min(_DIAL * self.arm, self.arm - self.bob - 0.08 * room), 0.3 * room)
+        if apparatus.covers:
+            self.dial = self.reach = 0.97 * room
+        self.wheel = _WHEEL_SHARE * self.dial
         self.hub = max(0.22 * self.wheel, 0.8 * self.rod)
         self.cap = Stamp(shape, self.x, self.y, self.hub, rgb(theme.sensor))
-        self.path = Ring(self.x, self.y, self.arm, max(2.0, 0.02 * self.arm, 0.5 * self.bob), shape)
+        self.path = Ring(self.x, self.y, self.arm,
+                         max(2.0, 0.02 * self.arm, 0.0 if apparatus.outline else 0.5 * self.bob), shape)
         self.turn = self.turning(self.x, self.y)
         steel = (theme.steel_dark, theme.steel_light, theme.steel_dark)
         self.metal = gradient(*steel) if apparatus.suspension == "rod" else rgb(theme.wire)
@@ -76,8 +96,12 @@ class Stand:
 
     def still(self, image: Image) -> None:
         """Paint the stand and the degree scale, which are equal in all frames."""
-        self._paint_stand(image)
-        self._paint_dial(image)
+        body, whole = self.body, image if self.apparatus.swing is None else image.copy()
+        self._paint_stand(whole)
+        self._paint_dial(whole)
+        if whole is not image:
+            part = slice(round(body.top), round(body.bottom)), slice(round(body.left), round(body.right))
+            image[part] = whole[part]
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         """Paint the trail, the torque arrow, the rod or wire, the bob, and angle and velocity as text into an image."""
@@ -89,12 +113,16 @@ class Stand:
             self.path.trail(image, (*view.trail, view.angle), TRAIL_STRENGTH, tone)
         if view.torque_share:
             self._paint_torque(image, hub, view.angle, view.torque_share)
-        stroke(image, *hub, x, y, self.rod, self.metal)
+        if self.apparatus.outline:
+            self._paint_outline(image, hub, view.angle, tone)
+        else:
+            stroke(image, *hub, x, y, self.rod, self.metal)
         if self.shaken:
             disc(image, *hub, self.hub, rgb(self.theme.sensor))
         else:
             self.cap.paint(image)
-        ball(image, x, y, self.bob, tone)
+        if not self.apparatus.outline:
+            ball(image, x, y, self.bob, tone)
         if self.readings:
             self._paint_readings(image, view)
 
@@ -120,6 +148,9 @@ class Stand:
         body = self.body
         dx, dy = body.width / 2 - wide - 0.5 * self.font, body.height / 2 - 2.1 * high
         clear = dx > 0 and dy > 0 and math.hypot(dx, dy) > self.reach
+        if self.apparatus.swing is not None:
+            dy = body.bottom - 2.1 * high - self.y
+            clear = dx > self.arm * math.sin(self.apparatus.swing) + self.bob and math.hypot(dx, dy) > 1.05 * self.dial
         return (body.right - 0.5 * self.font, body.bottom, high, wide) if clear else None
 
     def _paint_stand(self, image: Image) -> None:
@@ -144,7 +175,8 @@ class Stand:
         line = max(1.0, 0.008 * self.dial)
         disc(image, self.x, self.y, self.dial + 2 * line, rgb(self.theme.dial_edge))
         disc(image, self.x, self.y, self.dial + line, rgb(self.theme.dial))
-        finest = next((step for step in (5, 10) if self.dial * math.radians(step) > 5), 30)
+        fine = (5, 10) if self.apparatus.swing is None else (1, 5, 10)
+        finest = next((step for step in fine if self.dial * math.radians(step) > 5), 30)
         for degrees in range(-180, 180, finest):
             depth, tone = next((depth, tone) for step, depth, tone in _TICKS if degrees % step == 0)
             angle = math.radians(degrees)
@@ -166,12 +198,13 @@ class Stand:
     def _numbers(self) -> list[tuple[str, int, float, float]]:
         """Return the texts that label the degree scale, as (text, font size, x, y) in pixels.
 
-        Labels are 30 degrees apart. If these would overlap each other or the torque arrow, they are 90 degrees apart,
-        or left out.
+        Labels are 30 degrees apart, and 10 degrees if the picture is of a small swing. If these would overlap each
+        other or the torque arrow, they are 90 degrees apart, or left out. Labels outside the panel are left out.
         """
         size = max(LEAST_SIZE, round(0.82 * self.font))
         clear = self.turn.radius + 2 * _TURN_WIDTH * self.dial
-        for step in (30, 90):
+        near = self.apparatus.swing is not None
+        for step in (10, 30, 90) if near else (30, 90):
             placed, boxes, least = [], [], math.inf
             for degrees in range(step - 180, 181, step):
                 text = f"{degrees}°".replace("-", MINUS)
@@ -179,13 +212,21 @@ class Stand:
                 high = round(0.75 * high)
                 angle = math.radians(degrees)
                 reach = (abs(math.sin(angle)) * wide + abs(math.cos(angle)) * high) / 2
-                least = min(least, _NUMBERS_END * self.dial - reach)
                 x, y = self.point(angle, _NUMBERS_END * self.dial - reach)
+                area = Box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
+                if near and not self._inside(area):
+                    continue
+                least = min(least, _NUMBERS_END * self.dial - reach)
                 placed.append((text, size, x, y))
-                boxes.append(Box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2))
+                boxes.append(area)
             if least > 0 and all(area.distance(self.x, self.y) > clear for area in boxes):
                 return placed
         return []
+
+    def _inside(self, area: Box) -> bool:
+        """Return True if an area lies inside the panel and below the pivot, where small swings take place."""
+        body = self.body
+        return body.left < area.left and area.right < body.right and self.y < area.top and area.bottom < body.bottom
 
     def _paint_trail(self, image: Image, view: View, tone: Floats) -> None:
         """Paint the trail of the bob's past positions in a scene with a moving pivot."""
@@ -202,6 +243,18 @@ class Stand:
         y = np.interp(ages, spread, hubs[:, 1]) + self.arm * np.cos(turned)
         strength = TRAIL_STRENGTH * (ages / max(1, len(steps))) ** 1.5
         fading(image, np.stack((x, y, strength), axis=1), self.path.width, tone)
+
+    def _paint_outline(self, image: Image, hub: tuple[float, float], angle: float, tone: Floats) -> None:
+        """Paint the parts of a compound pendulum to scale, in the colour `tone`; bars beside other parts are metal."""
+        across, down = self.scale * math.sin(angle), self.scale * math.cos(angle)
+        metal = self.metal if any(kind != BAR for kind, *_ in self.apparatus.outline) else tone
+        for kind, start, end, half in self.apparatus.outline:
+            x, y = hub[0] + start * across, hub[1] + start * down
+            if kind == BAR:
+                width = max(2.0 * half * self.scale, self.thinnest)
+                stroke(image, x, y, hub[0] + end * across, hub[1] + end * down, width, metal)
+            else:
+                (ball if kind == BALL else disc)(image, x, y, max(half * self.scale, 2.5), tone)
 
     def _paint_torque(self, image: Image, hub: tuple[float, float], angle: float, share: float) -> None:
         """Paint an arrow that starts at the rod and shows the direction and, by its length, the size of the torque."""

@@ -1,4 +1,4 @@
-"""The panels "history" and "residual": energies, and the residual of the energy balance, over the last ten seconds."""
+"""The panels "history" and "residual", energies and the residual over the last ten seconds, and a tile of angles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.render.bars import REACH, energy_scale, joules
+from pendulum_env.render.bars import energy_scale, joules
 from pendulum_env.render.curves import graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, bar, disc
@@ -19,8 +19,12 @@ from pendulum_env.render.view import View
 
 WINDOW = 10.0
 """Time that a plot covers [s]; the present is at its right end."""
+REACH = (0.25, 1.15)
+"""Ends of the axis of energies over time, as multiples of the scale of the energy bars."""
 LEAST_SHARE = 0.2
 """Energies that stay below this share of the energy bars' scale are plotted on a smaller scale."""
+RUNAWAY = 3.0
+"""Limit of the axis of angles, as a multiple of the median of the pendulums' largest angles."""
 _WIDEST = f"{MINUS}888 mJ"
 
 
@@ -46,12 +50,12 @@ class Strip:
     """A plot over the last ten seconds, with a title above it and a scale at its right, if there is room."""
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool, reach: tuple[float, float],
-                 heads: int = 1) -> None:
+                 heads: int = 1, widest: str = _WIDEST) -> None:
         self.font, self.theme = letters(font), theme
         self.high = measure("0", self.font)[1]
         self.titled = lettered and area.height > 2.5 * self.high
         top = round(area.top + (heads * self.high if self.titled else 0))
-        labels = measure(_WIDEST, self.font)[0] + round(0.4 * self.font)
+        labels = measure(widest, self.font)[0] + round(0.4 * self.font)
         self.scaled = self.titled and area.width > 2.5 * labels
         right = round(area.right - (labels if self.scaled else 0))
         self.area, self.plot = area, Box(round(area.left), top, right, max(round(area.bottom), top + 2))
@@ -167,14 +171,16 @@ class History(Strip):
 
 
 class Residual(Strip):
-    """The panel "residual" of a frame: the residual of the energy balance over the last ten seconds."""
+    """The panel "residual" of a frame: the residual of the energy balance over the last ten seconds, and its value."""
+
+    title = f"residual, last {WINDOW:g} s"
 
     def __init__(self, area: Box, font: int, theme: Theme, lettered: bool) -> None:
         super().__init__(area, font, theme, lettered, (1.1, 1.1))
 
     def still(self, image: Image) -> None:
         """Paint the background of the plot of the residual, its title and its line at 0 J."""
-        self.ground(image, f"residual, last {WINDOW:g} s")
+        self.ground(image, self.title)
         self.zero_line(image, self.zero)
         if self.plot.height > 3 * self.high:
             self.label(image, "0 J", self.zero)
@@ -184,9 +190,22 @@ class Residual(Strip):
         scale = view.residual_scale or round_up(largest(view))
         if view.residual is not None:
             self.curve(image, view, "residual", scale, self.zero, self.unit)
+            value, head = joules(view.residual), measure(self.title, self.font)[0]
+            if self.titled and head + self.font + measure(value, self.font)[0] <= self.area.width:
+                write(image, value, self.area.right, self.area.top + self.high / 2, self.font, self.theme.ink,
+                      (1.0, 0.5), self.theme.paper)
         self.label(image, f"+{joules(scale)}", self.zero - self.unit)
         if self.plot.height > 2 * self.high:
             self.label(image, f"{MINUS}{joules(scale)}", self.zero + self.unit)
+
+
+def shared_scale(views: Sequence[View]) -> float:
+    """Return one limit for the residuals of several views [J], so that equal heights mean equal energies.
+
+    It holds the largest residual, but is at most the next round number above the energy scale of the bars, so that a
+    method that diverges leaves its own plot and does not flatten the others'.
+    """
+    return round_up(min(max(map(largest, views)), max(map(energy_scale, views))))
 
 
 def largest(view: View) -> float:
@@ -210,3 +229,35 @@ def _within(times: NDArray[np.float64], now: float) -> slice:
     """Return the slice of ascending times that a plot of the last ten seconds covers, and one time before them."""
     return slice(max(0, int(times.searchsorted(now - WINDOW)) - 1), len(times))
 
+
+def angles(image: Image, area: Box, views: Sequence[View], tones: Sequence[str], font: int, theme: Theme,
+           span: float = WINDOW) -> None:
+    """Paint the angles of several pendulums over the last ``span`` seconds into an area, each in its colour.
+
+    Until ``span`` seconds have passed, the curves grow from the left edge; then the plot moves on, with the present at
+    its right edge.
+    The axis fits the swings, so that a small one is visible, too; curves beyond 3 (RUNAWAY) times the median of the
+    largest angles leave it. The first pendulum has the widest line, so that equal motions do not hide each other.
+    """
+    plot = Strip(area, font, theme, True, (1.1, 1.1), widest=f"{MINUS}100°")
+    plot.ground(image, f"angle, last {span:.3g} s")
+    series = []
+    for view in views:
+        past = view.past
+        times = np.append(past.time if past else [], view.time)
+        values = np.degrees(np.append(past.angle if past else [], view.angle))
+        keep = _within(times, view.time)
+        series.append((times[keep], values[keep]))
+    now = max(view.time for view in views)
+    reach = sorted(float(np.abs(values).max()) for _, values in series)
+    limit = round_up(min(reach[-1], RUNAWAY * reach[len(reach) // 2]), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0))
+    plot.zero_line(image, plot.zero)
+    for i, ((times, values), tone) in enumerate(zip(series, tones, strict=True)):
+        xs = plot.plot.left + (times - max(0.0, now - span)) * (plot.plot.width / span)
+        ys = np.clip(plot.zero - values / limit * plot.unit, plot.plot.top - 9.0, plot.plot.bottom + 9.0)
+        wide = plot.line * (1.0 + 0.8 * (len(views) - 1 - i))
+        graph(image, plot.plot, xs, ys, wide, rgb(tone))
+        if plot.plot.top < ys[-1] < plot.plot.bottom:
+            disc(image, min(float(xs[-1]), plot.plot.right - wide), float(ys[-1]), 1.1 * wide, rgb(tone))
+    for text, y in ((f"{limit:g}°", -plot.unit), ("0°", 0.0), (f"{MINUS}{limit:g}°", plot.unit)):
+        plot.label(image, text, plot.zero + y)

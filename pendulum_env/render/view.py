@@ -13,6 +13,8 @@ from pendulum_env.render.palette import rgb
 
 Floats = NDArray[np.float64]
 SUSPENSIONS = ("rod", "wire")
+BAR, BALL, PLATE = "bar", "ball", "plate"
+"""Kinds of parts of a pendulum's outline."""
 LEDGER = ("kinetic", "potential", "heat", "work", "residual")
 
 
@@ -27,9 +29,16 @@ class Apparatus:
         rod_radius: radius of the rod or wire [m], drawn to scale but always visible.
         title: text in the header.
         sway: largest displacement of the pivot to the sides, and up and down [m]; (0, 0) if the pivot does not move.
+        swing: largest |angle| that has to fit into the picture, below pi / 2 [rad]: the pivot is then near the upper
+            edge, and the pendulum about twice as long in the picture, with angles and proportions true. None for the
+            pendulum's full circle.
+        outline: parts of a compound pendulum, drawn to scale in place of bob and rod: "bar", "ball" or "plate", its two
+            ends as distances below the pivot along the pendulum's axis (the same twice for a ball or a plate), and its
+            radius or half its width [m].
 
-    Raises ValueError for lengths that are not finite and above 0 (rod_radius and sway may be 0), or an unknown
-    suspension.
+    Raises ValueError for lengths that are not finite and above 0 (rod_radius and sway may be 0), an unknown
+    suspension, an unknown part, or a swing that is not below pi / 2 or that a pendulum with a moving pivot or an
+    outline has.
     """
 
     length: float
@@ -38,6 +47,20 @@ class Apparatus:
     rod_radius: float = 0.0
     title: str = ""
     sway: tuple[float, float] = (0.0, 0.0)
+    swing: float | None = None
+    outline: tuple[tuple[str, float, float, float], ...] = ()
+
+    @property
+    def extent(self) -> float:
+        """Distance from the pivot to the farthest point of the pendulum [m]."""
+        if not self.outline:
+            return self.length + self.bob_radius
+        return max(max(abs(one), abs(two)) + (0.0 if kind == BAR else half) for kind, one, two, half in self.outline)
+
+    @property
+    def covers(self) -> bool:
+        """True if a plate covers the pivot, and would cover the degree scale."""
+        return any(kind == PLATE and abs(start) <= half for kind, start, _, half in self.outline)
 
     def __post_init__(self) -> None:
         for name, least in (("length", "above"), ("bob_radius", "above"), ("rod_radius", "at least")):
@@ -46,6 +69,13 @@ class Apparatus:
                 raise ValueError(f"{name} must be a finite number {least} 0 m, not {value!r}")
         if not all(0.0 <= far < math.inf for far in self.sway):
             raise ValueError(f"sway must be two finite numbers of at least 0 m, not {self.sway!r}")
+        if self.swing is not None and (not 0.0 <= self.swing < math.pi / 2 or any(self.sway) or self.outline):
+            raise ValueError("swing must be None or from 0 to below pi / 2, and None with a sway or an outline, "
+                             f"not {self.swing!r}")
+        for kind, *sizes in self.outline:
+            if kind not in (BAR, BALL, PLATE) or not all(map(math.isfinite, sizes)):
+                raise ValueError(f"a part of the outline must be {BAR}, {BALL} or {PLATE} with three finite numbers of "
+                                 f"metres, not {(kind, *sizes)!r}")
         if self.suspension not in SUSPENSIONS:
             raise ValueError(f"suspension must be one of {', '.join(SUSPENSIONS)}, not {self.suspension!r}")
 

@@ -12,6 +12,7 @@ from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.tables import Table
 from pendulum_env.lab.fitting.errors import DEPENDENT
+from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
 from pendulum_env.lab.fitting.result import Fit, against, measured
 from pendulum_env.lab.measures import Measurement
@@ -48,16 +49,22 @@ def _number(one: Measurement) -> tuple[str, str]:
 
 
 def goodness(found: Fit) -> str:
-    """Return sentences on how well a fit describes a recording: size of the residual, chi², test for patterns in it."""
+    """Return sentences on how well a fit describes a recording: size of the residual, chi², test for patterns in it.
+
+    Without a comparison of models, which says it too, the grade of the fit comes last.
+    """
     runs, degrees = found.runs, math.degrees
     order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
+        "neighbouring readings are rounded alike, which makes such a pattern"
+        if found.rounded_alike and found.rms < EXCESS * found.noise else
         "the residual has a pattern, which this model does not explain")
     return "\n".join((
-        f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, a reading scatters by "
+        f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, the error of a reading is "
         f"{degrees(found.noise):.2g}°; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of freedom, "
         f"{_chance(found.p_value)}.",
         f"Runs test of the signs of the residual: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
         found.how,
+        *(() if found.comparison is not None else (found.grade.text,)),
     ))
 
 
@@ -100,9 +107,9 @@ def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] =
 
 
 def facts(found: Fit, **more: Any) -> dict[str, str]:
-    """Return the origin of a fit (recording, damping, scene, versions), written into the head of output files."""
+    """Return the origin of a fit (recording, damping, grade, scene, versions), written into output files."""
     return provenance(recording=found.recording.source, notes=list(found.recording.notes), damping=found.damping,
-                      scene=found.scene.to_dict(), **more)
+                      grade=found.grade.text, scene=found.scene.to_dict(), **more)
 
 
 def write(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -12,20 +13,6 @@ SPEEDS = (("1/10", 0.1), ("1/4", 0.25), ("1/2", 0.5), ("1/1", 1.0), ("2x", 2.0))
 """Playback speeds: label, and simulated seconds per second of real time."""
 REAL_TIME = 3
 """Index of real time in SPEEDS."""
-
-KEYS = (
-    ("Space", "pause, continue"),
-    ("S", "one control step"),
-    ("Up, Down", "faster, slower: " + ", ".join(label for label, _ in SPEEDS)),
-    ("Tab, Shift+Tab", "next, previous integrator that fits the scene"),
-    ("digits, Enter", "start at rest from this angle in degrees"),
-    ("R", "restart from the last start"),
-    ("mouse", "drag the bob; released, it keeps the mouse's velocity"),
-    ("Left, Right", "push with the motor (lab-pendulum show)"),
-    ("H", "this list"),
-    ("Q", "close the window"),
-)
-"""Keys and their functions, as the window lists them."""
 
 RECENT = 0.1
 """Time over which the mouse's velocity is averaged [s]; a mouse that has not moved for longer is at rest."""
@@ -48,12 +35,32 @@ class Start:
 
 @dataclass(frozen=True)
 class Switch:
-    """Request of a person at the window: change to the integrator ``by`` places later in the list of integrators."""
+    """Request of a person at the window: change the integrator.
 
-    by: int
+    ``to`` is its name, or the number of places by which it comes later in the list of integrators.
+    """
+
+    to: str | int
 
 
-Wish = Start | Switch
+@dataclass(frozen=True)
+class NewStep:
+    """Request of a person at the window: restart from the last start with ``factor`` times the step."""
+
+    factor: float
+
+
+@dataclass(frozen=True)
+class PressWatch:
+    """Request of a person at the window: start the stopwatch, stop it, or set it to zero, in this order."""
+
+
+@dataclass(frozen=True)
+class TakePicture:
+    """Request of a person at the window: save a picture of the window."""
+
+
+Wish = Start | Switch | NewStep | PressWatch | TakePicture
 
 
 @dataclass(frozen=True)
@@ -85,21 +92,25 @@ class Controls:
         paused: True while the simulation is paused.
         steps: number of control steps that the person has requested during the pause.
         speed: index of the playback speed in SPEEDS.
-        typed: angle being typed [degrees].
+        typing: True while a start angle is being typed.
+        typed: start angle typed so far [degrees].
         message: error message shown in the window.
         listed: True while the list of keys is shown.
         push: fraction of the motor's torque that the keys Left and Right request.
         grip: position of pivot and bob while the mouse holds the bob; else None.
+        pointer: place of the mouse in the window [px].
     """
 
     open: bool = True
     paused: bool = False
     steps: int = 0
     speed: int = REAL_TIME
+    typing: bool = False
     typed: str = ""
     message: str = ""
     listed: bool = False
     grip: Grip | None = None
+    pointer: tuple[float, float] = (0.0, 0.0)
     _down: set[str] = field(default_factory=set)
     _path: deque[tuple[float, float]] = field(default_factory=deque)
 
@@ -123,8 +134,8 @@ class Controls:
         parts = ["paused"] if self.paused else []
         if self.speed != REAL_TIME:
             parts.append(f"speed {SPEEDS[self.speed][0]}")
-        if self.typed:
-            parts.append(f"Enter starts at {self.typed.replace('-', MINUS)}°")
+        if self.typing:
+            parts.append(f"start at {self.typed.replace('-', MINUS)}_° (Enter)")
         return " · ".join([*parts, self.message] if self.message else parts)
 
     # --- keys ---------------------------------------------------------------------------------------------------
@@ -132,45 +143,59 @@ class Controls:
     def key(self, name: str, text: str = "", shift: bool = False) -> list[Wish]:
         """Handle a pressed key, given by its name, its typed text and Shift; return the requests that it makes."""
         self.message = ""
-        if name in ("left", "right"):
-            self._down.add(name)
-        elif name in ("up", "down"):
-            self.speed = min(max(self.speed + (1 if name == "up" else -1), 0), len(SPEEDS) - 1)
-        elif name == "space":
-            self.paused, self.steps = not self.paused, 0
-        elif name == "s":
-            self.paused, self.steps = True, self.steps + 1
-        elif name == "tab":
-            return [Switch(-1 if shift else 1)]
-        elif name == "r":
-            return [Start()]
-        elif name == "h":
-            self.listed = not self.listed
-        elif name == "q":
-            self.close()
-        elif name == "escape":
-            self.typed, self.listed = "", False
-        elif name == "backspace":
-            self.typed = self.typed[:-1]
-        elif name in ("return", "enter"):
-            return self._entered()
-        else:
-            self._type(text.replace(",", "."))
-        return []
+        if self.typing and self._type(text.replace(",", ".")):
+            return []
+        name = text if text in METHOD_KEYS else name
+        key = BY_NAME.get(name)
+        return (key.press(self, name, shift) if key else None) or []
 
     def key_up(self, name: str) -> None:
         """Handle a released key: end the torque that Left and Right request."""
         self._down.discard(name)
 
-    def _type(self, text: str) -> None:
-        """Append a typed character to the start angle, if it can be part of a number."""
-        fits = (text == "-" and not self.typed) or (text == "." and "." not in self.typed)
-        if len(self.typed) < LONGEST and (fits or (len(text) == 1 and text in "0123456789")):
-            self.typed += text
+    def push_while_down(self, name: str) -> None:
+        """Request a torque of the motor until the key is released."""
+        self._down.add(name)
 
-    def _entered(self) -> list[Wish]:
+    def change_speed(self, by: int) -> None:
+        """Choose a faster (1) or slower (-1) playback speed, if there is one."""
+        self.speed = min(max(self.speed + by, 0), len(SPEEDS) - 1)
+
+    def pause(self) -> None:
+        """Pause, or continue after a pause."""
+        self.paused, self.steps = not self.paused, 0
+
+    def single_step(self) -> None:
+        """Request one control step, followed by a pause."""
+        self.paused, self.steps = True, self.steps + 1
+
+    def begin_typing(self) -> None:
+        """Let the next keys type a start angle."""
+        self.typing, self.typed = True, ""
+
+    def escape(self) -> None:
+        """End the typing of an angle without a request, and hide the list of keys."""
+        self.typing, self.typed, self.listed = False, "", False
+
+    def show_keys(self) -> None:
+        """Show or hide the list of keys."""
+        self.listed = not self.listed
+
+    def _type(self, text: str) -> bool:
+        """Append a typed character to the start angle; return True if it can be part of a number."""
+        digit = len(text) == 1 and text in "0123456789"
+        fits = digit or (text == "-" and not self.typed) or (text == "." and "." not in self.typed)
+        if fits and len(self.typed) < LONGEST:
+            self.typed += text
+        return digit or text in ("-", ".")
+
+    def erase(self) -> None:
+        """Delete the last character of the typed angle."""
+        self.typed = self.typed[:-1]
+
+    def enter(self) -> list[Wish]:
         """Return the request to start at the typed angle, as a list that is empty if no angle was typed."""
-        typed, self.typed = self.typed, ""
+        typed, self.typing, self.typed = self.typed, False, ""
         if not typed:
             return []
         if not any(map(str.isdigit, typed)):
@@ -185,6 +210,7 @@ class Controls:
 
         ``grip`` is the position of the bob, None if no panel shows it.
         """
+        self.pointer = x, y
         if grip is None or not grip.holds(x, y):
             return []
         self.grip = grip
@@ -193,6 +219,7 @@ class Controls:
 
     def move(self, x: float, y: float, now: float) -> list[Wish]:
         """Handle a mouse movement; a bob that the mouse holds follows it, with velocity 0."""
+        self.pointer = x, y
         if self.grip is None:
             return []
         angle = self.grip.angle(x, y)
@@ -228,3 +255,69 @@ class Controls:
         """Mark the window as to be closed, and let the simulation continue without it."""
         self.open, self.grip = False, None
         self._down.clear()
+
+
+METHOD_KEYS = {
+    "1": "forward_euler", "2": "backward_euler", "3": "symplectic_euler", "4": "velocity_verlet", "5": "rk4",
+}
+"""Keys that choose an integrator, and its name."""
+
+Press = Callable[[Controls, str, bool], list[Wish] | None]
+
+
+@dataclass(frozen=True)
+class Key:
+    """A row of the table of keys.
+
+    Attributes:
+        shown: the keys as the list of keys names them.
+        does: what they do, for the same list.
+        names: names of these keys in pygame; empty for the mouse.
+        press: function that carries out a press, from the controls, the key's name, and True with Shift; it returns
+            the requests that the press makes, None for none.
+    """
+
+    shown: str
+    does: str
+    names: tuple[str, ...] = ()
+    press: Press = lambda controls, name, shift: None
+
+
+def _asks(wish: Wish, with_shift: Wish | None = None) -> Press:
+    """Return a press that makes one request, or another one with Shift."""
+    return lambda controls, name, shift: [with_shift if shift and with_shift is not None else wish]
+
+
+KEYS = (
+    Key("Space", "pause, continue", ("space",), lambda controls, name, shift: controls.pause()),
+    Key("S", "one control step", ("s",), lambda controls, name, shift: controls.single_step()),
+    Key("R", "restart from the last start", ("r",), _asks(Start())),
+    Key("Up, Down", "faster, slower: " + ", ".join(label for label, _ in SPEEDS), ("up", "down"),
+        lambda controls, name, shift: controls.change_speed(1 if name == "up" else -1)),
+    Key("1 to 5", ", ".join(METHOD_KEYS.values()), tuple(METHOD_KEYS),
+        lambda controls, name, shift: [Switch(METHOD_KEYS[name])]),
+    Key("Tab, Shift+Tab", "next, previous integrator that fits the scene", ("tab",), _asks(Switch(1), Switch(-1))),
+    Key("D, Shift+D", "restart with half, twice the step dt (lab-pendulum show)", ("d",),
+        _asks(NewStep(0.5), NewStep(2.0))),
+    Key("A", "type a start angle in degrees", ("a",), lambda controls, name, shift: controls.begin_typing()),
+    Key("Enter", "start at rest from the typed angle", ("return", "enter"),
+        lambda controls, name, shift: controls.enter()),
+    Key("Backspace, Esc", "correct, cancel the typed angle", ("backspace", "escape"),
+        lambda controls, name, shift: controls.erase() if name == "backspace" else controls.escape()),
+    Key("mouse", "drag the bob; released, it keeps the mouse's velocity"),
+    Key("Left, Right", "push with the motor (lab-pendulum show)", ("left", "right"),
+        lambda controls, name, shift: controls.push_while_down(name)),
+    Key("T", "stopwatch: start, stop, set to zero", ("t",), _asks(PressWatch())),
+    Key("P", "save a picture of the window as PNG", ("p",), _asks(TakePicture())),
+    Key("H", "this list", ("h",), lambda controls, name, shift: controls.show_keys()),
+    Key("Q", "close the window", ("q",), lambda controls, name, shift: controls.close()),
+)
+"""The keys and their functions: the window acts on this table, lists it, and ``lab-pendulum show --help`` prints it."""
+
+BY_NAME = {name: key for key in KEYS for name in key.names}
+"""Rows of the table by the names of their keys in pygame."""
+
+
+def keys_in_words() -> str:
+    """Return the table of keys with a line for each key, for the command line's help."""
+    return "\n".join(f"{key.shown}: {key.does}" for key in KEYS)

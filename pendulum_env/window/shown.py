@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from pendulum_env.engine.machine import Machine
 from pendulum_env.render import Apparatus, FrameStyle, View
@@ -20,9 +21,11 @@ class Shown:
         look: theme and panels.
         view: function that returns the drawing data of the present state.
         start: function that restarts from an angle [rad] and a velocity [rad/s]; raises SceneError for invalid ones.
-        another: function of n that returns the simulation (machine) with the integrator n places later in the list of
-            those that fit the scene, None if no other fits.
+        another: function of a name or of n that returns the simulation (machine) with the integrator of this name, or
+            with that n places later in the list of those that fit the scene; None if it already runs. Raises
+            MethodError for an integrator that does not fit the scene.
         take: function that continues from the present state with a simulation that ``another`` returned.
+        facts: function that returns scene, method and settings, for the provenance of a saved picture.
     """
 
     apparatus: Apparatus
@@ -31,5 +34,6 @@ class Shown:
     look: FrameStyle
     view: Callable[[], View]
     start: Callable[[float, float], None]
-    another: Callable[[int], Machine | None]
+    another: Callable[[str | int], Machine | None]
     take: Callable[[Machine], None]
+    facts: Callable[[], Mapping[str, Any]]

@@ -22,7 +22,7 @@ import pytest
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
 
-from integrators import METHODS
+from integrators import METHODS, from_step
 from pendulum_env import SCENES, SceneError, cli, film, rollout
 from pendulum_env.cli.record import record
 from pendulum_env.engine.machine import offers
@@ -292,6 +292,35 @@ def shown(monkeypatch):
 
 
 @pytest.mark.usefixtures("interpreted")
+@pytest.mark.parametrize(("scene", "angle", "control", "large"), [
+    ("vacuum", 5.0, 0.0, True), ("vacuum", 29.0, 0.0, True), ("vacuum", 31.0, 0.0, False), ("lab", 5.0, 0.0, True),
+    ("lab", 5.0, 0.1, False), ("kapitza", 5.0, 0.0, False),
+])
+def test_small_swings_are_drawn_large(tmp_path, shown, scene, angle, control, large):
+    """The arc of the largest swing of all runs fits; a motor's torque and a moving pivot need the full circle."""
+    film(scene, tmp_path / "x.mp4", "rk4,heun", duration=0.4, fps=10, angle=math.radians(angle), control=control,
+         dt=0.02 if scene != "kapitza" else 0.001, warn=False)
+    swings = {apparatus.swing for pairs in shown for apparatus, _ in pairs}
+    angles = [abs(view.angle) for pairs in shown for _, view in pairs]
+    assert swings == ({max(angles)} if large else {None})
+
+
+@pytest.mark.usefixtures("interpreted")
+def test_a_step_of_ones_own_is_filmed_beside_the_method_that_it_equals(tmp_path, shown):
+    """The exercise's three lines are symplectic Euler, so both bobs move alike, each under its own name."""
+    own = from_step("omega = omega + dt * acceleration(theta, omega)\ntheta = theta + dt * omega")
+    film("exercise", tmp_path / "x.mp4", [own, "symplectic_euler", "forward_euler"], damping="none", duration=2.0,
+         fps=10)
+    captions = [view.caption for _, view in shown[0]]
+    assert captions == [own.name, "symplectic_euler", "forward_euler"]
+    assert own.name not in METHODS
+    for first, same, other in shown[1:]:
+        assert first[1].angle == pytest.approx(same[1].angle, abs=1e-12)
+        assert first[1].angle != other[1].angle
+    assert len(shown) == 20
+
+
+@pytest.mark.usefixtures("interpreted")
 def test_slow_motion_shows_the_motion_between_the_steps(tmp_path, shown):
     """Frames 1/240 s apart agree with the exact motion, though the scene's usual step is 10 ms."""
     film("vacuum", tmp_path / "x.mp4", duration=0.25, fps=60, slow=4, angle=1.0, velocity=0.5)
@@ -435,7 +464,7 @@ def test_the_command_films_scenes_and_methods_side_by_side(tmp_path):
     assert "exercise_large · forward_euler stopped early: slack at" in done.stdout
     (image, _), *rest = played(tmp_path / "x.gif")
     assert image.shape[1] == 240
-    assert 240 < image.shape[0] < 300
+    assert 240 + 0.4 * 120 < image.shape[0] < 240 + 0.4 * 120 + 60
     assert image.mean() < 80
     facts = json.loads(gif_blocks((tmp_path / "x.gif").read_bytes())[1])
     assert facts["Software"].startswith("lab-pendulum")

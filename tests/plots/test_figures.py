@@ -29,12 +29,25 @@ from typer.testing import CliRunner
 
 import pendulum_env
 from integrators import METHODS
-from pendulum_env import SCENES, Recording, audit, cli, cost, fit, growth, plots, rollout, stress
+from pendulum_env import (
+    SCENES,
+    Recording,
+    audit,
+    basins,
+    cli,
+    cost,
+    fit,
+    growth,
+    measure,
+    plots,
+    rollout,
+    section,
+    stress,
+)
 from pendulum_env.common.provenance import provenance
 from pendulum_env.physics import exact
 from pendulum_env.plots import titles
-from pendulum_env.plots.cost import decades
-from pendulum_env.plots.style import blank
+from pendulum_env.plots.style import blank, decades
 from pendulum_env.study.compare import Truth
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
@@ -43,6 +56,8 @@ ROOT = Path(pendulum_env.__file__).parent
 PICTURES = Path(__file__).with_name("figure_pictures.json")
 NO_FIGURES = {"plots.style.blank"}
 """Functions that return a figure without drawing anything in it."""
+REPORTED = ("exercise.figures",)
+"""Modules whose figures are made for one report; tests of the report look at them."""
 SHEET = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")
 LONG = "a_scene_whose_name_is_as_long_as_names_may_be" * 2 + "_indeed"
 
@@ -56,7 +71,7 @@ def drawing(path: Path) -> str:
 def found() -> dict[str, Callable[..., Any]]:
     """Return every public function that returns Axes or a Figure, by its name in the package."""
     functions = {}
-    for module in filter(None, map(drawing, sorted(ROOT.rglob("*.py")))):
+    for module in sorted({*filter(None, map(drawing, ROOT.rglob("*.py")))} - {*REPORTED}):
         room = importlib.import_module(f"pendulum_env.{module}")
         for name, entry in vars(room).items():
             if inspect.isfunction(entry) and entry.__module__ == room.__name__ and not name.startswith("_") and (
@@ -105,10 +120,25 @@ def matrix() -> Any:
 
 
 @cache
-def fitted() -> Any:
+def swing() -> Recording:
     time = np.linspace(0.0, 10.0, 201)
-    swing = Recording(time, 0.2 * np.exp(-0.05 * time) * np.cos(5.0 * time), "swing.txt")
-    return fit(swing, "linear", mass=0.1)
+    return Recording(time, 0.2 * np.exp(-0.05 * time) * np.cos(5.0 * time), "swing.txt")
+
+
+@cache
+def fitted() -> Any:
+    return fit(swing(), "linear", mass=0.1)
+
+
+@cache
+def sectioned(over: bool = False) -> Any:
+    values = {"over": {"drive_torque": [0.9, 1.0, 1.1]}} if over else {"runs": 2}
+    return section("chaotic", points=60, transient=2, steps=20, backend="python", **values)
+
+
+@cache
+def attracted() -> Any:
+    return basins("chaotic", gamma=1.0, drive_torque=0.5, size=4, transient=4, steps=20, backend="python")
 
 
 METHODS_SHOWN = tuple(METHODS[name] for name in SHEET)
@@ -116,11 +146,15 @@ TABLES = tuple(METHODS[name] for name in ("forward_euler", "backward_euler", "rk
 FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.energy.energy": lambda: (runs(),),
     "plots.energy.energy_error": lambda: (runs(),),
+    "plots.energy.energy_residual": lambda: (runs(),),
     "plots.motion.angle": lambda: (runs(),),
     "plots.motion.velocity": lambda: (runs(),),
     "plots.motion.deviation": lambda: (runs(), truth()),
     "plots.motion.phase": lambda: (runs(),),
+    "plots.motion.portraits": lambda: (runs(),),
     "plots.recorded.recorded": lambda: (fitted(),),
+    "plots.swing.measured": lambda: (measure(swing()),),
+    "plots.swing.readings": lambda: (swing(),),
     "plots.stability.regions": lambda: (TABLES,),
     "plots.stability.oscillation": lambda: (METHODS_SHOWN,),
     "plots.stability.damped": lambda: (METHODS_SHOWN[:3],),
@@ -132,6 +166,10 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.growth.draw": lambda: (growth_study(),),
     "plots.growth.error_growth": lambda: (growth_study(),),
     "plots.hard_cases.draw": lambda: (matrix(),),
+    "plots.section.draw": lambda: (attracted(),),
+    "plots.section.poincare": lambda: (sectioned(),),
+    "plots.section.bifurcation": lambda: (sectioned(over=True),),
+    "plots.section.basins": lambda: (attracted(),),
 }
 """Every figure function, and the arguments it is tested with."""
 QUICK = ("plots.motion.phase", "plots.audit.changes")
@@ -211,7 +249,8 @@ def test_curves_that_are_several_have_a_legend(name: str) -> None:
     legends = [*made.legends, *(axes.get_legend() for axes in made.axes if axes.get_legend() is not None)]
     labels = {str(line.get_label()) for axes in made.axes for line in axes.lines}
     labels = {label for label in labels if not label.startswith("_")}
-    alone = name in ("plots.cost.work_precision", "plots.growth.error_growth")  # their legends belong to a whole figure
+    alone = name in (  # their legends belong to a whole figure, or titles take their place
+        "plots.cost.work_precision", "plots.growth.error_growth", "plots.motion.portraits")
     assert legends or alone or len(labels) < 2
     for legend in legends:
         texts = [text.get_text() for text in legend.get_texts()]

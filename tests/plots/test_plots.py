@@ -120,6 +120,7 @@ def test_a_method_has_one_colour_whatever_else_is_drawn():
 
 @pytest.mark.parametrize("draw", [DRAWN[0], *(pytest.param(draw, marks=pytest.mark.slow) for draw in DRAWN[1:])])
 def test_methods_of_one_colour_have_dashes_or_marks_of_their_own_whatever_else_is_drawn(draw):
+    """A method that is alone is solid; beside another method, it looks as it does among all."""
     def marked(drawn):
         shown = {line.get_label(): line for line in draw(drawn).lines}
         return {name: (to_hex(line.get_color()), str(dashes_of(line)), line.get_marker())
@@ -129,7 +130,11 @@ def test_methods_of_one_colour_have_dashes_or_marks_of_their_own_whatever_else_i
     together = marked(every)
     assert len(set(together.values())) == len(every) > len(METHOD_COLOURS)
     alone = [name for name in every if turn_of(name, len(DRAWN)) == DRAWN.index(draw)]  # of each figure another part
-    assert {name: marked({name: every[name]})[name] for name in alone} == {name: together[name] for name in alone}
+    for name in alone:
+        other = next(other for other in ("rk4", "heun") if other != name)
+        assert marked({name: every[name], other: every[other]})[name] == together[name]
+        tone, dashes, mark = marked({name: every[name]})[name]
+        assert (tone, dashes, mark in ("", "None")) == (together[name][0], "None", True)
 
 
 def test_two_runs_of_one_method_share_its_colour_and_differ_in_dashes():
@@ -222,16 +227,90 @@ def test_pendulums_that_turn_over_and_drift_apart_are_all_shown():
         assert values.max() <= min(high, right)
 
 
-def test_many_swings_are_drawn_through_their_turning_points():
+def test_a_long_run_shows_the_angle_at_all_times_and_only_a_crowded_one_the_turning_points():
     long = runs("rk4", duration=20.0, dt=0.02)
     axes = plots.angle(long)
-    assert "turning points" in axes.get_ylabel()
-    _, shown = curves(axes)["rk4"]
-    np.testing.assert_allclose(np.abs(shown[np.isfinite(shown)]), 5.0, atol=0.01)
+    assert "turning" not in axes.get_ylabel()
+    np.testing.assert_allclose(curves(axes)["rk4"][1], np.degrees(long["rk4"].angle), rtol=1e-15)
+    assert axes.lines[0].get_linestyle() == "-"
     near = plots.angle(long, span=(18.0, 20.0))
     assert near.get_xlim() == (18.0, 20.0)
     assert len(curves(near)["rk4"][0]) == pytest.approx(101, abs=2)
-    assert "turning" not in near.get_ylabel()
+    crowded = runs("rk4", duration=200.0, dt=0.04)
+    axes = plots.angle(crowded)
+    assert "between turning points" in axes.get_ylabel()
+    _, shown = curves(axes)["rk4"]
+    np.testing.assert_allclose(np.abs(shown[np.isfinite(shown)]), 5.0, atol=0.05)
+    (band,) = axes.patches
+    low, high = band.get_path().vertices[:, 1].min(), band.get_path().vertices[:, 1].max()
+    assert (low, high) == (pytest.approx(-5.0, abs=0.05), pytest.approx(5.0, abs=0.05))
+
+
+@pytest.mark.parametrize("name", ["velocity_verlet", "rk4"])
+def test_a_logarithmic_axis_has_two_tick_labels_and_no_comb(name):
+    """Verlet's error of the energy has the same largest value, A^2 (omega0 h)^2 / 4 of E0, in each half swing."""
+    long = runs(name, duration=60.0, dt=0.02)
+    run = long[name]
+    for axes in (plots.energy_error(long), plots.deviation(long, Truth(
+            run.time, *exact.linear(run.time, run.angle[0], 0.0, run.scene.omega0), 0.0, "closed form"))):
+        low, high = axes.get_ylim()
+        assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 2
+        assert axes.get_xlim() == (0.0, 60.0)
+    if name == "velocity_verlet":
+        shown = curves(plots.energy_error(long))[name][1]
+        limit = (run.scene.omega0 * 0.02) ** 2 / 4.0
+        np.testing.assert_allclose(shown, limit, rtol=0.01)
+
+
+def test_swings_that_take_longer_than_small_ones_leave_no_comb():
+    """From 170 degrees a period is 2.4 times that of small swings; its half swings have one largest error each."""
+    wide = runs("velocity_verlet", scene="vacuum", angle=math.radians(170.0), duration=60.0, dt=0.01)
+    shown = curves(plots.energy_error(wide))["velocity_verlet"][1]
+    assert shown.max() < 1.1 * shown.min()
+
+
+def test_the_wobble_of_a_symplectic_method_is_visible_beside_runaways(sheet):
+    """Symplectic Euler keeps v^2 + omega0^2 q^2 - h omega0^2 q v: its energy swings by omega0 h / 2 of E0."""
+    drawn = runs(*SHEET, duration=6.0, dt=0.01)
+    axes = plots.energy_residual(drawn)
+    assert axes.get_yscale() == "linear"
+    size = 50.0 * drawn["rk4"].scene.omega0 * 0.01
+    shown = curves(axes)["symplectic_euler"][1]
+    assert (shown.max(), -shown.min()) == (pytest.approx(size, rel=0.05), pytest.approx(size, rel=0.05))
+    assert shown.max() < axes.get_ylim()[1] < 1.3 * shown.max()
+    assert curves(axes)["forward_euler"][1].max() > 100.0 > axes.get_ylim()[1]
+
+
+def test_each_method_has_its_own_phase_portrait(sheet, truth):
+    figure = plots.portraits(sheet, exact=truth, note="a note")
+    shown = [axes for axes in figure.axes if axes.axison]
+    assert [axes.get_title("left") for axes in shown] == list(sheet)
+    for axes, (name, run) in zip(shown, sheet.items(), strict=True):
+        drawn = curves(axes)
+        assert set(drawn) == {"exact", name, "start"}
+        np.testing.assert_array_equal(drawn[name][1], run.velocity)
+        assert to_hex(axes.lines[1].get_color()).upper() == plots.colours([name])[name]
+    (spare,) = [axes for axes in figure.axes if not axes.axison]
+    assert "a note" in spare.texts[0].get_text()
+    assert len(plots.portraits({"rk4": sheet["rk4"]}).axes) == 1
+
+
+def test_a_damped_portrait_shows_turns_of_the_whole_spiral_and_no_empty_axis():
+    """Of 84 periods, every third is drawn, so that turns stay apart; a runaway's axes end where its curve does."""
+    damped = runs("rk4", damping={"linear": {"gamma": 0.05}}, duration=100.0, dt=0.02)
+    axes = plots.phase(damped)
+    x = curves(axes)["rk4"][0]
+    pieces = np.split(x, np.flatnonzero(np.isnan(x)))
+    assert 20 <= len(pieces) <= 30
+    reach = np.array([np.nanmax(piece) for piece in pieces])
+    assert (np.diff(reach) < 0.0).all()
+    assert reach[0] > 4.7
+    assert reach[-1] < 5.0 * math.exp(-0.025 * 90.0)
+    assert "One period in 3 is drawn." in axes.texts[0].get_text()
+    wild = runs("rk4", "forward_euler", scene="lab", angle=math.radians(60.0), duration=40.0, dt=0.01)
+    turned = plots.phase(wild, spans=[(0.0, 6.0), (34.0, 40.0)])
+    inside = [np.abs(x[np.isfinite(x) & (np.abs(x) <= 300.0)]).max() for x, _ in curves(turned).values()]
+    assert turned.get_xlim()[1] < 1.2 * max(inside)
 
 
 def test_a_run_that_stops_says_so():
@@ -252,9 +331,14 @@ def test_pieces_of_curves():
     np.testing.assert_allclose(at[gap + 1:], np.arange(10) + 0.5, atol=0.011)
     np.testing.assert_allclose(shown[gap + 1:], -1.0, atol=1e-3)
     np.testing.assert_array_equal(series.turning(time, time)[1], time)
-    at, shown = series.largest(time, time, 1.0)
-    np.testing.assert_allclose(shown, [*(np.arange(1, 10) - 0.01), 10.0])
-    np.testing.assert_array_equal(series.largest(time, time, math.inf)[1], time)
+    at, shown = series.peaks(time, time, -np.sin(2.0 * np.pi * time), 0.5)
+    assert len(at) == 20 - 1
+    np.testing.assert_allclose(shown[:-1], 0.5 * np.arange(1, 19), atol=0.011)
+    assert shown[-1] == 10.0
+    np.testing.assert_allclose(series.peaks(time, time, 1.0 + time, 0.5)[1][:-1], 0.5 * np.arange(1, 20), atol=0.011)
+    np.testing.assert_array_equal(series.peaks(time, time, time, math.inf)[1], time)
+    assert len(series.peaks(time, time, np.sin(60.0 * np.pi * time), 1.0 / 60.0)[0]) <= series.PEAKS
+    assert series.periods(np.cos(2.0 * np.pi * time), [slice(0, 1001)]) == (1, [slice(0, 1001)])
     assert series.within(time, (2.0, 3.0)) == slice(199, 302)
     assert series.within(time, (11.0, 12.0)) == slice(0, 0)
     assert series.bounds(np.array([2.0, math.nan, math.inf])) == (0.0, 2.0)

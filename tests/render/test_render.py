@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import math
@@ -16,6 +17,8 @@ import pytest
 from pendulum_env.render import (
     METHOD_COLOURS,
     Apparatus,
+    FrameStyle,
+    PastSamples,
     View,
     bars,
     colour,
@@ -24,6 +27,7 @@ from pendulum_env.render import (
     side_by_side,
     stage,
     stand,
+    strip,
 )
 from pendulum_env.render import text as lettering
 from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, rgb
@@ -184,7 +188,7 @@ def test_a_bar_is_as_long_as_its_energy(name):
         rows, columns = near(energies(**{name: value}), ENERGY_COLOURS[name], 5)
         lengths.append(np.ptp(columns[rows == rows.min()]) + 1)
     assert lengths[:2] == pytest.approx([lengths[2] / 4, lengths[2] / 2], abs=1)
-    assert lengths[2] > 150
+    assert lengths[2] > 100
 
 
 @pytest.mark.parametrize("huge", [3.0, 1e12, 1e300, math.inf])
@@ -208,6 +212,119 @@ def test_a_negative_residual_is_hollow_and_left_of_zero():
     gained, lost = (near(energies(residual=value), tone) for value in (0.2, -0.2))
     assert lost[1].max() <= gained[1].min()
     assert len(lost[0]) < 0.7 * len(gained[0])
+
+
+@pytest.mark.parametrize("values", [(-0.23, -0.49), (-0.5, -1.0)])
+def test_negative_energies_up_to_the_scale_have_bars_of_their_own_lengths(values):
+    tone = ENERGY_COLOURS["residual"]
+    short, long = (np.ptp(near(energies(residual=value), tone, 5)[1]) + 1 for value in values)
+    assert long / short == pytest.approx(values[1] / values[0], rel=0.05)
+
+
+def past_of(size: float, residual: float) -> View:
+    """Return a view at 10 s of a swing of ``size`` degrees, with a constant residual [J]."""
+    time = np.linspace(0.0, 10.0, 501)
+    angle, level = np.radians(size) * np.cos(5.0 * time), np.full(501, residual)
+    zero = 0.0 * time
+    past = PastSamples(time[:-1], *(values[:-1] for values in (angle, zero, zero, zero, zero, zero, level)))
+    return View(10.0, float(angle[-1]), residual=residual, past=past, energy_scale=1.0)
+
+
+def test_residuals_side_by_side_share_one_scale(monkeypatch):
+    panels = [(WIRE, past_of(5.0, residual)) for residual in (0.2, 1e-8)]
+    look = FrameStyle("light", ("apparatus", "energy", "residual"))
+    texts = [box[0] for box in lettered(monkeypatch, lambda: side_by_side(panels, 360, look=look))]
+    assert texts.count("+200 mJ") == 2
+    assert "10.0 nJ" in texts
+    assert strip.shared_scale([view for _, view in panels]) == 0.2
+    assert strip.shared_scale([past_of(5.0, 1e6), past_of(5.0, 1e-8)]) == 1.0
+    alone = [box[0] for box in lettered(monkeypatch, lambda: frame(*panels[1], 360, look))]
+    assert "+10.0 nJ" in alone
+
+
+def test_the_empty_tile_shows_the_angles_of_all(monkeypatch):
+    """In a film of five, a swing of 5 degrees takes a third of the height of the sixth tile or more."""
+    panels = [(WIRE, past_of(size, 0.0)) for size in (5.0, 5.0, 5.0, 4.0, 60.0)]
+    texts = [box[0] for box in lettered(monkeypatch, lambda: side_by_side(panels, 300))]
+    assert {"angle, last 10 s", "15°", "0°"} <= set(texts)
+    image = side_by_side(panels, 300)
+    tile = image[-300:, 600:]
+    rows, _ = near(tile, METHOD_COLOURS[2], 30)
+    assert np.ptp(rows) > 60
+    full = [box[0] for box in lettered(monkeypatch, lambda: side_by_side(panels[:4], 300))]
+    assert "angle, last 10 s" not in full
+    assert side_by_side(panels, 300, strip=10.0).shape == image.shape
+    apart = [box[0] for box in lettered(monkeypatch, lambda: side_by_side(panels, 300, own_clocks=True))]
+    assert "angle, last 10 s" not in apart
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_the_strip_below_shows_the_angles_of_all(monkeypatch, count):
+    """In a film of 2 to 4, swings of 5 to 2 degrees have 65 to 25 px of the strip's 120 px."""
+    panels = [(WIRE, past_of(5.0 - i, 0.0)) for i in range(count)]
+    texts = [box[0] for box in lettered(monkeypatch, lambda: side_by_side(panels, 300, strip=10.0))]
+    assert texts.count("angle, last 10 s") == 1
+    assert "5°" in texts
+    image, plain = side_by_side(panels, 300, strip=10.0), side_by_side(panels, 300)
+    assert len(image) == len(plain) + 120
+    np.testing.assert_array_equal(image[:len(plain)], plain)
+    for i in range(count):
+        rows, _ = near(image[len(plain):], METHOD_COLOURS[i], 30)
+        assert np.ptp(rows) > 13 * (5 - i)
+    without = [(WIRE, View(0.0, 0.1)) for _ in range(count)]
+    assert len(side_by_side(without, 300, strip=10.0)) == len(plain)
+
+
+def test_the_strip_of_angles_grows_from_the_left_and_then_moves_on():
+    """At 2 s of 10 s the curve takes the first fifth of the plot; in a strip of 2 s it takes the whole, as after 10 s.
+    """
+    def columns(time, span):
+        times = np.linspace(0.0, time, 201)
+        angle = np.radians(20.0) * np.cos(5.0 * times)
+        view = View(time, float(angle[-1]), past=PastSamples(times[:-1], angle[:-1], 0.0 * times[:-1]))
+        image = side_by_side([(WIRE, view)] * 2, 300, strip=span)
+        return near(image[-120:], METHOD_COLOURS[1], 60)[1]
+
+    whole = columns(10.0, 10.0)
+    assert np.ptp(columns(2.0, 10.0)) == pytest.approx(np.ptp(whole) / 5.0, rel=0.05)
+    assert abs(columns(2.0, 10.0).min() - whole.min()) < 3
+    for time, span in ((2.0, 2.0), (15.0, 10.0)):
+        assert np.ptp(columns(time, span)) == pytest.approx(np.ptp(whole), rel=0.02)
+
+
+@pytest.mark.parametrize("size", [200, 333, 500, (300, 700), (900, 500)])
+@pytest.mark.parametrize("swing", [0.0, math.radians(5.0), math.radians(30.0)])
+def test_a_small_swing_is_drawn_with_true_angles_and_a_longer_pendulum(size, swing):
+    """The bob's path in pixels is an arc of the angle itself, longer than in the full circle and inside the picture."""
+    large = dataclasses.replace(WIRE, swing=swing)
+    low, right, left = (bob_at(angle, size, large) for angle in (0.0, swing, -swing))
+    plain = np.ptp([bob_at(angle, size)[1] for angle in (0.0, math.pi)]) / 2
+    view = View(0.0, 0.0)
+    at = panel.staged(large, view, panel.frame_size(size, "size"), FrameStyle()).panels[0]
+    assert at.arm > 1.3 * plain
+    assert right - low == pytest.approx([at.arm * math.sin(swing), at.arm * (math.cos(swing) - 1.0)], abs=0.6)
+    assert left - low == pytest.approx([-at.arm * math.sin(swing), at.arm * (math.cos(swing) - 1.0)], abs=0.6)
+    assert at.bob == pytest.approx(max(2.5, at.arm * WIRE.bob_radius / WIRE.length))
+    assert at.body.top < at.y
+    assert at.y + at.arm + at.bob < at.body.bottom
+    assert at.x + at.arm * math.sin(swing) + at.bob < at.body.right
+
+
+@pytest.mark.parametrize("size", [200, 333, 500, (300, 700), (900, 500)])
+def test_the_degree_scale_of_a_small_swing_stays_inside_its_panel(monkeypatch, size):
+    large, look = dataclasses.replace(WIRE, swing=0.3), FrameStyle("light", ("apparatus", "energy", "phase"))
+    boxes = lettered(monkeypatch, lambda: frame(large, View(0.0, 0.1, residual=0.0), size, look))
+    at = panel.staged(large, View(0.0, 0.1, residual=0.0), panel.frame_size(size, "size"), look).panels[0]
+    scale = [box for box in boxes if box[0] in (f"{lettering.MINUS}10°", "0°", "10°", "30°", f"{lettering.MINUS}30°")]
+    assert "0°" in [box[0] for box in scale]
+    for _, left, top, right, bottom in scale:
+        assert at.body.left <= left < right <= at.body.right
+        assert at.body.top <= top < bottom <= at.body.bottom
+    blank = np.full((*reversed(panel.frame_size(size, "size")), 3), 255, np.uint8)
+    at.still(blank)
+    outside = np.ones(blank.shape[:2], bool)
+    outside[round(at.body.top):round(at.body.bottom), round(at.body.left):round(at.body.right)] = False
+    assert (blank[outside] == 255).all()
 
 
 def test_bars_appear_only_when_asked_for():
@@ -241,7 +358,7 @@ def lettered(monkeypatch, draw):
         assert left + wide <= image.shape[1]
         assert top + high <= image.shape[0]
 
-    for module in (panel, stand, bars):
+    for module in (panel, stand, bars, strip):
         monkeypatch.setattr(module, "write", spy)
     stage.stage.cache_clear()
     draw()
@@ -346,6 +463,9 @@ def test_a_bad_view_is_refused(changes, message):
     ({"bob_radius": math.nan}, "bob_radius"),
     ({"rod_radius": -1.0}, "rod_radius must be a finite number at least 0 m"),
     ({"suspension": "rope"}, "suspension must be one of rod, wire, not 'rope'"),
+    ({"swing": 1.6}, "swing must be None or from 0 to below pi / 2"),
+    ({"swing": -0.1}, "swing must be None or from 0 to below pi / 2"),
+    ({"swing": 0.1, "sway": (0.0, 0.1)}, "swing must be None .* with a sway"),
 ])
 def test_a_bad_apparatus_is_refused(changes, message):
     with pytest.raises(ValueError, match=message):

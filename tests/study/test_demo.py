@@ -153,6 +153,7 @@ def test_the_command_reads_well(short: list[str], run_here: Here, tmp_path: Path
     known = {command.name or getattr(command.callback, "__name__", "") for command in app.registered_commands}
     assert {command.split()[1] for command, _ in FURTHER} <= known
     assert all(command in printed for command, _ in FURTHER)
+    assert "lab-pendulum exercise" in printed
 
 
 def test_an_interruption_leaves_what_was_told(short: list[str], tmp_path: Path) -> None:
@@ -204,6 +205,8 @@ def test_the_whole_tour(tmp_path: Path) -> None:
     for what, true in (("length", 0.353), ("gamma", 0.03)):
         value, error = map(float, re.search(rf"{what} +(\S+) ± (\S+) ", done.stdout).groups())  # type: ignore[union-attr]
         assert abs(value - true) < 4.0 * error
+    words = " ".join(done.stdout.split())
+    assert re.search(r"rms, the error of a reading \S+°\. .* lab-pendulum exercise --recording FILE\.", words)
     assert re.search(r"buoyancy .* matters\n", done.stdout)
     assert re.search(r"finite_bob .* negligible\n", done.stdout)
     rows = dict(re.findall(r"^  (symplectic_euler|rk4|dop853) +(.*)$", done.stdout.split("What accuracy costs")[1],

@@ -11,11 +11,7 @@ from scipy.integrate import solve_ivp
 
 from pendulum_env.cli.console import print_table, print_text
 from pendulum_env.physics import exact
-from pendulum_env.physics.effects import (
-    Gravity,
-    LinearDrag,
-    SmallAngleGravity,
-)
+from pendulum_env.physics.effects import BearingFriction, Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.audit import draw
@@ -37,7 +33,21 @@ def test_simplify_removes_what_is_negligible_and_says_what_that_does(duration, w
     gap = exact.linear(time, amplitude, 0.0, W, gamma)[0] - exact.linear(time, amplitude, 0.0, W)[0]
     assert report.error == pytest.approx(np.max(np.abs(gap)) / amplitude, rel=2e-3)
     assert report.within is within
-    assert (": within" if within else ": NOT within") in report.text
+    assert report.change == pytest.approx(1.0 - np.exp(-0.5 * gamma * np.pi / W), rel=1e-2), "after half a swing"
+    assert f"period or amplitude changes by at most {report.change:.2g}: within the tolerance of 0.002." in report.text
+    assert ("Such changes add up" in report.text) is not within
+
+
+def test_effects_that_matter_only_together_are_named():
+    """Three losses change the amplitude by 0.7 times the tolerance each, together by 2.1 times the tolerance."""
+    tolerance, amplitude = 1e-3, 0.2
+    gamma = 0.7 * tolerance * 2.0 * W / np.pi
+    scene = of(SmallAngleGravity(), LinearDrag(gamma=gamma), BearingFriction(bearing_viscosity=gamma),
+               QuadraticDrag(c=0.7 * tolerance / (4.0 / 3.0 * amplitude)))
+    _, report = simplify(scene, amplitude=amplitude, tolerance=tolerance, duration=1.0, backend="python")
+    assert set(report.removed) == {"linear_drag", "bearing_friction", "quadratic_drag"}
+    assert report.change == pytest.approx(2.1 * tolerance, rel=0.02)
+    assert "NOT within the tolerance of 0.001: each effect alone is negligible, but not all of them" in report.text
 
 
 def test_simplify_keeps_what_is_called_for():

@@ -91,14 +91,14 @@ def _verdict(case: AuditCase, change: Change, tolerance: float) -> tuple[str, st
     ends = have.stop_reason != lack.stop_reason
     matters = case.needed or ends or change.size > tolerance
     remarks = [text for text in (_ends(have, lack),) if text]
-    speed = have.speed * case.scene.body.length
+    speed = have.speed * case.scene.body.reach
     beyond = effect.outside(case.scene, speed) if speed else ""
     if beyond:
         remarks.append(f"{beyond}; by its formula it {CALLED_FOR if matters else f'is {NEGLIGIBLE}'}")
         return OUTSIDE, "; ".join(remarks)
     if not case.present and case.replaced:
         names = " and ".join(other.name for other in case.replaced)
-        if not _closer(effect, case, lack.speed * case.scene.body.length):
+        if not _closer(effect, case, lack.speed * case.scene.body.reach):
             remarks.append(f"{'too coarse' if matters else 'accurate enough'} in place of {names}")
             return OUTSIDE if matters else NEGLIGIBLE, "; ".join(remarks)
         remarks.append(f"in place of {names}")
@@ -180,7 +180,7 @@ class Correction:
 
 def weight(scene: Scene) -> float:
     """Return the tension at the pivot when the bob hangs at rest [N]."""
-    return scene.gravity * scene.weight_moment / scene.body.length
+    return scene.gravity * scene.weight_moment / scene.body.reach
 
 
 def bending_length(scene: Scene) -> float:
@@ -192,14 +192,16 @@ def bending_length(scene: Scene) -> float:
 
 
 def _compliance(scene: Scene, tolerance: float) -> str:
-    stiffness = weight(scene) / (2.0 * scene.body.length * tolerance)
+    if scene.body.moment == 0.0:
+        return "a body that turns about its centre of mass does not move its support"
+    stiffness = weight(scene) / (2.0 * scene.body.reach * tolerance)
     return f"lengthens the period by m g/(2 K L): it matters if the support is softer than K = {stiffness:.3g} N/m"
 
 
 def _flexure(scene: Scene, tolerance: float) -> str:
     if scene.body.suspension != "wire":
         return "a rod that turns with its shaft does not bend at the pivot"
-    change = bending_length(scene) / (2.0 * scene.body.length)
+    change = bending_length(scene) / (2.0 * scene.body.reach)
     verdict = "matters" if change > tolerance else "is negligible at this tolerance"
     return f"bending of a steel wire of {1e3 * scene.body.diameter:.3g} mm at its clamp: by the formula it {verdict}"
 
@@ -211,8 +213,8 @@ CORRECTIONS: tuple[Correction, ...] = (
     ),
     Correction(
         "wire_flexure", "bent length/L",
-        lambda scene: bending_length(scene) / scene.body.length,
-        lambda scene: -bending_length(scene) / (2.0 * scene.body.length), _flexure,
+        lambda scene: bending_length(scene) / scene.body.reach,
+        lambda scene: -bending_length(scene) / (2.0 * scene.body.reach), _flexure,
         "Nelson & Olsson 1986, Am. J. Phys. 54, 112",
     ),
 )

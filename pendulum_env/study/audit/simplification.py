@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
@@ -15,12 +16,14 @@ from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number, truth
 from pendulum_env.study.audit.cases import cases, with_effect
+from pendulum_env.study.audit.judging import change_of
 from pendulum_env.study.audit.study import COARSE, STEPS, audit
-from pendulum_env.study.audit.swing import METHOD, SAMPLES, held_for
+from pendulum_env.study.audit.swing import METHOD, SAMPLES, held_for, swing
 from pendulum_env.study.audit.verdicts import Audit, Simplification
 from pendulum_env.truth.reference import StudyError
 
 
+@with_bar("simplify")
 def simplify(
     scene: str | Scene | Mapping[str, Any],
     amplitude: float,
@@ -28,7 +31,7 @@ def simplify(
     *,
     duration: float | None = None,
     complete: bool = False,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     backend: Backend = "auto",
 ) -> tuple[Scene, Simplification]:
     """Return a scene without its negligible effects, and the error that this causes over a run.
@@ -41,9 +44,10 @@ def simplify(
         duration: length of the run in which the two scenes are compared [s]; by default the scene's usual run.
         complete: True adds the effects that matter and are not in the scene.
 
-    Returns the scene and a :class:`pendulum_env.study.audit.verdicts.Simplification`. Its error is the largest
+    Returns the scene and a :class:`pendulum_env.study.audit.verdicts.Simplification`. Its ``change`` is what the
+    removed effects together change in period or amplitude, measured as for the verdicts. Its ``error`` is the largest
     difference of the two scenes' angles over the run, relative to the amplitude. A small change of the period adds up,
-    and the motion may be chaotic, so the error may exceed the tolerance over a long run; then the report says so.
+    and the motion may be chaotic, so the error may exceed the tolerance over a long run.
 
     Raises as :func:`pendulum_env.audit` does.
     """
@@ -60,7 +64,11 @@ def simplify(
         return plain, Simplification(verdict, (), added, length, 0.0, 0.0, True)
     tell(0.9, f"{length:g} s with and without {', '.join(removed)}")
     error, own, reached = _difference(full, plain, verdict, length, backend)
-    return plain, Simplification(verdict, removed, added, reached, error, own, error + own <= verdict.tolerance)
+    period = verdict.duration / (OSCILLATIONS + 1)
+    whole, rest = (swing(one, verdict.amplitude, period, verdict.steps, backend=backend) for one in (full, plain))
+    together = change_of(whole, rest, verdict.amplitude)
+    return plain, Simplification(verdict, removed, added, reached, error, own, error + own <= verdict.tolerance,
+                                 together.size, math.isnan(together.angle))
 
 
 def _completed(verdict: Audit) -> tuple[Scene, tuple[str, ...]]:
@@ -99,7 +107,7 @@ def _difference(
         if "diverged" in (run.stop_reason for run in runs):
             continue
         end = min(duration, *(float(run.stop_time) for run in runs))
-        shared = 1 + int((end + 0.5 * h) / (period / SAMPLES))
+        shared = 1 + int((end + 1e-6 * h) / (period / SAMPLES))
         angles = [run.angle[:shared] for run in runs]
         error = float(np.max(np.abs(angles[0] - angles[1]))) / verdict.amplitude
         own = abs(error - before)

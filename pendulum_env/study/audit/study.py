@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
@@ -28,13 +28,14 @@ FINE, COARSE = 0.01, 0.1
 """Limits of the numerical error over the tolerance: below FINE a step is accepted, above COARSE the audit fails."""
 
 
+@with_bar("effects")
 def audit(
     scene: str | Scene | Mapping[str, Any],
     amplitude: float,
     tolerance: float,
     *,
     effects: Iterable[str] | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     backend: Backend = "auto",
 ) -> Audit:
     """Decide for every known effect whether it matters when a pendulum is released at rest from ``amplitude``.
@@ -56,7 +57,8 @@ def audit(
         amplitude: release angle [rad], above 0 and below pi.
         tolerance: relative change from which an effect matters, above 0.
         effects: names of the effects to judge; by default all.
-        progress: called with the fraction done and the present activity.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
         backend: "auto", "compiled" or "python".
 
     Returns an :class:`pendulum_env.study.audit.verdicts.Audit` with one row for each effect.

@@ -101,9 +101,10 @@ def swing(
         duration=(OSCILLATIONS + 1) * period, every=1 if undriven else every, control=control, backend=backend,
         warn=False, **held,
     )
-    turns = turning_points(run.time, run.angle, run.velocity) if undriven else []
+    whole = int(float(run.stop_time) / run.dt + 1e-6)  # a wire may go slack within a step
+    turns = turning_points(*(one[: 1 + whole] for one in (run.time, run.angle, run.velocity))) if undriven else []
     last = 2 * OSCILLATIONS - 1
-    samples = round(float(run.stop_time) / run.dt) // every
+    samples = whole // every
     angle = run.angle[:: every if undriven else 1]
     return Swing(
         period=turns[last][0] / OSCILLATIONS if len(turns) > last else math.nan,

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
@@ -15,6 +16,8 @@ CALLED_FOR, NEGLIGIBLE, OUTSIDE = "matters", "negligible", "outside its validity
 """Verdicts on effects that were simulated with and without."""
 NOT_JUDGED, NOT_SIMULATED = "not judged", "not simulated"
 """Verdicts on effects that could not be simulated in the scene, and on corrections known only as a formula."""
+WEAK = 0.1
+"""Loss of amplitude in a half swing up to which damping is weak, as textbook formulas assume."""
 CHANGES = (
     ("period", "period_change"), ("formula", "period_predicted"), ("amplitude", "amplitude_change"),
     ("formula", "amplitude_predicted"), ("angle", "angle_change"),
@@ -54,8 +57,8 @@ class AuditRow:
     note: str = ""
 
 
-@dataclass(frozen=True)
-class Audit:
+@dataclass(frozen=True, repr=False)
+class Audit(Plotted):
     """Audit of a scene: which effects matter at a release angle and a tolerance.
 
     Attributes:
@@ -77,6 +80,9 @@ class Audit:
     steps: int
     duration: float
 
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.scene.name}: {len(self.called_for)} of {len(self.rows)} effects matter")
+
     @property
     def called_for(self) -> tuple[str, ...]:
         """Names of all effects that matter, whether or not the audited scene contains them."""
@@ -93,8 +99,14 @@ class Audit:
         return tuple(row.effect for row in self.rows if not row.present and row.verdict == CALLED_FOR)
 
 
-@dataclass(frozen=True)
-class Simplification:
+    @property
+    def loss(self) -> float:
+        """Share of the amplitude that the scene's effects take in a half swing by textbook formulas."""
+        return sum(max(0.0, -row.amplitude_predicted) for row in self.rows if row.present)
+
+
+@dataclass(frozen=True, repr=False)
+class Simplification(Plotted):
     """Result of leaving negligible effects out of a scene, with the error over a run.
 
     Attributes:
@@ -105,6 +117,10 @@ class Simplification:
             amplitude, by simulation.
         integration_error: numerical error in ``error``, estimated by halving the step.
         within: True if the error, its numerical error included, is at most the tolerance.
+        change: relative change that the removed effects together cause, measured as for the verdicts: of the period
+            (mean of the first three) or of the amplitude (after half a swing), the larger one.
+        swings: False if there are fewer than three oscillations or a force depends on time; ``change`` is then the
+            largest change of the angle in the audit's runs, over the amplitude.
     """
 
     audit: Audit
@@ -114,6 +130,11 @@ class Simplification:
     error: float
     integration_error: float
     within: bool
+    change: float = 0.0
+    swings: bool = True
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.audit.scene.name} without {', '.join(self.removed) or 'nothing'}")
 
     def _left_out(self) -> list[str]:
         """Return the effects that matter but are neither in the audited scene nor added by the simplification.
@@ -129,17 +150,45 @@ class Simplification:
 
     @property
     def text(self) -> str:
-        """Report on the simplification in one or two sentences: effects removed and added, error of the angle."""
+        """Report on the simplification in a few sentences: effects removed and added, and what that changes.
+
+        The change of period and amplitude is compared with the tolerance, as in each verdict; the error of the angle
+        over a whole run, in which a small change of the period adds up, is given beside it.
+        """
         missing = self._left_out()
         rest = f" Effects that matter but are not in the scene: {', '.join(missing)}." if missing else ""
         rest = f" Added: {', '.join(self.added)}.{rest}" if self.added else rest
         if not self.removed:
             return f"No effect of '{self.audit.scene.name}' is negligible; nothing was left out.{rest}"
-        verdict = "within" if self.within else "NOT within"
-        return (
-            f"Without {', '.join(self.removed)} the angle is off by at most {self.error:.2g} of the amplitude over "
-            f"{self.duration:g} s: {verdict} the tolerance of {self.audit.tolerance:g}.{rest}"
-        )
+        limit = f"the tolerance of {self.audit.tolerance:g}"
+        what = "period or amplitude changes" if self.swings else f"the angle within {self.audit.duration:.3g} s changes"
+        verdict = f"within {limit}" if self.change <= self.audit.tolerance else (
+            f"NOT within {limit}: each effect alone is negligible, but not all of them together")
+        adds = "" if self.within or not self.swings else "Such changes add up. "
+        return (f"Without {', '.join(self.removed)}, {what} by at most {self.change:.2g}: {verdict}. {adds}Over "
+                f"{self.duration:g} s the angle is off by at most {self.error:.2g} of the amplitude.{rest}")
+
+
+
+def off_by(audit: Audit, row: AuditRow, name: str) -> float:
+    """Return how many times a textbook formula is too large or too small for the change of "period" or "amplitude".
+
+    The result is nan if there is no formula, or if the simulated change is within the integration error.
+    """
+    change, formula = (abs(getattr(row, f"{name}_{kind}", math.nan)) for kind in ("change", "predicted"))
+    if not (change > audit.integration_error and formula > audit.integration_error):
+        return math.nan
+    return float(max(change / formula, formula / change))
+
+
+def strong_damping(audit: Audit) -> str:
+    """Return a sentence on the textbook formulas for a scene whose damping is too strong for them, else ""."""
+    factors = [factor for row in audit.rows for name in ("period", "amplitude")
+               if math.isfinite(factor := off_by(audit, row, name))]
+    if audit.loss <= WEAK or not factors:
+        return ""
+    return (f"Textbook formulas assume weak damping, but here they give a loss of {100.0 * audit.loss:.0f} % of the "
+            f"amplitude in each half swing; some of them are up to {max(factors):.0f} times too large or too small.")
 
 
 def verdicts(audit: Audit) -> Table:
@@ -165,6 +214,8 @@ def remarks(audit: Audit) -> str:
     if any(math.isfinite(row.angle_change) for row in audit.rows):
         texts.append(f"Where an effect leaves no free swings with a period, the column 'angle' gives the largest "
                      f"change of the angle within {audit.duration:.3g} s, divided by the release angle.")
+    if sentence := strong_damping(audit):
+        texts.append(sentence)
     texts.append("ns/step: measured time that the effect adds to a step of rk4, less terms shared with other effects.")
     lines = [" ".join(texts)]
     for row in audit.rows:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from integrators import Method
-from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import provenance
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.engine.rollout import run as run_of
@@ -33,10 +34,12 @@ ROWS = 200_000
 """Largest number of records of one run; longer runs are recorded every few steps."""
 LARGE = 0.4
 """Amplitude A [rad] from which the period with small-angle gravity is 1 % too short (A²/16)."""
+CLEARLY = 0.2
+"""Part of a run's mean angle that a recording must have before its side of the bottom is judged."""
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Plotted):
     """Runs of several integrators from one start, with their errors.
 
     Attributes:
@@ -62,6 +65,9 @@ class Comparison:
     duration: float
     tolerance: Mapping[str, float] = dataclasses.field(default_factory=dict)
     estimates: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.scene.name}, {self.duration:g} s: {', '.join(self.runs)}")
 
     @property
     def energy_name(self) -> str:
@@ -124,6 +130,23 @@ class Comparison:
         )
 
     @property
+    def opposite(self) -> str:
+        """Warning that the recorded bob was released on the other side than the runs; "" if it was not."""
+        if self.recording is None:
+            return ""
+        run = next(iter(self.runs.values()))
+        passed = np.flatnonzero(run.angle * run.angle[min(1, len(run.angle) - 1)] < 0.0)
+        first = run.time[passed[0]] if passed.size else run.time[-1]
+        until = self.recording.time <= first
+        ours = np.interp(self.recording.time[until], run.time, run.angle)
+        there, here = (float(np.mean(angles)) if angles.size else 0.0 for angles in (self.recording.angle[until], ours))
+        if there * here >= 0.0 or abs(there) < CLEARLY * abs(here):
+            return ""
+        return ("The recording begins on the other side of the bottom than the runs, so they swing in opposite "
+                "directions. Turn its sign round with Recording.read(..., scale=-1), or --read scale=-1 on the command "
+                f"line, or start the runs from {math.degrees(-self.angle):.4g}°.")
+
+    @property
     def text(self) -> str:
         """Description of the runs, the reference solution and the flow around the bob, in a few lines."""
         lines = [
@@ -134,12 +157,13 @@ class Comparison:
             self.large,
             self.flow,
         ]
+        lines += [run.method.remark for run in self.runs.values()]
         if self.estimates:
             errors = (f"{label} {'unknown' if math.isinf(value) else f'{value:.1g} rad'}"
                       for label, value in self.estimates.items())
             lines.append(f"Largest error of the angle, from a second run at half the step: {', '.join(errors)}.")
         if self.recording is not None:
-            lines.append(f"Recording {self.recording.source}: {'; '.join(self.recording.notes)}.")
+            lines += [f"Recording {self.recording.source}: {'; '.join(self.recording.notes)}.", self.opposite]
         return "\n".join(line for line in lines if line)
 
     @property
@@ -153,9 +177,10 @@ class Comparison:
         )
 
 
+@with_bar("compare")
 def compare(
     scene: str | Scene | Mapping[str, object],
-    integrators: str | Sequence[str | Method],
+    integrators: str | Method | Sequence[str | Method],
     *,
     damping: Damping = "scene",
     angle: float | None = None,
@@ -165,7 +190,7 @@ def compare(
     rtol: float | None = None,
     atol: float | None = None,
     recording: Recording | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     **parameters: Any,
 ) -> Comparison:
     """Run several integrators on the same scene from the same start, and compare them with the true motion.
@@ -173,7 +198,7 @@ def compare(
     Args:
         scene, damping, dt: see :func:`pendulum_env.rollout`.
         **parameters: see :func:`pendulum_env.rollout`.
-        integrators: names of methods, or one string with commas between them; none twice.
+        integrators: names of methods, one string with commas between them, or one Method; none twice.
         angle, velocity: start [rad, rad/s]; by default the scene's usual start, or the recording's first turning
             point, unless the run begins at the recording's release.
         duration: length of the run [s]; by default the scene's usual run, or the recording's length.
@@ -182,7 +207,8 @@ def compare(
         recording: recording of a real swing, which is cut to the free swing and centred. Time zero is its release if
             the scene was fitted to it (the scene's usual run is as long as the free swing, to a thousandth of a
             reading), else the first turning point with readings on both sides.
-        progress: called with the fraction done and the present activity.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
 
     Raises SceneError, MethodError or RecordingError for an invalid argument.
     """

@@ -60,7 +60,7 @@ class Drift:
         amplitude: relative error of the last turning point, see :func:`amplitude_and_phase`.
         phase: error of the phase at the last zero crossing [rad]; positive if the run is ahead.
         recording: root mean square distance of the angle from the recording [rad].
-        leading_error: leading error term of the method on the small-angle scene.
+        leading_error: leading error term of the method on the small-angle scene, "" if it is unknown.
         steps, rejected, evaluations: for adaptive runs, steps taken and rejected, and force evaluations of both.
         ns_per_step: time of a step with its energies [ns], without compilation, the shortest of several timings; for
             adaptive runs the time of a step taken, rejected steps included.
@@ -216,7 +216,7 @@ def row(
         amplitude=amplitude,
         phase=phase,
         recording=None if recorded is None else _distance(run, *recorded),
-        leading_error=leading_error(run.method).text,
+        leading_error="" if run.method.python_functions else leading_error(run.method).text,
         steps=run.steps if run.tolerance else None,
         rejected=run.rejected if run.tolerance else None,
         evaluations=evaluations(run),

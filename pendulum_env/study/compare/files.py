@@ -15,7 +15,7 @@ from pendulum_env.common.provenance import output_folder, write_csv
 from pendulum_env.films.look import checked_look
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus
-from pendulum_env.films.runs import Track, at_times, instants
+from pendulum_env.films.runs import Track, at_times, drawn_large, instants, strip_span
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, truth
 from pendulum_env.render import FrameStyle, side_by_side, write_film
@@ -31,18 +31,19 @@ FPS = 50
 FILM_SECONDS = 20.0
 """Longest part of a run that the film shows [s]."""
 SHOWN = 5.0
-"""Number of periods at the end of a long run that figures show enlarged."""
-PORTRAIT = (7.2, 6.8)
-"""Size of the phase portrait [inches]."""
+"""Number of periods at either end of a long run that figures show enlarged."""
 ELLIPSE = (
-    "Why an ellipse? Without losses the energy is constant,\n"
-    r"and at small angles that reads $\theta^2/A^2 + v^2/(\omega_0 A)^2 = 1$;"
+    "Why an ellipse? The energy is constant,\n"
+    "and at small angles that reads\n"
+    r"$\theta^2/A^2+v^2/(\omega_0{}A)^2=1$;"
     "\n"
-    r"here $A = AMPLITUDE$ degrees and $\omega_0 = OMEGA0$ rad/s."
+    r"here $A=AMPLITUDE$ degrees and $\omega_0=OMEGA0$ rad/s."
 )
 ORBIT = (
     "Without losses the energy is constant:\n"
-    r"$v^2/2 + \omega_0^2\,(1 - \cos\theta)$ keeps its value, $\omega_0 = OMEGA0$ rad/s;"
+    r"$v^2/2+\omega_0^2\,(1-\cos\theta)$ keeps its value,"
+    "\n"
+    r"$\omega_0=OMEGA0$ rad/s;"
     "\n"
     "only at small angles is that an ellipse."
 )
@@ -52,9 +53,12 @@ GUSTY = "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob fro
 SHAKEN = "The drive does work, so the orbit need not close, and need not end at rest."
 CREEP = (
     "Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
-    r"($\gamma = GAMMA$ 1/s, at least $2\,\omega_0 = LIMIT$ 1/s)."
+    r"($\gamma=GAMMA$ 1/s, at least $2\,\omega_0=LIMIT$ 1/s)."
 )
 COAST = "Without a restoring torque, losses slow the bob down until it stops."
+
+FIGURES = ("angle", "velocity", "phase", "energy")
+"""Names of the figures of a comparison."""
 
 
 def write(
@@ -101,37 +105,41 @@ def write(
 
 
 def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Return the figures of a comparison by name: "angle", "velocity", "phase" and "energy".
+    """Return the figures of a comparison by name: "angle", "velocity", "phase" and "energy"."""
+    return {name: figure_of(comparison, name) for name in FIGURES}
 
-    Figures of a long run have additional axes that enlarge its last periods.
+
+def figure_of(comparison: Comparison, name: str) -> Figure:
+    """Return one of the figures of a comparison, by its name in :data:`FIGURES`.
+
+    Figures of a long run have additional axes that enlarge its first and its last periods.
     """
     from pendulum_env import plots
 
     runs, recording = comparison.runs, comparison.recording
     exact = comparison.truth if comparison.truth.known else None
     end = max(float(run.time[-1]) for run in runs.values()) or max(run.dt for run in runs.values())
-    few = SHOWN * 2.0 * math.pi / comparison.scene.omega0 if comparison.scene.omega0 else math.inf
-    long = end > plots.DENSE / SHOWN * few
-    full, first, last = (0.0, end), (0.0, few), (end - few, end)
-    spans = [full, *([first] if recording is not None else []), last] if long else [full]
+    period = 2.0 * math.pi / comparison.scene.omega0 if comparison.scene.omega0 else math.inf
+    full, first, last = (0.0, end), (0.0, min(end, SHOWN * period)), (end - SHOWN * period, end)
+    spans = [first, full, last] if end > plots.DENSE * period else [full]
 
-    drawn = {}
-    drawn["angle"], rows = plots.figure(len(spans) + (exact is not None))
-    for axes, span in zip(rows, spans, strict=False):
-        plots.angle(runs, exact=exact, recording=recording, span=span, axes=axes)
-    if exact is not None:
-        plots.deviation(runs, exact, axes=rows[-1])
-    _trim(rows)
-    drawn["velocity"], rows = plots.figure(len(spans))
-    for axes, span in zip(rows, spans, strict=True):
-        plots.velocity(runs, exact=exact, span=span, axes=axes)
-    _trim(rows)
-    drawn["phase"], rows = plots.figure(size=PORTRAIT)
-    parts = (first, last) if long else (full,)
-    plots.phase(runs, exact=exact, note=_note(comparison, long), spans=parts, axes=rows[0])
-    drawn["energy"], rows = plots.figure(2)
-    plots.energy(runs, axes=rows[0])
-    plots.energy_error(runs, axes=rows[1])
+    if name == "phase":
+        return plots.portraits(runs, exact=exact, note=_note(comparison))
+    if name == "angle":
+        drawn, rows = plots.figure(len(spans) + (exact is not None))
+        for axes, span in zip(rows, spans, strict=False):
+            plots.angle(runs, exact=exact, recording=recording, span=span, axes=axes)
+        if exact is not None:
+            plots.deviation(runs, exact, axes=rows[-1])
+    elif name == "velocity":
+        drawn, rows = plots.figure(len(spans))
+        for axes, span in zip(rows, spans, strict=True):
+            plots.velocity(runs, exact=exact, span=span, axes=axes)
+    else:
+        drawn, rows = plots.figure(3)
+        plots.energy(runs, axes=rows[0])
+        plots.energy_residual(runs, span=first, axes=rows[1])
+        plots.energy_error(runs, axes=rows[2])
     _trim(rows)
     return drawn
 
@@ -144,18 +152,18 @@ def _trim(rows: list[Any]) -> None:
             axes.get_legend().remove()
 
 
-def _note(comparison: Comparison, long: bool) -> str:
-    """Return a note for the phase portrait that explains the shape of the orbit."""
+def _note(comparison: Comparison) -> str:
+    """Return the sentences below the phase portraits that explain the shape of the orbit; "" if there are none."""
     scene = comparison.scene
     driven = any(effect.torque and not effect.controlled for effect in scene.of_kind("drive"))
     if driven or scene.of_kind("dissipative"):
-        note = SHAKEN if driven else _losses(scene)
-        return note + (f"\nThe plot shows only the first and the last {SHOWN:g} periods." if long else "")
+        return SHAKEN if driven else _losses(scene)
     if not scene.omega0:
         return ""
-    if scene.has("small_angle_gravity"):
+    if scene.has("small_angle_gravity") or (scene.has("fibre") and not scene.has("gravity")):
         amplitude = math.degrees(math.hypot(comparison.angle, comparison.velocity / scene.omega0))
-        return ELLIPSE.replace("AMPLITUDE", f"{amplitude:.3g}").replace("OMEGA0", f"{scene.omega0:.4g}")
+        text = ELLIPSE.replace("at small angles", "under a fibre, at any angle,") if scene.has("fibre") else ELLIPSE
+        return text.replace("AMPLITUDE", f"{amplitude:.3g}").replace("OMEGA0", f"{scene.omega0:.4g}")
     return ORBIT.replace("OMEGA0", f"{scene.omega0:.4g}") if scene.has("gravity") else ""
 
 
@@ -212,5 +220,5 @@ def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> It
                     end=float(run.time[-1]) if run.stop_reason else math.inf, reason=str(run.stop_reason),
                     curves=curves(scene, float(run.energy[0])) if "curves" in look.needs else None)
               for label, run in runs.items()]
-    for panels in instants(tracks, time, "past" in look.needs):
-        yield side_by_side(panels, look=look)
+    for panels in instants(drawn_large(tracks), time, "past" in look.needs or len(tracks) > 1):
+        yield side_by_side(panels, look=look, strip=strip_span(time))

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
@@ -96,8 +97,8 @@ class CostPoint:
         return statistics.median(self.times) if self.times else math.nan
 
 
-@dataclass(frozen=True)
-class CostStudy:
+@dataclass(frozen=True, repr=False)
+class CostStudy(Plotted):
     """Result of a work-precision study.
 
     Attributes:
@@ -121,6 +122,10 @@ class CostStudy:
     left_out: str = ""
     machines: tuple[str, ...] = ()
     versions: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.scene.name}, {self.duration:g} s: {len(self.methods)} methods, "
+                        f"{len(self.points)} runs")
 
     @property
     def methods(self) -> tuple[str, ...]:

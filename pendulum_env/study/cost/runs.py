@@ -63,6 +63,10 @@ class Setting:
         """Time [s] between two records, the times at which runs are compared with the reference solution."""
         return self.duration / self.records
 
+    def backend_of(self, method: Method) -> Any:
+        """Return the backend of a method's runs: "python" where a step calls functions that cannot be compiled."""
+        return "python" if method.python_functions else self.backend
+
     def shared(self) -> dict[str, Any]:
         """Return the setting as a dict of JSON types: the part of :func:`measure`'s argument that all runs share."""
         return {**{entry.name: getattr(self, entry.name) for entry in fields(self)}, "scene": self.scene.to_dict()}
@@ -100,7 +104,7 @@ def _machine(text: str, method: Method, rtol: float | None) -> Machine:
     ``text`` is the JSON text of the study's :class:`Setting`. Machines are cached.
     """
     place = setting_of(text)
-    machine = RunSpec.of(place.scene, method, backend=place.backend, rtol=rtol).machine()
+    machine = RunSpec.of(place.scene, method, backend=place.backend_of(method), rtol=rtol).machine()
     _started(machine, place)
     return machine
 
@@ -137,7 +141,8 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
         return {"time": _timed(machine, place, dt, steps)}
     result = rollout(
         place.scene, integrator=method, angle=place.angle, velocity=place.velocity, dt=dt, every=every,
-        duration=place.duration, rtol=run["rtol"], backend=place.backend, warn=False,
+        duration=place.duration, rtol=run["rtol"], backend=place.backend_of(method),
+        warn=False,
     )
     host = {"machine": machine_name(), "versions": versions()}
     if result.stop_reason:
@@ -227,7 +232,7 @@ def energy_scale(scene: Scene, energy: Any) -> tuple[float, str]:
     Without gravity it is the energy at the start, or the largest energy of the run if the start has none.
     """
     moved = [effect for effect in scene.of_kind("drive") if effect.torque and not effect.controlled]
-    weight = scene.gravity * scene.weight_moment
+    weight = scene.restoring
     if (scene.of_kind("dissipative") or moved) and weight > 0.0:
         return weight, "m g L"
     start = float(energy[0])

@@ -16,7 +16,7 @@ import integrators as known
 from integrators import Method
 from integrators.solving.adaptive import FINEST
 from integrators.steps.estimates import evaluations_tried, has_estimates, order_of_estimate
-from pendulum_env.common.progress import Progress
+from pendulum_env.common.progress import Progress, with_bar
 from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.engine.machine import checked_tolerance, fitting
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
@@ -56,6 +56,7 @@ TOLERANCES = (*(10.0**-k for k in range(2, 15)), FINEST)
 """Default tolerances of adaptive runs, down to the smallest that double precision allows."""
 
 
+@with_bar("cost")
 def cost(
     scene: str | Scene | dict[str, Any] = "lab",
     integrators: Iterable[str | Method] | None = None,
@@ -70,7 +71,7 @@ def cost(
     executor: Executor | None = None,
     file: str | Path | None = None,
     resume: bool = True,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
     on_point: Callable[[CostPoint], None] | None = None,
     backend: Backend = "auto",
     **parameters: Any,
@@ -99,7 +100,8 @@ def cost(
             each worker has a processor core to itself.
         file: journal to which each measurement is written at once, and from which an interrupted study continues.
         resume: False empties the journal first.
-        progress: True shows a progress bar; a function is called with the fraction done and the present activity.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
         on_point: called with the :class:`CostPoint` of each run when its errors and first time are known.
         backend: "auto", "compiled" or "python".
         **parameters: single parameters of the scene, such as ``length=0.5``.
@@ -118,7 +120,6 @@ def cost(
     anew, repeats = not truth(resume, "resume"), whole_number(repeats, "repeats", MOST_REPEATS)
     if on_point is not None:
         function(on_point, "on_point")
-    _check_length(place, length)
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)
     rtols = _tolerances(place, methods, steps, tolerances)
     records, wanted = _records(place, length, steps, bool(rtols))
@@ -131,7 +132,7 @@ def cost(
     plan = CostPlan(setting, methods, wanted, rtols, repeats)
     given = {m.name: m for m in methods if known.METHODS.get(m.name) is not m}
     if given:
-        shared["given"] = {name: hashlib.sha256(repr(m).encode()).hexdigest()[:16] for name, m in given.items()}
+        shared["given"] = {name: hashlib.sha256(m.fingerprint.encode()).hexdigest()[:16] for name, m in given.items()}
     try:
         measured = sweep(
             plan.points, executor, run=partial(measure, methods=given) if given else measure, name="cost", file=file,
@@ -181,15 +182,6 @@ def _point(rung: Rung, rows: Mapping[int, Mapping[str, Any]], setting: Setting, 
     )
 
 
-def _check_length(scene: Scene, duration: float) -> None:
-    period = 2.0 * math.pi / scene.omega0 if scene.omega0 else duration
-    if not duration * RECORDS / period <= MOST_RECORDS:
-        raise StudyError(
-            f"A run of {duration / period:.3g} periods is too long for this study, at most {MOST_RECORDS // RECORDS}; "
-            "shorten the duration."
-        )
-
-
 def _records(
     scene: Scene, duration: float, steps: Sequence[float] | None, sparse: bool
 ) -> tuple[int, list[int] | None]:
@@ -199,6 +191,11 @@ def _records(
     None if no steps are given. With adaptive runs (``sparse``) the number of records is a multiple of seven.
     """
     period = 2.0 * math.pi / scene.omega0 if scene.omega0 else duration
+    if not duration * RECORDS / period <= MOST_RECORDS:
+        raise StudyError(
+            f"A run of {duration / period:.3g} periods is too long for this study, at most {MOST_RECORDS // RECORDS}; "
+            "shorten the duration."
+        )
     part = SPARSE if sparse else 1
     if steps is None:
         return part * math.ceil(duration * RECORDS / period / part - 1e-9), None

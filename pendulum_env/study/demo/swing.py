@@ -97,7 +97,7 @@ class Swung:
     def weight_torque(self) -> float:
         """Torque of the weight with the pendulum horizontal [N m]."""
         scene = self.machine.scene
-        return scene.weight_moment * scene.gravity
+        return scene.restoring
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -110,7 +110,7 @@ def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
         legend.remove()
     body, start = first.scene.body, math.degrees(first.scene.run.angle)
     lines = [
-        f"A bob of {1000.0 * body.mass:g} g hangs on a {body.suspension} of {body.length:g} m and is let go from "
+        f"A bob of {1000.0 * body.mass:g} g hangs on a {body.suspension} of {body.reach:g} m and is let go from "
         f"{start:.2g}°. Without friction it should swing for ever. The energy after {first.time[-1]:g} s, with three "
         f"integrators and steps of {first.dt:g} s:",
         *(f"  {name:17} {ratio_text(run.energy[-1] / run.energy[0])}" for name, run in runs.items()),
@@ -207,10 +207,11 @@ def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
     lines = [
         f"A sensor's file with {len(swing.time)} readings, rounded to {math.degrees(swing.quantum):.2g}°. It comes "
         "with the package and is simulated, so that the true values are known. The fit of the whole swing gives:",
-        f"  length  {length}, true value {true.body.length:g} m",
+        f"  length  {length}, true value {true.body.reach:g} m",
         f"  gamma   {gamma}, true value {SCENE['gamma']:g} 1/s",
-        f"The residual of the fit is {math.degrees(result.rms):.2g}° rms; a single reading scatters by "
-        f"{math.degrees(result.noise):.2g}°. For a file of your own: lab-pendulum fit FILE.",
+        f"The residual of the fit is {math.degrees(result.rms):.2g}° rms, the error of a reading "
+        f"{math.degrees(result.noise):.2g}°. With a file of your own: lab-pendulum fit FILE, and for the whole lab "
+        "report: lab-pendulum exercise --recording FILE.",
     ]
     files = (save(recorded(result), place / "fit.png", {**facts(result), "Title": f"fit of {swing.source}"}),)
     return Chapter("From a recording to its pendulum", "\n".join(lines), files)

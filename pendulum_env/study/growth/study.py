@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, simulate
@@ -80,8 +81,8 @@ class GrowthLine:
     stop_reason: str = ""
 
 
-@dataclass(frozen=True)
-class Growth:
+@dataclass(frozen=True, repr=False)
+class Growth(Plotted):
     """Result of a study of error growth.
 
     Attributes:
@@ -108,7 +109,12 @@ class Growth:
     died: float = math.inf
     complete: bool = True
 
+    def __repr__(self) -> str:
+        names = ", ".join(line.method for line in self.lines)
+        return one_line(self, f"{self.scene.name}, {self.time[-1]:g} periods: {names}")
 
+
+@with_bar("growth")
 def growth(
     scene: str | Scene | dict[str, Any] = "lab",
     integrators: Iterable[str | Method] | None = None,
@@ -120,7 +126,7 @@ def growth(
     step: float | None = None,
     damping: Damping = "scene",
     compensated: bool = False,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     on_line: Callable[[GrowthLine], None] | None = None,
     backend: Backend = "auto",
     **parameters: Any,
@@ -144,7 +150,8 @@ def growth(
         step: step of all methods [s], in place of ``evaluations_per_period``.
         damping: see :func:`pendulum_env.physics.damping.with_damping`.
         compensated: True for compensated summation, see :mod:`integrators.steps.compensated`.
-        progress: called with the fraction done and the present activity.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
         on_line: called with each method's :class:`GrowthLine` as soon as it is measured.
         backend: "auto", "compiled" or "python".
         **parameters: single parameters of the scene, such as ``length=0.5``.

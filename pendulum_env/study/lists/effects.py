@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import Field, fields
 from typing import Any
 
+from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.units import first_line
 from pendulum_env.study.lists.methods import INDENT, NARROWEST, WIDEST
@@ -19,8 +20,8 @@ def parameter(entry: Field[Any]) -> str:
     return f"{entry.name} [{entry.metadata['unit']}]"
 
 
-def parameters(effect: type[Effect]) -> str:
-    """Return the parameters of an effect with their units, separated by commas."""
+def parameters(effect: type[Effect] | type[RigidBody]) -> str:
+    """Return the parameters of an effect, or the measures of a body, with their units, separated by commas."""
     return ", ".join(map(parameter, fields(effect)))  # type: ignore[arg-type]
 
 

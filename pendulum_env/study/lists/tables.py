@@ -1,4 +1,4 @@
-"""Tables of the available scenes, integrators, effects and tasks, generated from their registries."""
+"""Tables of the scenes, bodies, integrators, effects, tasks and events, generated from their registries."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from types import MappingProxyType
 
 from integrators import METHODS
 from pendulum_env.common.tables import Table
+from pendulum_env.engine.motion import EVENTS
+from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.presets import PURPOSES, SCENES
 from pendulum_env.physics.units import first_line, one_of
@@ -49,17 +51,29 @@ def scenes_table() -> Table:
     return Table(("scene", "effects", "what it is for"), rows)
 
 
+def bodies_table() -> Table:
+    """Return a table of all bodies: the name under "shape" in scene files, the measures and what each one is."""
+    rows = tuple((name, kind.__name__, parameters(kind), first_line(kind)) for name, kind in BODIES.items())
+    return Table(("shape", "class", "measures", "what it is"), rows)
+
+
 def tasks_table() -> Table:
     """Return a table of all tasks and their rewards."""
     return Table(("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values()))
 
 
+def events_table() -> Table:
+    """Return a table of the names of events, which rollouts and sections take, and their meanings."""
+    return Table(("event", "what it is"), tuple(EVENTS.items()))
+
+
 TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
-    {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "tasks": tasks_table}
+    {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "bodies": bodies_table,
+     "tasks": tasks_table, "events": events_table}
 )
 """Functions that return the tables, by name."""
 
 
 def find_table(name: str) -> Table:
-    """Return the table "scenes", "integrators", "effects" or "tasks"; raises SceneError for another name."""
+    """Return the table with a name of :data:`TABLES`, such as "scenes"; raises SceneError for another name."""
     return TABLES[one_of(name, "list of", TABLES)]()

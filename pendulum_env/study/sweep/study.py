@@ -15,6 +15,7 @@ from typing import Any
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
+from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.units import SceneError, file_path, function, several, shown, truth, whole_number
 from pendulum_env.study.sweep.journal import Journal, plain, text_of
@@ -33,8 +34,8 @@ PATIENCE = 0.5
 """Longest uninterrupted wait for a result [s], so that Ctrl-C is noticed on every system."""
 
 
-@dataclass(frozen=True)
-class Sweep:
+@dataclass(frozen=True, repr=False)
+class Sweep(Displayed):
     """Results of a sweep, with the combination of parameters (the point) that each belongs to.
 
     Attributes:
@@ -50,6 +51,9 @@ class Sweep:
     shared: Point
     facts: Mapping[str, str]
     complete: bool = True
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{len(self.rows)} of {len(self.points)} points, columns {', '.join(self.columns)}")
 
     @property
     def rows(self) -> tuple[Point, ...]:
@@ -102,7 +106,7 @@ def sweep(
     *,
     run: Run | None = None,
     file: str | Path | None = None,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
     on_row: Callable[[Point, Point], None] | None = None,
     work: Callable[[Point], float] | None = None,
     in_flight: int = 256,
@@ -122,7 +126,8 @@ def sweep(
             keywords of ``rollout`` and returns numbers that describe the run.
         file: journal to which each result is written as soon as it is known, one JSON line each, after a first line
             that describes the sweep. If the file exists, the sweep continues it: points in it are not run again.
-        progress: True shows a progress bar; a function is called with the fraction done and the present activity.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
         on_row: called with each point that is run now and its result.
         work: function that estimates the work of a point, for the fraction done; by default all points are equal.
         in_flight: largest number of tasks submitted to the executor at a time.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -44,7 +45,7 @@ def summary(point: Mapping[str, Any]) -> dict[str, Any]:
         "work": float(np.asarray(ledger.work)[last]),
         "heat": float(np.asarray(ledger.heat)[last]),
         "largest_energy_residual": float(np.max(np.abs(run.energy_residual))),
-        "steps": run.steps or round(float(run.stop_time) / run.dt),
+        "steps": run.steps or math.ceil(float(run.stop_time) / run.dt - 1e-6),
         "rejected": run.rejected,
         "stop_reason": str(run.stop_reason),
     }

@@ -1,0 +1,198 @@
+"""The report as one HTML file that needs nothing else, its figures as PNG and SVG, and its numbers as CSV."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import count
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pendulum_env.common.mathml import mathml
+from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.provenance import output_folder, provenance, write_csv
+from pendulum_env.common.replacing import replacing
+from pendulum_env.exercise.figures import FIGURES, WIDTH, frequency
+from pendulum_env.exercise.values import digits, fixed, values
+from pendulum_env.exercise.worked import Worked
+from pendulum_env.physics.units import SceneError, line
+from pendulum_env.plots import save_all
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+TEXTS = Path(__file__).with_name("texts")
+"""Folder of the page's layout, and of a folder for each language: the report's text and the labels of the figures."""
+LANGUAGE = "en"
+"""Language of the report."""
+REPORT = "report.html"
+"""Name of the report's file."""
+DROPPED = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>", re.S)
+"""Parts of an SVG file that have no place inside a page."""
+IDENTIFIER = re.compile(r'(\bid="|href="#|url\(#)')
+"""What stands before a name that is unique in one SVG, but not in a page with several."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure in the page: its number, and its SVG element as text."""
+
+    number: int
+    svg: Any
+
+
+def need_jinja() -> None:
+    """Raise SceneError with a sentence on how to install jinja2, if it is missing."""
+    try:
+        import jinja2  # noqa: F401
+    except ImportError:
+        missing = "The report is made by jinja2, which is missing: pip install 'lab-pendulum[exercise]'."
+        raise SceneError(missing) from None
+
+
+@with_bar("report")
+def write(
+    worked: Worked, folder: str | Path, *, name: str = "", key: bool = False, progress: Progress | bool | None = None
+) -> list[Path]:
+    """Write the report of a worked exercise, and return the paths of the files.
+
+    ``report.html`` is complete in itself; every figure is also written as PNG and SVG, the numbers as ``numbers.csv``
+    and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``. Everything is
+    made in a temporary folder first, so that an error or Ctrl-C leaves earlier files unchanged.
+
+    Args:
+        worked: the exercise worked out.
+        folder: folder for the files.
+        name: the student's name, printed at the top and on every page.
+        key: True fills every blank with the answer; without it no answer is in the file.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
+
+    Raises SceneError if jinja2 is missing or the name is not one line, OutputError if the folder cannot be written.
+    """
+    need_jinja()
+    tell, place = told_by(progress), output_folder(folder)
+    owner = named(name)
+    source = worked.given.recording.source + (" (simulated)" if worked.given.simulated else "")
+    facts = provenance(scene="exercise", method=list(worked.small.runs), dt=worked.small.forward.dt,
+                       omega=worked.given.omega.value.value, recording=source)
+    with TemporaryDirectory() as temporary:
+        made = Path(temporary)
+        paths = [made / REPORT, *tables(worked, key, made, facts)]
+        labels = json.loads((TEXTS / LANGUAGE / "labels.json").read_text(encoding="utf-8"))
+        drawn = [draw for draw in FIGURES if not (worked.given.simulated and draw is frequency)]
+        figures: dict[str, Drawing] = {}
+        for i, draw in enumerate(drawn):
+            tell(i / len(drawn), f"drawing {draw.__name__.replace('_', ' ')}")
+            figure = draw(worked, labels)
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")  # laid out once, for both files
+            paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
+            figures[draw.__name__] = Drawing(i + 1, inlined(paths[-1].read_text(encoding="utf-8"), draw.__name__))
+        tell(1.0, "writing the report")
+        paths[0].write_text(page(worked, figures, owner, key, facts), encoding="utf-8")
+        return [moved(path, place / path.name) for path in paths]
+
+
+def named(name: str) -> str:
+    """Return the student's name, or "" for none; raises SceneError unless it is one line of text."""
+    return line(name, "--name") if name != "" else ""
+
+
+def moved(made: Path, target: Path) -> Path:
+    """Copy a finished file to its place, whole or not at all; return the place."""
+    with replacing(target) as part:
+        shutil.copyfile(made, part)
+    return target
+
+
+# --- the page -------------------------------------------------------------------------------------------------------
+
+
+def page(worked: Worked, figures: dict[str, Drawing], name: str, key: bool, facts: dict[str, str]) -> str:
+    """Return the report's HTML."""
+    numbers = count(1)
+    template = environment().get_template(f"{LANGUAGE}/{REPORT}.j2")
+    return template.render(
+        worked=worked, figures=figures, name=name, key=key, facts=facts, language=LANGUAGE,
+        next_question=lambda: next(numbers), sqrt=math.sqrt, exp=math.exp, log=math.log, sin=math.sin, pi=math.pi,
+    )
+
+
+def environment() -> Environment:
+    """Return the environment in which the templates are rendered, with the filters for numbers and equations."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup, escape
+
+    def text_of(source: Any) -> str:
+        return str(source.unescape() if isinstance(source, Markup) else source)
+
+    found = Environment(loader=FileSystemLoader(TEXTS), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
+                        lstrip_blocks=True)
+    found.filters |= {
+        "n": digits,
+        "deg": math.degrees,
+        "f": fixed,
+        "m": lambda source: Markup(mathml(text_of(source))),
+        "equations": lambda source: Markup(mathml(text_of(source), block=True)),
+        "css": lambda source: Markup(escape(css_text(source))),
+    }
+    return found
+
+
+def css_text(text: str) -> str:
+    """Return a text as it stands between quotation marks in CSS, with every unusual character as an escape."""
+    return "".join(letter if letter.isalnum() or letter in " .,-" else f"\\{ord(letter):x} " for letter in text)
+
+
+def inlined(svg: str, name: str) -> Any:
+    """Return an SVG file's element for a page: as wide as the text, with a name for screen readers, and with names of
+    its own that begin with ``name``."""
+    from markupsafe import Markup
+
+    bare = DROPPED.sub("", svg).strip()
+    points = float(re.search(r'viewBox="0 0 ([\d.]+)', bare)[1])  # type: ignore[index]
+    share = 100.0 * points / (72.0 * WIDTH)
+    own = IDENTIFIER.sub(lambda found: f"{found[1]}{name}-", bare)
+    spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    head = rf'<svg \1 style="width: {share:.0f}%" role="img" aria-label="{name.replace("_", " ")}" {spaces}>'
+    return Markup(re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', head, own, count=1))
+
+
+# --- the tables -----------------------------------------------------------------------------------------------------
+
+
+def tables(worked: Worked, key: bool, folder: Path, facts: dict[str, str]) -> Iterator[Path]:
+    """Write the CSV files into a folder, and yield their paths; predicted numbers are written only with the key."""
+    small, compared = worked.small.runs, worked.recorded.compared
+    save = partial(csv_file, folder, facts)
+    yield save("numbers.csv", ("part", "quantity", "value", "error", "unit"),
+               [row[:-1] for row in values(worked) if key or not row.answer])
+    first = next(iter(small.values()))
+    yield save("small_angles.csv",
+               ("time_s", *(f"{name}_{what}" for name in small for what in ("angle_rad", "velocity_rad_s", "energy"))),
+               columns(first.time, *(x for run in small.values() for x in (run.angle, run.velocity, run.energy))))
+    for name, run in (("large_angle.csv", worked.large.run), ("damped.csv", worked.recorded.damped)):
+        yield save(name, ("time_s", "angle_rad", "velocity_rad_s", "energy"),
+                   columns(run.time, run.angle, run.velocity, run.energy))
+    yield save("recording.csv", ("time_s", "recorded_rad", "simulated_rad"),
+               columns(compared.time, compared.recorded, compared.simulated))
+
+
+def csv_file(folder: Path, facts: dict[str, str], name: str, head: tuple[str, ...], rows: Iterable[Any]) -> Path:
+    """Write one CSV file with its origin, and return its path."""
+    write_csv(folder / name, head, rows, facts)
+    return folder / name
+
+
+def columns(*arrays: Any) -> Iterator[tuple[float, ...]]:
+    """Return the rows of a table whose columns are the given arrays."""
+    return zip(*(np.asarray(array).tolist() for array in arrays), strict=True)

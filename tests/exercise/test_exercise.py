@@ -1,0 +1,233 @@
+"""Tests of the lab exercise's report: its numbers beside a script of their own, the key, bad input, the page."""
+
+from __future__ import annotations
+
+import html
+import math
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from command_line import Here
+from folder_contents import contents
+
+from pendulum_env.common.mathml import NotationError, mathml
+from pendulum_env.exercise import report
+from pendulum_env.exercise.figures import FIGURES
+from pendulum_env.exercise.given import Given
+from pendulum_env.exercise.worked import Worked, work_out
+
+pytest.importorskip("jinja2")
+
+
+@pytest.fixture(scope="module")
+def worked() -> Worked:
+    return work_out(Given.of())
+
+
+def by_hand() -> dict[str, list[float]]:
+    """The exercise's loops, written out: energies over the first one, 10 s in steps of 0.01 s from 5 degrees."""
+    square, dt, angle = 9.8 / 0.353, 0.01, math.radians(5.0)
+    energies = {}
+    for name in ("forward_euler", "backward_euler", "symplectic_euler"):
+        theta, omega, found = angle, 0.0, [1.0]
+        for _ in range(1000):
+            if name == "forward_euler":
+                theta, omega = theta + dt * omega, omega - dt * square * theta
+            elif name == "backward_euler":
+                shrink = 1.0 + square * dt * dt
+                theta, omega = (theta + dt * omega) / shrink, (omega - dt * square * theta) / shrink
+            else:
+                omega -= dt * square * theta
+                theta += dt * omega
+            found.append((omega**2 + square * theta**2) / (square * angle**2))
+        energies[name] = found
+    return energies
+
+
+def test_energies_are_those_of_the_loops_written_out(worked: Worked) -> None:
+    assert worked.given.omega.period.value == pytest.approx(1.1925, abs=5e-5)
+    truth = by_hand()
+    for name, run in worked.small.runs.items():
+        assert run.energy == pytest.approx(truth[name], rel=1e-9)
+    ratios = {name: run.ratio for name, run in worked.small.runs.items()}
+    assert ratios["forward_euler"] == pytest.approx(16.0, abs=0.05)
+    assert ratios["backward_euler"] == pytest.approx(0.0625, abs=5e-5)
+    assert ratios["symplectic_euler"] == pytest.approx(1.0267, abs=5e-5)
+    within = worked.small.runs["symplectic_euler"].energy
+    assert 0.974 < within.min() < within.max() < 1.0271
+
+
+def test_errors_periods_and_reynolds_numbers_are_those_of_formulas(worked: Worked) -> None:
+    from scipy.special import ellipk
+
+    for one in worked.small.one_step:
+        assert one.error / one.leading == pytest.approx(1.0, abs=3e-4)
+    for one_period in worked.large.periods:
+        true = 4.0 * ellipk(math.sin(0.5 * one_period.amplitude) ** 2) / worked.large.omega
+        assert one_period.measured == pytest.approx(true, rel=1.3e-4)
+    first, second = (flow.reynolds for flow in worked.recorded.flows[:2])
+    assert (first, second) == (pytest.approx(1370.0, rel=0.01), pytest.approx(230.0, rel=0.01))
+
+
+def rendered(worked: Worked, key: bool, name: str = "") -> str:
+    """The page without its figures."""
+    drawings = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
+    return report.page(worked, drawings, name, key, {"Software": "x", "Python": "y", "Command": "z"})
+
+
+def sentences(page: str) -> Iterator[str]:
+    for answer in re.findall(r'<div class="key">(.*?)</div>\s*</div>', page, flags=re.S):
+        for part in re.findall(r"<p>(.*?)</p>|<math display=\"block\">(.*?)</math>", answer, flags=re.S):
+            yield " ".join("".join(part).split())
+
+
+def test_no_answer_stands_in_the_page_without_the_key(worked: Worked) -> None:
+    filled, blank = rendered(worked, True), " ".join(rendered(worked, False).split())
+    answers = [text for text in sentences(filled) if len(text) > 40 and not text.startswith("<span")]
+    assert len(answers) > 20
+    assert [text for text in answers if text in blank] == []
+    questions = filled.count('class="asked"')
+    assert filled.count('class="key"') == questions == blank.count('class="blank"')
+    assert 'class="key"' not in blank
+    assert "gradient(" not in blank  # printed as bars of any height
+    boxes = [int(height) // 8 for height in re.findall(r'min-height: (\d+)mm', blank)]
+    assert blank.count("<i></i>") == sum(boxes) >= 4 * questions
+
+
+def test_the_page_says_that_the_recording_is_simulated_and_needs_nothing_else(worked: Worked) -> None:
+    page = rendered(worked, True, 'Ada "L" <b>')
+    assert page.count("The recording is simulated.") > 10
+    assert "Ada &#34;L&#34; &lt;b&gt;" in page
+    assert "<b>\"; font" not in page
+    assert "<script" not in page
+    assert not re.search(r'(src|href)="(?!#)', page)
+
+
+@pytest.mark.parametrize("block", [False, True])
+def test_equations_are_well_formed(block: bool) -> None:
+    found = html.unescape(mathml('Omega &= sqrt{frac{g}{L}} = 5 "rad/s"' if block else "theta''_1^2", block))
+    assert ElementTree.fromstring(found).tag == "math"
+    for wrong in ("omgea", "frac{1}", "{1", "1}"):
+        with pytest.raises(NotationError):
+            mathml(wrong, block)
+
+
+BAD = {
+    "period 0": (["--period", "0"], "--period must be a finite number above 0"),
+    "period in ms": (["--period", "1190"], "it must be from 0.3 to 10 s"),
+    "length in cm": (["--period", "1.19", "--length", "35.3"], "lengths in m from the pivot"),
+    "both": (["--period", "1.19", "--recording", "swing.txt"], "leave one of them out"),
+    "error alone": (["--length-error", "0.1"], "--length-error needs --length"),
+    "no swing": (["--recording", "still.txt"], "still.txt"),
+    "degrees as radians": (["--recording", "swing.txt", "--read", "unit=rad"], "add --read unit=deg"),
+    "no file": (["--recording", "none.txt"], "none.txt"),
+    "folder": (["--out", "file/x"], "cannot be written"),
+    "name": (["--name", "a\nb"], "--name must be one line"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_ends_in_a_sentence_with_files_as_they_were(case: str, tmp_path: Path, run_here: Here) -> None:
+    words, said = BAD[case]
+    times = [0.02 * i for i in range(600)]
+    (tmp_path / "still.txt").write_text("".join(f"{t:.2f}\t0.0\n" for t in times))
+    (tmp_path / "swing.txt").write_text("".join(f"{t:.2f}\t{20 * math.cos(5.27 * t):.3f}\n" for t in times))
+    (tmp_path / "file").write_text("kept")
+    (tmp_path / "out" / "exercise").mkdir(parents=True)
+    (tmp_path / "out" / "exercise" / "report.html").write_text("kept")
+    before = contents(tmp_path)
+    code, _, told = run_here("exercise", *words)
+    assert code == 2, told
+    assert said in told
+    assert len(told.strip().splitlines()) == 1
+    assert contents(tmp_path) == before
+
+
+def test_interrupted_writing_leaves_earlier_files(
+    worked: Worked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    (tmp_path / "report.html").write_text("kept")
+    monkeypatch.setattr(report, "FIGURES", (stop,))
+    before = contents(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        report.write(worked, tmp_path)
+    assert contents(tmp_path) == before
+
+
+CTRL_C = """
+import functools, os, signal, sys
+from pendulum_env.cli import main
+from pendulum_env.exercise import report
+
+@functools.wraps(report.FIGURES[2])
+def interrupted(*given):
+    os.kill(os.getpid(), signal.SIGINT)
+    return interrupted.__wrapped__(*given)
+
+report.FIGURES = (*report.FIGURES[:2], interrupted, *report.FIGURES[3:])
+sys.argv = ["lab-pendulum", "exercise", "--out", "x"]
+main()
+"""
+"""The command, which sends itself SIGINT while it draws the third figure."""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
+def test_ctrl_c_leaves_earlier_files_as_they_were(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    for name in ("report.html", "numbers.csv", "forward.png"):
+        (tmp_path / "x" / name).write_text("kept")
+    before = contents(tmp_path)
+    done = subprocess.run([sys.executable, "-c", CTRL_C], cwd=tmp_path, capture_output=True, text=True, timeout=300,
+                          preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+    assert done.returncode == 130, done.stderr
+    assert "Interrupted" in done.stderr
+    assert contents(tmp_path) == before
+
+
+def test_without_jinja_the_command_says_what_to_install(run_here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    code, _, told = run_here("exercise")
+    assert code == 2
+    assert "pip install 'lab-pendulum[exercise]'" in told
+
+
+BROWSER = shutil.which("chromium")
+KINDS = {
+    "simulated": [], "encoder": ["--recording", "encoder_short_rod_45deg.txt", "--read", "scale=0.99"],
+    "video": ["--recording", "video_decay_65cm.txt", "--length", "0.65", "--mass", "0.0415"],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_report_prints_from_a_browser(kind: str, tmp_path: Path, run_here: Here, request: Any) -> None:
+    """Without chromium the files alone are checked, and the test then counts as skipped."""
+    words = KINDS[kind]
+    if words:
+        words = [words[0], str(request.getfixturevalue("recordings") / words[1]), *words[2:]]
+    code, _, told = run_here("exercise", *words, "--key", "--out", "x")
+    assert code == 0, told
+    page = (tmp_path / "x" / "report.html").read_text(encoding="utf-8")
+    names = re.findall(r'\bid="([^"]+)"', page)
+    assert len(names) == len(set(names))
+    assert ("The recording is simulated" in page) == (kind == "simulated")
+    assert len(list((tmp_path / "x").glob("*.svg"))) == page.count("<figure ") == (13 if kind == "simulated" else 14)
+    if BROWSER is None:
+        pytest.skip("there is no chromium")
+    subprocess.run([BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer",
+                    f"--user-data-dir={tmp_path / 'profile'}", f"--print-to-pdf={tmp_path / 'x.pdf'}",
+                    (tmp_path / "x" / "report.html").as_uri()], check=True, capture_output=True, timeout=120)
+    pages = len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "x.pdf").read_bytes()))
+    assert 12 <= pages <= 22
