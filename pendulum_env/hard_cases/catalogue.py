@@ -7,18 +7,22 @@ from collections.abc import Mapping
 from pendulum_env.hard_cases import (
     actions,
     chaos,
+    extremes,
     fast_drive,
     long_runs,
     magnitudes,
     near_top,
     non_smooth,
+    resonance,
     reversal,
     step_limits,
     stiff_damping,
+    switching,
 )
 from pendulum_env.hard_cases.case import Case, check_unique
 
-GROUPS = (near_top, step_limits, stiff_damping, non_smooth, fast_drive, chaos, long_runs, magnitudes, actions, reversal)
+GROUPS = (near_top, step_limits, stiff_damping, non_smooth, fast_drive, chaos, long_runs, magnitudes, actions, reversal,
+          extremes, resonance, switching)
 """Modules of hard cases, one per group."""
 CASES: tuple[Case, ...] = check_unique(tuple(case for group in GROUPS for case in group.CASES))
 """All hard cases; the command line, the tests and the documentation read this tuple."""

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from integrators import Method
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.hard_cases.case import OUTCOMES, Case, Finding
 
@@ -32,8 +33,8 @@ Entry = MatrixEntry
 """Old name of MatrixEntry, which scripts and pickles may use."""
 
 
-@dataclass(frozen=True)
-class Matrix:
+@dataclass(frozen=True, repr=False)
+class Matrix(Plotted):
     """Matrix of results of methods in hard cases.
 
     Attributes:
@@ -46,6 +47,9 @@ class Matrix:
     methods: tuple[Method, ...]
     entries: tuple[MatrixEntry, ...]
     complete: bool = True
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{len(self.cases)} cases, {len(self.methods)} methods, {len(self.failures)} failures")
 
     @property
     def failures(self) -> tuple[MatrixEntry, ...]:

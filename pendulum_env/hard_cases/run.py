@@ -49,7 +49,7 @@ def stress(
     *,
     scene: str | None = None,
     long: bool = False,
-    progress: Progress | bool = False,
+    progress: Progress | bool | None = None,
 ) -> Matrix:
     """Run methods in hard cases with known reference solutions and return the outcome of each pair.
 
@@ -59,7 +59,8 @@ def stress(
         scene: run only cases of this scene.
         long: True to include cases that take more than a few seconds per method; a case given by its own name always
             runs.
-        progress: True shows a progress bar; a function is called with the fraction done and a description.
+        progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
+            function is called with the fraction done and the present activity.
 
     Returns a Matrix with ``entries``, ``failures``, a ``table`` and a ``text``; :func:`write` saves it as a figure and
     a CSV file. KeyboardInterrupt ends the run early and returns the results so far.

@@ -1,0 +1,165 @@
+"""Predicted errors of methods in hard cases, by name, from 40-digit arithmetic that uses no code of the methods.
+
+``predictions.json`` holds for each motion and method the number of steps per mark and the error that the method's
+formula leaves in exact arithmetic. ``python tests/support/forty_digits.py`` computes it. A run's error may differ from
+the predicted one by the share OFF and by rounding, and no more: a larger error is that of a wrong step, a smaller one
+that of another method.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from integrators import Method
+from pendulum_env.engine.rollout import Rollout
+from pendulum_env.engine.starts import ENOUGH
+from pendulum_env.hard_cases.case import ACCURATE, STABLE, WRONG, Finding, ran, stopped
+from pendulum_env.physics.scene import Scene
+from pendulum_env.truth.steps import order_bound, rounding_factor
+
+FILE = Path(__file__).with_name("predictions.json")
+OFF = 0.02
+"""Share of the predicted error by which an error may differ from it, besides rounding."""
+SMALL = 0.3
+"""Largest allowed error, relative to the motion, of a run that counts as accurate."""
+ULPS = 4.0
+"""Rounding error allowed per step, in ulps, before it is multiplied by the growth of errors."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion whose error can be predicted, in units of time in which omega0 is 1.
+
+    Attributes:
+        equation: name of the equation of motion in ``tests/support/forty_digits.py``.
+        angle, velocity: start [rad, omega0].
+        time: duration, times omega0.
+        marks: number of equal parts after which the motion is compared.
+        growth: factor by which the motion amplifies rounding, relative to its size.
+        from_top: True if errors are relative to the tilt from the top at the end, else to ``largest``.
+        largest: size of the motion [rad].
+        pace: largest rate of the motion; errors of the velocity are divided by it.
+        goal: error at which steps are short enough.
+        fewest, most: numbers of steps per mark to choose from.
+        lacks: needs of methods that the motion does not meet, such as "velocity_free" under drag.
+        torques: constant torque until each mark, in units of m g L, where methods start anew; () for none.
+        back: True if the velocity is reversed at the middle.
+    """
+
+    equation: str
+    angle: float
+    velocity: float
+    time: float
+    marks: int = 1
+    growth: float = 1.0
+    from_top: bool = False
+    largest: float = 1.0
+    pace: float = 1.0
+    goal: float = 1e-9
+    fewest: int = 8
+    most: int = 512
+    lacks: frozenset[str] = frozenset()
+    torques: tuple[float, ...] = ()
+    back: bool = False
+
+    def size(self, end: float) -> float:
+        """Return the angle [rad] to which errors are relative, with the exact angle at the end."""
+        return abs(math.pi - end) if self.from_top else self.largest
+
+    def least(self, method: Method) -> int:
+        """Return the fewest steps per mark of a method; a multistep method needs some times its history."""
+        return self.fewest if self.most == 1 else max(self.fewest, ENOUGH * method.past)
+
+    def fits(self, method: Method) -> bool:
+        """Return True if the motion is predicted for a method: it meets its needs, and the error is not zero."""
+        return not method.exact and not method.needs & self.lacks
+
+
+@cache
+def _stored() -> dict[str, dict[str, tuple[int, float]]]:
+    """Return the file of predictions."""
+    values: dict[str, dict[str, tuple[int, float]]] = json.loads(FILE.read_text(encoding="utf-8"))
+    return values
+
+
+def steps_and_error(name: str, motion: Motion, method: Method) -> tuple[int, float]:
+    """Return the steps per mark of a method in a motion of this name, and its predicted error.
+
+    A method that is not in the file, such as one of the user's, takes the most steps, and its order is the bound.
+    """
+    if method.exact:
+        return motion.fewest, 0.0
+    if _known(name, method):
+        count, error = _stored()[name][method.name]
+        return int(count), float(error)
+    z = motion.time / motion.marks / motion.most * motion.pace
+    return motion.most, order_bound(method, z, motion.time * motion.pace * motion.growth)
+
+
+def _known(name: str, method: Method) -> bool:
+    """Return True if the file has a prediction for a method in a motion of this name."""
+    return method.name in _stored().get(name, {})
+
+
+def rounding(name: str, motion: Motion, method: Method) -> float:
+    """Return the rounding error allowed for a method in a motion, relative to the motion's size."""
+    count, _ = steps_and_error(name, motion, method)
+    return ULPS * rounding_factor(method) * 2.0**-52 * (count * motion.marks + motion.time) * motion.growth
+
+
+def allowed(name: str, motion: Motion, method: Method) -> float:
+    """Return the largest error that is allowed for a method in a motion."""
+    _, error = steps_and_error(name, motion, method)
+    return (1.0 + OFF) * error + rounding(name, motion, method)
+
+
+def expected(name: str, motion: Motion) -> Callable[[Method], frozenset[str]]:
+    """Return the rule of a motion: ACCURATE where the allowed error is small, else STABLE."""
+    return lambda method: frozenset({ACCURATE if allowed(name, motion, method) <= SMALL else STABLE})
+
+
+def held(name: str, motion: Motion, method: Method, error: Any) -> Finding:
+    """Judge errors, relative to the motion's size: WRONG if the largest one is not the predicted error.
+
+    A run whose error is as predicted is ACCURATE if that is small, else STABLE.
+    """
+    most, largest = allowed(name, motion, method), float(np.max(np.abs(error)))
+    if not largest <= most:
+        return Finding(WRONG, largest, most, "its error exceeds that of its formula in exact arithmetic")
+    _, implied = steps_and_error(name, motion, method)
+    if _known(name, method) and largest < (1.0 - OFF) * implied - rounding(name, motion, method):
+        return Finding(WRONG, largest, implied, "its error is smaller than that of its formula in exact arithmetic")
+    return Finding(ACCURATE if most <= SMALL else STABLE, largest, most)
+
+
+def ran_motion(scene: Scene, name: str, motion: Motion, method: Method, **options: Any) -> Rollout:
+    """Run a method in a motion of a scene and return the run at its marks."""
+    count, _ = steps_and_error(name, motion, method)
+    h = motion.time / motion.marks / count / scene.omega0
+    return ran(scene, method, dt=h, steps=count * motion.marks, every=count, angle=motion.angle,
+               velocity=motion.velocity * scene.omega0, **options)
+
+
+def followed(
+    scene: Scene, name: str, motion: Motion, truth: Callable[[Any], Sequence[Any]],
+) -> Callable[[Method], Finding]:
+    """Return a function that judges a method in a motion against ``truth``: angle and velocity at times [s]."""
+
+    def attempt(method: Method) -> Finding:
+        run = ran_motion(scene, name, motion, method)
+        ended = stopped(run)
+        if ended is not None:
+            return ended
+        angle, velocity = truth(run.time)
+        error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity) / scene.omega0 / motion.pace)
+        return held(name, motion, method, error / motion.size(float(angle[-1])))
+
+    return attempt

@@ -1,0 +1,91 @@
+"""Predicted errors: the 40-digit arithmetic behind them, and runs whose errors are not as predicted."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import forty_digits
+import mpmath
+import mutants
+import pytest
+
+from integrators import METHODS
+from pendulum_env.hard_cases import near_top, predicted
+from pendulum_env.hard_cases.case import ACCURATE, STABLE, WRONG
+from pendulum_env.hard_cases.catalogue import CASES, GROUPS
+from pendulum_env.hard_cases.predicted import FILE, Motion, allowed, held, steps_and_error
+
+MOTIONS = {name: motion for group in GROUPS for name, motion in getattr(group, "MOTIONS", {}).items()}
+NAME = "release 1e-03 rad from the top"
+MOTION = MOTIONS[NAME]
+
+
+def test_every_motion_has_its_predictions_and_no_other_is_stored() -> None:
+    """A method that was added after the file was made is in no motion of it, and is bound by its order."""
+    stored = json.loads(Path(FILE).read_text(encoding="utf-8"))
+    assert stored.keys() == MOTIONS.keys()
+    known = {method for row in stored.values() for method in row}
+    assert known <= METHODS.keys()
+    for name, row in stored.items():
+        fitting = {method for method in known if MOTIONS[name].fits(METHODS[method])}
+        assert row.keys() == fitting, name
+        for method, (steps, error) in row.items():
+            assert steps >= 1, (name, method)
+            assert error >= 0.0, (name, method)
+
+
+def released(time: float) -> tuple[Any, Any]:
+    """Return the exact state after a release from 2 rad: sin(q/2) = k sn(K - t), k = sin 1, by mpmath in 40 digits."""
+    with mpmath.workdps(40):
+        k = mpmath.sin(1)
+        sn, cn = (mpmath.ellipfun(name, mpmath.ellipk(k * k) - time, m=k * k) for name in ("sn", "cn"))
+        return tuple(forty_digits.mpf(mpmath.nstr(x, 38)) for x in (2 * mpmath.asin(k * sn), -2 * k * cn))
+
+
+@pytest.mark.parametrize("method", ["rk4", "kahan_li8", "gauss4", "ab4", "bdf4", "stoermer5", "numerov", "chin4a",
+                                    "taylor", "dprkn8", "hht_alpha", "hht_alpha_mean_force", "discrete_gradient"])
+def test_steps_in_forty_digits_have_the_order_of_the_method(method: str) -> None:
+    """The error over 1/omega0 from 2 rad falls with the order of the method."""
+    short, end = Motion("pendulum", 2.0, 0.0, 1.0), [released(1.0)]
+    coarse, fine = (forty_digits.error(METHODS[method], short, end, count) for count in (16, 32))
+    assert math.log2(coarse / fine) == pytest.approx(METHODS[method].order, abs=0.6)
+
+
+@pytest.mark.slow
+def test_the_exact_motion_is_that_of_the_elliptic_functions() -> None:
+    (state,) = forty_digits.truth(Motion("pendulum", 2.0, 0.0, 0.25))
+    assert max(abs(x - y) for x, y in zip(state, released(0.25), strict=True)) < 1e-33
+
+
+@pytest.mark.parametrize(("factor", "outcome"), [(1.0, ACCURATE), (1.01, ACCURATE), (1.03, WRONG), (0.97, WRONG)])
+def test_an_error_must_be_the_predicted_one(factor: float, outcome: str) -> None:
+    method = METHODS["heun"]
+    _, error = steps_and_error(NAME, MOTION, method)
+    assert held(NAME, MOTION, method, factor * error).outcome == outcome
+
+
+def test_a_large_predicted_error_is_no_accuracy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(predicted, "_stored", lambda: {NAME: {"rk4": (100, 0.5)}})
+    assert held(NAME, MOTION, METHODS["rk4"], 0.5).outcome == STABLE
+    assert held(NAME, MOTION, METHODS["rk4"], 0.6).outcome == WRONG
+    assert allowed(NAME, MOTION, METHODS["rk4"]) < 0.52
+
+
+def test_a_method_without_a_prediction_is_judged_by_its_order() -> None:
+    own = mutants.altered(METHODS["rk4"], name="own")
+    case = next(case for case in near_top.CASES if case.name == NAME)
+    assert case.tried(own).outcome == ACCURATE
+    assert case.tried(mutants.altered(METHODS["forward_euler"], name="own", order=4)).outcome == WRONG
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_case_notices_the_step_of_another_method(name: str) -> None:
+    """The step of Kutta's method of order 3 runs under the name rk4."""
+    mutant = next(mutants.mutants("rk4", 1.0))
+    for case in CASES:
+        if case.name == name:
+            assert case.as_expected(METHODS["rk4"], case.tried(METHODS["rk4"]))
+            assert mutants.noticed(case, mutant)
