@@ -4,19 +4,23 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecEnv
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, plots, render
+
+try:
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecEnv
+except ModuleNotFoundError as missing:
+    sys.exit(f"{missing.name} is not installed; this example needs: pip install stable-baselines3")
 
 SCALE = np.array([1.0, 1.0, 0.1], dtype=np.float32)  # scales the observations for the network
 
 
 class Pendulums(VecEnv):  # adapts the vector environment to Stable-Baselines3, with scaled rewards
     def __init__(self, count, task):
-        more = {"max_episode_steps": 500, "autoreset_mode": "SameStep", "diagnostics": ()}
-        self.env = LabPendulumVectorEnv(count, task=task, **more)
+        self.env = LabPendulumVectorEnv(
+            count, task=task, max_episode_steps=500, autoreset_mode="SameStep", diagnostics=())
         self.total, self.returns = np.zeros(count), []
         super().__init__(count, self.env.single_observation_space, self.env.single_action_space)
 
@@ -25,12 +29,13 @@ class Pendulums(VecEnv):  # adapts the vector environment to Stable-Baselines3, 
         over, infos, self.total = ended | late, [{} for _ in reward], self.total + reward
         for i in np.flatnonzero(over):
             infos[i] = {"terminal_observation": SCALE * info["final_obs"][i], "TimeLimit.truncated": bool(late[i])}
-        self.returns += self.total[over].tolist()
-        self.total[over] = 0.0
+        self.returns, self.total = self.returns + self.total[over].tolist(), np.where(over, 0.0, self.total)
         self.result = SCALE * seen, 0.01 * reward, over, infos
 
     reset, step_wait = (lambda self: SCALE * self.env.reset(seed=self._seeds[0])[0]), (lambda self: self.result)
-    env_is_wrapped = env_method = get_attr = set_attr = close = lambda self, *_, **__: [None] * self.num_envs
+    env_is_wrapped = close = lambda self, *_, **__: [None] * self.num_envs
+    env_method, get_attr, set_attr = None, lambda self, name, indices=None: [getattr(self.env, name)] * self.num_envs, (
+        lambda self, name, value, indices=None: setattr(self.env, name, value))  # settings cannot be set
 
 
 def trained(task, steps, seed):

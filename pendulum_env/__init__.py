@@ -14,7 +14,7 @@ from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.moved import keep_old_paths
 
 if TYPE_CHECKING:
-    from pendulum_env import controllers
+    from pendulum_env import controllers, testing
     from pendulum_env.engine.code import code
     from pendulum_env.engine.result import Rollout
     from pendulum_env.engine.rollout import rollout
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
     from pendulum_env.study.growth import growth
+    from pendulum_env.study.section import basins, section
     from pendulum_env.study.sweep import Sweep, sweep
 
 ENV_ID = "LabPendulum-v0"
@@ -49,6 +50,7 @@ _LAZY = {
     "Scene": "pendulum_env.physics.scene",
     "SceneError": "pendulum_env.physics.units",
     "audit": "pendulum_env.study.audit",
+    "basins": "pendulum_env.study.section",
     "code": "pendulum_env.engine.code",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",
@@ -57,6 +59,7 @@ _LAZY = {
     "growth": "pendulum_env.study.growth",
     "measure": "pendulum_env.lab.sheet",
     "rollout": "pendulum_env.engine.rollout",
+    "section": "pendulum_env.study.section",
     "Sweep": "pendulum_env.study.sweep",
     "VirtualSensor": "pendulum_env.lab.sensor",
     "simplify": "pendulum_env.study.audit",
@@ -64,6 +67,8 @@ _LAZY = {
     "sweep": "pendulum_env.study.sweep",
 }
 """Public names that are imported on first use, and their modules."""
+_ROOMS = ("controllers", "testing")
+"""Public modules that are imported on first use."""
 
 __all__ = [
     "ENV_ID",
@@ -78,6 +83,7 @@ __all__ = [
     "Sweep",
     "VirtualSensor",
     "audit",
+    "basins",
     "code",
     "compare",
     "controllers",
@@ -87,22 +93,24 @@ __all__ = [
     "growth",
     "measure",
     "rollout",
+    "section",
     "simplify",
     "stress",
     "sweep",
+    "testing",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name == "controllers":
-        return import_module("pendulum_env.controllers")
+    if name in _ROOMS:
+        return import_module(f"pendulum_env.{name}")
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'pendulum_env' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LAZY, "controllers"})
+    return sorted({*globals(), *_LAZY, *_ROOMS})
 
 
 keep_old_paths()

@@ -70,4 +70,4 @@ class OldPathsHere(MetaPathFinder):
 
 def keep_old_paths() -> None:
     """Make all modules that have moved since version 0.1 importable by their old paths as well."""
-    sys.meta_path.insert(0, OldPathsHere())
+    sys.meta_path.append(OldPathsHere())

@@ -6,27 +6,31 @@ import sys
 import warnings
 from collections.abc import Callable
 from functools import cache
+from inspect import cleandoc
 from typing import Annotated
 
 import typer
 
 from pendulum_env.cli.auto import auto
+from pendulum_env.cli.code import code
 from pendulum_env.cli.compare import compare
 from pendulum_env.cli.console import say
 from pendulum_env.cli.cost import cost
 from pendulum_env.cli.demo import demo
 from pendulum_env.cli.effects import effects
+from pendulum_env.cli.exercise import exercise
 from pendulum_env.cli.fit import fit
 from pendulum_env.cli.list import list_
 from pendulum_env.cli.record import record
+from pendulum_env.cli.section import section
 from pendulum_env.cli.show import show
 from pendulum_env.cli.stress import stress
 
 NAME = "lab-pendulum"
 """Name of the program."""
 COMMANDS: dict[str, Callable[..., None]] = {
-    "compare": compare, "cost": cost, "demo": demo, "auto": auto, "fit": fit, "show": show, "stress": stress,
-    "effects": effects, "record": record, "list": list_,
+    "compare": compare, "cost": cost, "demo": demo, "auto": auto, "fit": fit, "exercise": exercise, "show": show,
+    "stress": stress, "effects": effects, "section": section, "code": code, "record": record, "list": list_,
 }
 """Every command by its name, in the order of the help. A command imports the code that it runs only when it is run."""
 
@@ -36,8 +40,20 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def _help(command: Callable[..., None]) -> str:
+    """Return a command's docstring with each paragraph on one line, so that it is wrapped at the terminal's width.
+
+    A paragraph that begins with "\\b" keeps its lines.
+    """
+    paragraphs = cleandoc(command.__doc__ or "").split("\n\n")
+    return "\n\n".join(paragraph if paragraph.startswith("\b") else " ".join(paragraph.split())
+                       for paragraph in paragraphs)
+
+
 for _name, _command in COMMANDS.items():
-    app.command(name=_name)(_command)
+    app.command(name=_name, help=_help(_command))(_command)
 
 
 def main() -> None:
@@ -49,7 +65,12 @@ def main() -> None:
         with warnings.catch_warnings():
             print_once = cache(lambda text: say(f"Warning: {text}"))
             warnings.showwarning = lambda text, *_: print_once(str(text))
-            app(prog_name=NAME)
+            try:
+                app(prog_name=NAME)
+            finally:
+                # Python ends with a signal, not with the app's exit code, if an interrupt passed through a text that
+                # exec ran, as in the import of a dataclass. The next exec makes it forget that.
+                exec("")
     except (ValueError, TypeError, OSError, RuntimeError) as error:
         say(f"Error: {error}")
     except ArithmeticError as error:

@@ -35,7 +35,7 @@ def compare(
     scene: SceneName = "exercise",
     integrators: Annotated[
         list[str], typer.Option("--integrators", "-i", help="Names of methods, with commas, or repeat the option.")
-    ] = [",".join(PLAIN)],  # noqa: B006, B008
+    ] = list(PLAIN),  # noqa: B006
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,

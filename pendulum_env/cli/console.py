@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 LINE = 118
 """Largest number of characters in a line of text."""
+EMPTY = ("", "-")
+"""Cells that stand for "no value"."""
 NARROWEST = 20
 """Smallest number of columns; a terminal that reports fewer is treated as one with this number."""
 
@@ -25,12 +27,18 @@ def say(text: str) -> None:
 
 
 def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
-    """Print a text, its lines wrapped at ``width`` or the terminal's width and continued behind ``further``."""
+    """Print a text, its lines wrapped at ``width`` or the terminal's width and continued behind ``further``.
+
+    Short brackets, as in ``(omega0 h)^2``, are not broken.
+    """
+    import re
     from textwrap import fill
 
     room = min(width, terminal_width(width))
     for line in text.splitlines():
-        print(fill(line, room, subsequent_indent=further, break_long_words=False, break_on_hyphens=False))
+        kept = re.sub(r"\([^()]{1,24}\)", lambda bracket: bracket[0].replace(" ", "\xa0"), line)
+        whole = fill(kept, room, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
+        print(whole.replace("\xa0", " "))
 
 
 @contextmanager
@@ -45,7 +53,7 @@ def bar(title: str) -> Iterator[Progress]:
 
 
 def print_table(table: Table, title: str = "", below: str = "") -> None:
-    """Print a table that fits the terminal, with no number or word cut.
+    """Print a table that fits the terminal, with no number or word cut, and without columns that are empty throughout.
 
     If the table is too wide, the column named ``below`` is printed as lines below the table, texts are wrapped, and
     columns that still do not fit follow in further parts, after the first column again.
@@ -54,6 +62,7 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
 
     console = Console() if sys.stdout.isatty() else Console(width=terminal_width(160))
     lines: list[str] = []
+    table = _filled(table)
     if below and _room(_widths(table)) > console.width:
         table, lines = _without(table, below)
     for part in _parts(table, console.width):
@@ -118,6 +127,12 @@ def _without(table: Table, name: str) -> tuple[Table, list[str]]:
     at = table.head.index(name)
     lines = [f"{row[0]}: {row[at]}" for row in table.rows]
     return _picked(table, [i for i in range(len(table.head)) if i != at]), lines
+
+
+def _filled(table: Table) -> Table:
+    """Return a table without the columns whose cells are all empty or a dash; the first column always stays."""
+    full = [i for i in range(len(table.head)) if not i or any(row[i] not in EMPTY for row in table.rows)]
+    return _picked(table, full) if table.rows else table
 
 
 def _picked(table: Table, columns: Sequence[int]) -> Table:

@@ -18,9 +18,10 @@ FURTHER = (
     ("lab-pendulum cost", "work-precision diagrams of all methods"),
     ("lab-pendulum stress", "hard cases with known results"),
     ("lab-pendulum effects", "which effects matter in a scene"),
+    ("lab-pendulum exercise", "the lab exercise as one report, to hand in"),
     ("lab-pendulum fit FILE", "fit your own recording"),
     ("lab-pendulum record", "films of other runs"),
-    ("lab-pendulum list", "scenes, integrators, effects, tasks"),
+    ("lab-pendulum list", "scenes, integrators, effects, bodies, tasks"),
 )
 """Commands to try after the tour, and their purposes."""
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
-from pendulum_env.cli.options import Damping, Duration, SceneName, Settings, Svg, scene_of
+from pendulum_env.cli.options import Damping, Duration, SceneName, Settings, Svg, angle_in_radians, scene_of
 
 
 def effects(
@@ -41,7 +40,7 @@ def effects(
     if out is not None:
         output_folder(out)
     with bar("effects") as progress:
-        plain, report = simplify(place, amplitude=math.radians(amplitude), tolerance=tolerance, duration=duration,
+        plain, report = simplify(place, amplitude=angle_in_radians(amplitude), tolerance=tolerance, duration=duration,
                                  complete=complete, progress=progress)
     print_text(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
     print_table(verdicts(report.audit))

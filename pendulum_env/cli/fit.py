@@ -33,8 +33,10 @@ def fit(
     radius: Annotated[float | None, typer.Option(help="Radius of the bob in m.")] = None,
     suspension: Annotated[str | None, typer.Option(help="Suspension of the bob: rod or wire.")] = None,
     free: Annotated[
-        str, typer.Option(help="Parameters to fit besides damping: length or gravity, the sensor's scale; '' for none.")
-    ] = "length",
+        str | None,
+        typer.Option(help="Parameters to fit besides damping: length (by default) or gravity, inertia or centre of a "
+                     "measured body, the sensor's scale; '' for none.")
+    ] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of the angles: deg or rad; by default inferred.")] = None,
     rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,
     scale: Annotated[float | None, typer.Option(help="Factor for the file's angles, as 0.99.")] = None,
@@ -68,7 +70,7 @@ def fit(
         number(length_error, "--length-error", above=0.0, unit="m")
     place = FILE if file is None else file
     data = recording_of(place, read, unit=unit, rate=rate, scale=scale)
-    names = tuple(name for part in free.split(",") if (name := part.strip()))
+    names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     print_text(data.text)
     sheet = measure(data, n=oscillations, scene=scene, **known)
     print_table(sheet.table, "the lab sheet")
@@ -81,15 +83,17 @@ def fit(
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
     for warning in warned:
-        if issubclass(warning.category, UserWarning):
+        if issubclass(warning.category, UserWarning) and str(warning.message) != best.grade.text:
             say(f"Warning: {warning.message}")
     if best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
-        print_text(best.comparison.text)
+        if best.grade.usable:
+            print_text(best.comparison.text)
     print_table(parameter_table(best), f"fitted parameters, {best.damping} damping; r: correlations")
     assumed = "" if scene or "radius" in known else (
         f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
-    lines = goodness(best), verdict, assumed, f"Scene: {best.scene.equation()}"
+    scene_line = f"Scene: {best.scene.equation()}"
+    lines = (goodness(best), verdict, assumed, scene_line) if best.grade.usable else (scene_line, best.grade.text)
     print_text("\n".join(line for line in lines if line))
     print_files(paths)
     given = {"unit": unit, "rate": rate, "scale": scale}

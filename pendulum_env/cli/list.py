@@ -1,4 +1,4 @@
-"""The command ``lab-pendulum list``: scenes, integrators, effects and tasks."""
+"""The command ``lab-pendulum list``: scenes, integrators, effects, bodies, tasks and events."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def list_(
-    what: Annotated[str | None, typer.Argument(help="scenes, integrators, effects or tasks; all by default.")] = None,
+    what: Annotated[
+        str | None, typer.Argument(help="scenes, integrators, effects, bodies, tasks or events; all by default.")
+    ] = None,
     scene: Annotated[
         str | None, typer.Option(help="Describe this scene or, after integrators, list those suitable for it.")
     ] = None,
@@ -22,7 +24,10 @@ def list_(
     csv: Annotated[bool, typer.Option(help="Print CSV, with all columns.")] = False,
     markdown: Annotated[bool, typer.Option(help="Print tables in Markdown.")] = False,
 ) -> None:
-    """List scenes, integrators, effects and tasks; --scene describes one scene or shows which integrators suit it."""
+    """List scenes, integrators, effects, bodies, tasks and events.
+
+    --scene describes one scene or shows which integrators suit it.
+    """
     from pendulum_env.physics.units import SceneError, shown
     from pendulum_env.study.lists.tables import TABLES, find_table, integrators_data
 

@@ -34,9 +34,26 @@ Reading = Annotated[
 ]
 
 
+ROUND = 0.05
+"""Largest distance from a multiple of 5 degrees of an angle that was rounded to two or more digits [degrees]."""
+
+
 def radians(degrees: float | None) -> float | None:
-    """Convert degrees to radians; None stays None."""
-    return None if degrees is None else math.radians(degrees)
+    """Convert degrees to radians as :func:`angle_in_radians` does; None stays None."""
+    return None if degrees is None else angle_in_radians(degrees)
+
+
+def angle_in_radians(degrees: float) -> float:
+    """Convert an angle of an option to radians.
+
+    Warn if the number, taken as radians, is a multiple of 5 degrees, as 0.0873 is.
+    """
+    meant = math.degrees(degrees)
+    if abs(degrees) < math.tau and abs(meant - 5.0 * round(meant / 5.0)) < ROUND and abs(meant) > 1.0:
+        from pendulum_env.common.warn import warn
+
+        warn(f"Angles on the command line are in degrees: {degrees:g} rad would be {5 * round(meant / 5.0)} degrees.")
+    return math.radians(degrees)
 
 
 def split(names: str) -> list[str]:

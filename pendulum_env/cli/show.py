@@ -1,12 +1,18 @@
-"""The command ``lab-pendulum show``, which opens an interactive window."""
+"""The command ``lab-pendulum show``, which opens an interactive window with one pendulum or several side by side."""
 
 from __future__ import annotations
 
+import random
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from inspect import cleandoc
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pendulum_env.cli.console import say
+from pendulum_env.cli.console import bar, say
 from pendulum_env.cli.options import (
     Angle,
     Damping,
@@ -20,51 +26,187 @@ from pendulum_env.cli.options import (
     scene_of,
     split,
 )
+from pendulum_env.window.controls import METHOD_KEYS, keys_in_words
 
 if TYPE_CHECKING:
     from pendulum_env.envs.env import LabPendulumEnv
+    from pendulum_env.physics.scene import Scene
+    from pendulum_env.render import View
+    from pendulum_env.window import Shown
+    from pendulum_env.window.live import Live
+
+
+MOST = 6
+"""Largest number of pendulums side by side."""
+ONE, SEVERAL = "700x760", "1400x800"
+"""Size of the window with one pendulum, and with several [px]."""
+SMALLEST = 200
+"""Shortest side of the window when it opens [px]."""
+SHORTEST = 5e-5
+"""Shortest step [s] with which a window keeps up with the clock."""
+LONGEST = 1.0
+"""Longest step [s] that the key D chooses."""
 
 
 def show(
     scene: SceneName = "lab",
-    integrator: Annotated[str, typer.Option(help="Name of a method (lab-pendulum list integrators).")] = "rk4",
+    integrators: Annotated[
+        list[str], typer.Option("--integrators", "--integrator", "-i",
+                                help="Names of methods, with commas: up to 6 side by side under one clock.")
+    ] = ["rk4"],  # noqa: B006
     damping: Damping = "scene",
     angle: Angle = None,
     velocity: Velocity = None,
     dt: Step = None,
-    size: Annotated[int, typer.Option(help="Side of the square window in pixels.")] = 700,
+    size: Annotated[
+        str | None, typer.Option(help=f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
+    ] = None,
     theme: Theme = "light",
     panels: Panels = "apparatus,energy,phase",
+    out: Annotated[Path, typer.Option(help="Folder for the pictures that the key P saves.")] = Path("out/show"),
     settings: Settings = None,
 ) -> None:
-    """Show a pendulum in a window: drag the bob, push it with the arrow keys, change the integrator; H lists the keys.
+    """Show pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
+
+    {keys}
+
+    The methods of the keys 1 to 5 are compiled before the window opens, once for each scene.
     """
-    from pendulum_env.envs.env import LabPendulumEnv
-
-    place = scene_of(scene, damping, settings)
-    env = LabPendulumEnv(place, integrator, dt=place.run.dt if dt is None else dt, task="free", render_mode="human",
-                         render_size=size, render_theme=theme, render_panels=split(panels))
-    start = {"angle": radians(angle), "velocity": velocity}
-    try:
-        _play(env, {name: value for name, value in start.items() if value is not None})
-    finally:
-        env.close()
-
-
-def _play(env: LabPendulumEnv, start: dict[str, float]) -> None:
-    """Run the window of ``lab-pendulum show`` until it is closed; a run that ends is reset to its start and paused."""
-    import numpy as np
-
+    from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
+    names = split(",".join(integrators))
+    bench = Bench(scene_of(scene, damping, settings), names, dt, theme, split(panels))
+    pixels = _window_size((ONE if len(names) == 1 else SEVERAL) if size is None else size)
     if not seen():
         raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
-    env.reset(options=start)
-    window = env.window
-    assert window is not None
-    while window.open:
-        over, info = env.step(np.array([window.push], dtype=np.float32))[2::2]
-        if over:
-            say(f"The run stopped at {info['time']:g} s: {info['stop_reason']}; it is reset to its start.")
-            env.reset(options=window.start)
-            window.controls.hold(f"stopped: {info['stop_reason']}")
+    bench.prepare()
+    window = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
+    window.folder = out
+    try:
+        bench.play(window, radians(angle), velocity)
+    finally:
+        window.close()
+
+
+show.__doc__ = cleandoc(show.__doc__ or "").replace("{keys}", f"\b\n{keys_in_words()}")
+
+
+def _window_size(text: str) -> tuple[int, int]:
+    """Return width and height of a window [px] from text such as "1600x900", or "700" for a square."""
+    from pendulum_env.physics.units import SceneError, shown
+    from pendulum_env.render.layout import MOST as LARGEST
+
+    found = re.fullmatch(r"\s*(\d{1,5})\s*(?:[xX]\s*(\d{1,5})\s*)?", text)
+    width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
+    if not SMALLEST <= min(width, height) <= max(width, height) <= LARGEST:
+        raise SceneError(f"--size must be {SMALLEST} to {LARGEST} pixels, as in 1600x900 or 700, not {shown(text)}.")
+    return width, height
+
+
+class Bench:
+    """Pendulums of one scene with different methods, which start together, take the same steps and meet the same gusts.
+
+    Raises SceneError or MethodError for invalid arguments.
+    """
+
+    def __init__(self, scene: Scene, integrators: Sequence[str], dt: float | None, theme: str, panels: Sequence[str],
+                 ) -> None:
+        from pendulum_env.engine.machine import find_method
+        from pendulum_env.engine.starts import none_twice
+        from pendulum_env.physics.units import SceneError
+
+        self.scene, self.theme, self.panels = scene, theme, panels
+        self.dt = scene.run.dt if dt is None else dt
+        if len(integrators) > MOST:
+            raise SceneError(f"A window shows 1 to {MOST} integrators, not {len(integrators)}.")
+        methods = none_twice([find_method(name, scene) for name in integrators])
+        self.envs = [self._env(method.name) for method in methods]
+        self.over = [False] * len(methods)
+        self._seed = random.randrange(2**32)
+
+    def _env(self, integrator: str) -> LabPendulumEnv:
+        """Return the environment of one pendulum with the present step."""
+        from pendulum_env.envs.env import LabPendulumEnv
+
+        return LabPendulumEnv(self.scene, integrator, dt=self.dt, task="free", render_mode="rgb_array",
+                              render_theme=self.theme, render_panels=self.panels)
+
+    def prepare(self) -> None:
+        """Compile the methods of the keys 1 to 5 and those of the pendulums, with a progress bar.
+
+        So no key makes the window wait for a compiler. Methods that do not fit the scene are left out.
+        """
+        from pendulum_env.engine.machine import fitting
+
+        running, fits = [env.integrator for env in self.envs], fitting(self.scene)
+        keys = [name for name in METHOD_KEYS.values() if name in fits and name not in running]
+        with bar("show") as progress:
+            for place, env in enumerate([*self.envs, *map(self._env, keys)]):
+                progress(place / len(running + keys), f"compiling {env.integrator}")
+                env.reset(seed=self._seed)
+
+    def shown(self) -> list[Shown]:
+        """Return the interfaces of the pendulums for a window."""
+        return [self._one(place) for place in range(len(self.envs))]
+
+    def _one(self, place: int) -> Shown:
+        """Return the interface of one pendulum, in the colour that figures give to its method.
+
+        A pendulum whose run has ended shows this until it starts again.
+        """
+        from integrators import METHODS
+        from pendulum_env.render import palette
+
+        env = self.envs[place]
+        own = env.shown()
+
+        def view() -> View:
+            tone = palette.colour(palette.place(env.integrator, list(METHODS))) if len(self.envs) > 1 else None
+            return replace(own.view(), accent=tone, stopped=self.over[place])
+
+        def start(angle: float, velocity: float) -> None:
+            own.start(angle, velocity)
+            self.over[place] = False
+
+        return replace(own, view=view, start=start)
+
+    def new_step(self, factor: float) -> list[Shown]:
+        """Return the interfaces of new pendulums with ``factor`` times the step; they have not started yet.
+
+        Raises SceneError for a step that is too short for a window, or too long.
+        """
+        from pendulum_env.physics.units import SceneError
+
+        step = self.dt * factor
+        if not SHORTEST <= step <= LONGEST:
+            raise SceneError(f"dt stays {self.dt:g} s: here it can be {SHORTEST:g} to {LONGEST:g} s.")
+        self.dt = step
+        self.envs = [self._env(env.integrator) for env in self.envs]
+        for env in self.envs:
+            env.reset(seed=self._seed)
+        return self.shown()
+
+    def play(self, window: Live, angle: float | None, velocity: float | None) -> None:
+        """Run a window until it is closed; when all runs have ended, they are reset to their start and paused.
+
+        The start is at an angle [rad] and a velocity [rad/s]; None stands for those of the scene's usual run.
+        """
+        import numpy as np
+
+        run = self.scene.run
+        window.restart(run.angle if angle is None else angle, run.velocity if velocity is None else velocity)
+        while window.open:
+            window.attend()
+            push = np.array([window.push], dtype=np.float32)
+            for place, env in enumerate(self.envs):
+                if not self.over[place]:
+                    over, info = env.step(push)[2::2]
+                    if over:
+                        self.over[place] = True
+                        why = f"{env.integrator} stopped at {info['time']:g} s: {info['stop_reason']}"
+                        say(f"{why}.")
+            window.present()
+            if all(self.over):
+                window.restart()
+                window.controls.hold(f"{why}; reset to the start")

@@ -31,6 +31,29 @@ class UnknownParameterError(SceneError, TypeError):
         self.given = given
 
 
+MEANT = {
+    "g": "the acceleration of gravity is gravity=9.81 [m/s^2].",
+    "m": "the mass of the bob is mass=0.04 [kg].",
+    "l": "the length of the pendulum is length=0.353 [m].",
+    "L": "the length of the pendulum is length=0.353 [m].",
+    "max_speed": "the speed that ends an episode is speed_limit=8.0 [rad/s]; the speed is never clipped.",
+    "reward": "the reward is chosen by task=, and gymnasium.wrappers.TransformReward changes it.",
+    "reward_fn": "the reward is chosen by task=, and gymnasium.wrappers.TransformReward changes it.",
+    "latency": "actions and observations have no delay; gymnasium.wrappers.DelayObservation delays observations.",
+    "delay": "actions and observations have no delay; gymnasium.wrappers.DelayObservation delays observations.",
+    "noise": "observations have no noise; gymnasium.wrappers.TransformObservation can add it.",
+    "noise_std": "observations have no noise; gymnasium.wrappers.TransformObservation can add it.",
+    "friction": "losses are chosen by damping=, as in damping='linear+coulomb'.",
+    "seed": "the seed is an argument of reset, reset(seed=0), and of rollout.",
+    "timestep": "the step is dt=0.01 [s].",
+    "time_step": "the step is dt=0.01 [s].",
+    "method": "the method is chosen by integrator=, as in integrator='rk4'.",
+    "solver": "the method is chosen by integrator=, as in integrator='rk4'.",
+    "theta0": "the angle at which a run starts is angle= [rad].",
+    "theta": "the angle at which a run starts is angle= [rad].",
+}
+"""Keywords that people use for other programs' pendulums -> what to use here."""
+
 LONGEST = 100
 """Largest number of characters of a name, and of a value in an error message."""
 
@@ -153,6 +176,9 @@ def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
     try:
         yield
     except UnknownParameterError as error:
+        if error.given in MEANT:
+            raise UnknownParameterError(
+                f"unexpected keyword argument {shown(error.given)}; {MEANT[error.given]}", error.given) from None
         near = difflib.get_close_matches(error.given, signature(function).parameters, n=1, cutoff=0.75)
         if not near:
             raise

@@ -186,6 +186,24 @@ def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["film.mp4"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
+def test_an_interrupt_within_exec_ends_with_the_exit_code(tmp_path: Path) -> None:
+    """Python itself ends with a signal then, though the interrupt was handled: dataclasses and namedtuples use exec."""
+    (tmp_path / "interrupted.py").write_text("""
+import sys
+from pendulum_env import cli
+def app(**_):
+    try:
+        exec("raise KeyboardInterrupt")
+    except KeyboardInterrupt:
+        sys.exit(130)
+cli.app = app
+cli.main()
+""")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}
+    assert subprocess.run([sys.executable, "-m", "interrupted"], env=environment, timeout=60).returncode == 130
+
+
 @pytest.mark.slow
 def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
     done = run("compare", "--scene", "kapitza", "--dt", "0.01", "--duration", "0.1", "--no-film", "--out", "results",

@@ -26,10 +26,11 @@ OPTIONS: Mapping[str, str] = {
     "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
     "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
     "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",
-    "damping": "word",
+    "damping": "word", "over": "none of these", "basins": "count", "transient": "count or none", "phase": "number",
+    "period": "positive", "period_error": "positive", "name": "short text",
 }
 """Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword."""
-AS_TEXT = {**KINDS, "names or none": ({"empty"}, set())}
+AS_TEXT = {**KINDS, "names or none": ({"empty"}, set()), "short text": (set(TEXTS) - {"long"}, set())}
 UNSPOILT = {"scheduler": "asks a network", "version": "takes nothing", "out": "an empty one is the folder one is in"}
 
 

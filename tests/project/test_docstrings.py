@@ -26,6 +26,7 @@ SPOKEN_FOR = ("pendulum_env.physics.exact",)
 """Modules that say once for all what units their functions take, and what they raise."""
 UNITLESS: Mapping[str, str] = {
     "pendulum_env.lab.Circle": "in the unit of its points, as it says",
+    "pendulum_env.testing.VectorCheck": "a level of checks is a name",
     **dict.fromkeys(("integrators.Method.settled_memory", "integrators.StepSizeError", "integrators.solve",
                      "integrators.solving.dense.Recorder.add"), "time and state are in units of the caller's"),
     "integrators.Nystrom": "c are the places of stages in a step, pure numbers of a table",

@@ -82,6 +82,32 @@ for vector in (same, apart):
 print("trained", model.num_timesteps)
 """
 
+STABLE_BASELINES_SETTINGS = f"""
+import importlib.util
+import numpy as np
+from stable_baselines3.common.env_util import make_vec_env
+
+spec = importlib.util.spec_from_file_location("example", {str(ROOT / "examples" / "11_train_swing_up.py")!r})
+example = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(example)
+# Stable-Baselines3's own set_attr stays at the outermost wrapper; set_wrapper_attr reaches the environment.
+mine, theirs = example.Pendulums(2, "swing_up"), make_vec_env("pendulum_env:LabPendulum-v0", 2)
+for vector, assign in ((mine, mine.set_attr), (theirs, lambda *given: theirs.env_method("set_wrapper_attr", *given))):
+    assert vector.get_attr("dt") == [0.02, 0.02]
+    for name, value in (("length", 1.0), ("dt", 0.01), ("omega0", 1.0), ("substeps", 10)):
+        try:
+            assign(name, value)
+        except AttributeError as error:
+            assert name + " cannot be assigned" in str(error)
+        else:
+            raise AssertionError(name)
+    assert vector.get_attr("dt") == [0.02, 0.02]
+    vector.seed(0)
+    vector.reset()
+    vector.step(np.zeros((2, 1), np.float32))
+print("refused")
+"""
+
 TORCHRL = """
 import gymnasium as gym
 import numpy as np
@@ -205,10 +231,48 @@ assert (nn.utils.parameters_to_vector(agent.parameters()) - start).norm() > 0.01
 print("trained", ENVS * STEPS * UPDATES)
 """
 
+MINARI = """
+import warnings
+import gymnasium as gym
+import minari
+import numpy as np
+from pendulum_env import SCENES
+
+warnings.simplefilter("error", UserWarning)
+warnings.filterwarnings("ignore", "`(code_permalink|author|author_email|eval_env|description)` is set to None")
+env = gym.make("LabPendulum-v0", scene=SCENES["lab"].replace(length=0.4), task="balance", dt=0.01, max_episode_steps=60)
+collector, random = minari.DataCollector(env, record_infos=True), np.random.default_rng(0)
+for seed in range(3):
+    collector.reset(seed=seed)
+    over = False
+    while not over:
+        *_, terminated, truncated, info = collector.step(random.uniform(-1.0, 1.0, 1).astype(np.float32))
+        over = terminated or truncated
+collector.create_dataset("pendulum/balance-v0", algorithm_name="random")
+
+data = minari.load_dataset("pendulum/balance-v0")
+again, reasons = data.recover_environment(), []
+assert again.unwrapped.scene == env.unwrapped.scene
+assert again.spec.max_episode_steps == 60
+for episode in data.iterate_episodes():
+    observation, info = again.reset(seed=int(episode.id))
+    assert np.array_equal(observation, episode.observations[0])
+    for i, action in enumerate(episode.actions):
+        observation, reward, terminated, truncated, info = again.step(action)
+        assert np.array_equal(observation, episode.observations[i + 1])
+        assert (reward, terminated, truncated) == (
+            episode.rewards[i], episode.terminations[i], episode.truncations[i])
+        assert info["energy"] == episode.infos["energy"][i + 1]
+    reasons.append(info["stop_reason"])
+assert terminated or truncated
+print("recovered", reasons)
+"""
+
 SCRIPTS = {
     "stable-baselines3 checks": (STABLE_BASELINES_CHECK, "combinations"),
     "stable-baselines3 trains": (STABLE_BASELINES_TRAIN, "trained 128"),
     "stable-baselines3 vectors": (STABLE_BASELINES_VECTOR, "trained 256"),
+    "stable-baselines3 sets no settings": (STABLE_BASELINES_SETTINGS, "refused"),
     "torchrl rolls out": (TORCHRL, "balance rolled"),
     "cleanrl's loop trains": (CLEANRL_STYLE, "trained 512"),
 }
@@ -229,6 +293,17 @@ def test_foreign_programs(foreign: Path, name: str, tmp_path: Path) -> None:
     print(done.stdout)
     assert done.returncode == 0, done.stderr
     assert said in done.stdout
+
+
+@pytest.mark.slow
+def test_minari_recovers_the_environment_of_a_data_set(
+        tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check that the environment that a data set describes repeats its observations, rewards and energies."""
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    python = environment(tmp_path_factory, "minari", "minari[create,hdf5]>=0.5.3")
+    done = subprocess.run([python, "-c", MINARI], capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "recovered ['', 'fell', 'fell']" in done.stdout  # one truncated, two terminated
 
 
 @pytest.mark.slow

@@ -41,8 +41,12 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.hard_cases": (*RUNS, "pendulum_env.plots"),
     "pendulum_env.plots": (*RUNS, "pendulum_env.render", "pendulum_env.lab", "pendulum_env.study",
                            "pendulum_env.hard_cases"),
+    "pendulum_env.testing": ("pendulum_env.common",),
+    "pendulum_env.exercise": (*BASE, "pendulum_env.lab", "pendulum_env.render", "pendulum_env.plots"),
+    "pendulum_env.notebook": (*BASE, *(f"pendulum_env.{room}" for room in (
+        "engine", "lab", "study", "hard_cases", "plots"))),
     "pendulum_env.cli": (*PICTURES, *(f"pendulum_env.{room}" for room in (
-        "controllers", "auto", "window", "lab", "envs", "study", "hard_cases", "plots"))),
+        "controllers", "auto", "window", "lab", "envs", "study", "hard_cases", "plots", "exercise"))),
 }
 """Room -> the rooms that its modules may import. Modules at the top of pendulum_env are nobody's to import."""
 
@@ -168,7 +172,10 @@ OTHERS_PRIVATE = {
 
 
 def private_uses(tree: ast.Module) -> set[str]:
-    """Underscore names that a file takes from elsewhere: imported, or of an object and not defined in the file."""
+    """Underscore names that a file takes from elsewhere: imported, or of an object and not defined in the file.
+
+    Names that end in an underscore, such as IPython's ``_repr_html_``, are those of a protocol, which anybody may call.
+    """
     own = {node.name for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
     own |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
             and isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")}
@@ -176,7 +183,7 @@ def private_uses(tree: ast.Module) -> set[str]:
     named = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "__future__"
              for alias in node.names}
     named |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and node.attr not in own}
-    return {name for name in named if name.startswith("_") and not name.startswith("__")}
+    return {name for name in named if name.startswith("_") and not name.startswith("__") and not name.endswith("_")}
 
 
 @pytest.mark.parametrize("module", modules())

@@ -16,9 +16,8 @@ from pendulum_env.cli import COMMANDS
 BLOCKS = [(name, mark, code) for name, page in READMES.items()
           for mark, code in re.findall(r"(?:<!-- ([\w ]+) -->\n)?```python\n(.*?)```", page, flags=re.S)]
 """Page, mark and code."""
-ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/lab", "pendulum_env/study", "pendulum_env/envs",
-         "pendulum_env/hard_cases",
-         "examples/benchmarks", "tests")
+ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/lab", "pendulum_env/exercise", "pendulum_env/study",
+         "pendulum_env/envs", "pendulum_env/hard_cases", "examples/benchmarks", "tests")
 """Folders that have a page of their own."""
 FILM = {"angle": math.radians(60.0), "velocity": 0.0, "dt": 0.01, "damping": "none", "suspension": "rod",
         "backend": "python"}
@@ -62,6 +61,8 @@ def test_powershell_is_given_the_commands_of_bash() -> None:
         words = [line.replace(".venv\\Scripts\\", ".venv/bin/").replace('"', "") for line in other.splitlines()]
         words[0] = re.sub("^py ", "python3 ", words[0])
         assert words == one.replace('"', "").split(" && ")
+    for other in re.findall(r"```sh\n(.*?)\n```", README, flags=re.S):
+        assert "&&" not in other or other in bash
 
 
 def anchors(page: str) -> set[str]:

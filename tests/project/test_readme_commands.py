@@ -25,12 +25,22 @@ PREPARED = "lab-pendulum fit swing.txt --length 0.65 --length-error 0.01 --mass 
 """Makes what the comparison with a recording takes, beside the recording itself."""
 SHORTER = {
     "lab-pendulum list integrators": "",
+    "lab-pendulum code --integrator rk4 --scene exercise_large": "",
+    "lab-pendulum code --scene lab --integrator dop853 --language javascript": "",
     "lab-pendulum effects --scene lab --amplitude 30 --tolerance 1e-3": "",
     'lab-pendulum stress --cases "near the top" --integrators rk4,velocity_verlet,gauss4': "",
     "lab-pendulum compare --stability -i rk4,velocity_verlet,gauss4": "",
     "lab-pendulum auto --scene lab --accuracy 1e-6": "",
     "lab-pendulum fit --mass 0.01 --radius 0.02": "--effects quadratic",
+    "lab-pendulum section --scene chaotic": "--points 1000 --transient 10 --steps 50",
+    "lab-pendulum section --over drive_torque=1.06:1.087:540 --angle -90":
+        "--over drive_torque=1.06:1.087:9 --points 180 --transient 10 --steps 50",
+    "lab-pendulum section --basins 300 --set gamma=0.2 --set drive_torque=2 --set drive_rate=1 --velocities=-2:4":
+        "--basins 9 --transient 5 --steps 50",
+    "lab-pendulum section --basins 300 --set gamma=0.2 --set drive_torque=1.66 --set drive_rate=1":
+        "--basins 9 --transient 5 --steps 50",
     PREPARED: "",
+    'lab-pendulum exercise --recording swing.txt --length 0.353 --mass 0.04 --radius 0.0107 --name "Ada Lovelace"': "",
     "lab-pendulum compare --scene scene.json --recording swing.txt": "--integrators rk4 --duration 1",
     "lab-pendulum cost --scene vacuum --angle 57.3 --integrators velocity_verlet,rk4,dop853,exact --growth 1e5":
         "--integrators velocity_verlet --growth 300 --duration 2",
@@ -44,7 +54,12 @@ SHORTER = {
 """Command -> what is added to it here; a later option wins."""
 ELSEWHERE = {
     ".venv/bin/lab-pendulum demo": "study/test_demo.py",
+    "lab-pendulum show --integrators forward_euler,symplectic_euler,rk4 --angle 45 --size 1600x900":
+        "window/test_show.py",
+    'pip install -e ".[docs]"': "project/test_api_pages.py",
+    "python -m pendulum_env.cli.api_pages out/api": "project/test_api_pages.py",
     "python tests/support/regenerate.py": "project/test_one_entry.py",
+    "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",
     "python tests/support/expectations.py": "hard_cases/test_expectations.py",
 }
 """Command -> the file of tests that runs it."""

@@ -133,5 +133,5 @@ def test_runs_of_the_object_have_its_order_and_its_name(method: integrators.Rung
 def test_a_sweep_refuses_the_object(method: integrators.RungeKutta) -> None:
     """Its points are JSON: the exception that the page names."""
     for refused in ({"grid": {"angle": [0.1]}, "integrator": method}, {"grid": {"integrator": [method, "rk4"]}}):
-        with pytest.raises(StudyError, match=r"only JSON's types .*, not RungeKutta"):
+        with pytest.raises(StudyError, match=r"only JSON's types .*, not <RungeKutta: quarters3"):
             sweep(**{"scene": "vacuum", "duration": 0.01, **refused})  # type: ignore[arg-type]

@@ -53,7 +53,8 @@ def drawn(source: random.Random) -> Drawn:
         return Drawn(scene, method, {
             "scene": name, "damping": damping, "integrator": method.name, **given, "task": source.choice(list(TASKS)),
             "dt": 10.0 ** source.uniform(-3.5, -0.5), "substeps": source.randint(1, 4),
-            "diagnostics": ("energy", *source.sample(DIAGNOSTICS[1:-1], source.randint(0, 2))),
+            "diagnostics": ("energy", *(name for name in source.sample(DIAGNOSTICS[1:-1], source.randint(0, 2))
+                                        if name not in scene.body.lacks)),
             "speed_limit": source.choice([None, math.inf, 5.0]),
         })
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pendulum_env import Run, Scene, VirtualSensor
-from pendulum_env.physics.body import Body
+from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.medium import Medium
 
@@ -58,7 +58,9 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "names": (set(), set()),
     "function": ({"class"}, set()),
     "progress": ({"class", "true", "none"}, set()),
+    "functions": ({"class", "list"}, set()),
     "none of these": (set(), set()),
+    "anything": (set(VALUES), set()),
 }
 """Kind of keyword -> values that it takes, which are not tried, and values that it may take or refuse.
 
@@ -76,7 +78,7 @@ def declared(entry: Field[Any]) -> str:
 
 DECLARED: Mapping[str, str] = {
     entry.name: declared(entry)
-    for kind in (*EFFECTS.values(), Body, Medium, Run, Scene, VirtualSensor)
+    for kind in (*EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, VirtualSensor)
     for entry in fields(kind) if "check" in entry.metadata
 }
 """The kind of each parameter that a scene, an effect or a sensor declares."""
@@ -86,22 +88,24 @@ KIND_OF: Mapping[str, str] = DECLARED | {
     for kind, names in {
         "mapping": "scene scenes options values parameters damping",
         "word": "integrator language method task render_mode render_theme theme backend autoreset_mode unit"
-                " separator decimal y_axis time_unit zero form",
+                " separator decimal y_axis time_unit zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
-        "least": "level tau friction_ratio",
+        "least": "level tau friction_ratio speed_penalty",
         "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size size",
         "number": "release at",
         "one and more": "periods",
         "wait": "hand",
         "flag": "compensated copy estimate_error warn complete resume anew as_latex dense velocity_free"
-                " one_way film recalibrate long",
+                " one_way film recalibrate long raises",
         "none of these": "points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
-                         " temperature series system times",
+                         " temperature series system times angles velocities over",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
-                    " mean_acceleration mean_jacobian taylor_coefficients",
+                    " mean_acceleration mean_jacobian taylor_coefficients make_vec make_single",
+        "functions": "events",
         "list": "diagnostics effects settings free", "names": "notes render_panels panels",
-        "limit": "speed_limit", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed", "share": "control",
+        "limit": "speed_limit velocity_bound", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed",
+        "share": "control",
         "line": "name",
         "file": "file path folder", "text": "source", "numbers": "q v time", "factor": "scale",
     }.items()
@@ -112,6 +116,9 @@ KIND_OF: Mapping[str, str] = DECLARED | {
 OWN: Mapping[str, str] = {
     "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
     "sweep.progress": "progress", "fit.progress": "progress", "rollout.file": "npy",
+    "compare.progress": "progress", "growth.progress": "progress", "audit.progress": "progress",
+    "simplify.progress": "progress", "film.progress": "progress", "section.progress": "progress",
+    "basins.progress": "progress", "Recording.plot.kind": "word",
     "rollout.angle": "numbers", "rollout.velocity": "numbers",
     "LabPendulumVectorEnv.render_tiles.count": "count", "LabPendulumVectorEnv.render_tiles.columns": "count",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
@@ -135,7 +142,12 @@ OWN: Mapping[str, str] = {
     "lab.small_amplitude_period.period": "positive", "lab.small_amplitude_period.amplitude": "positive numbers",
     "film.path": "npy",
     "choose.progress": "function", "integrators.solve.q": "states", "integrators.solve.v": "states",
+    "integrators.from_step.step": "none of these", "integrators.from_step.order": "count",
     "integrators.get.name": "none of these", "controllers.SwingUp.scene": "none of these",
+    "testing.check_vector_env.steps": "count", "LabPendulumEnv.set_wrapper_attr.value": "anything",
+    "LabPendulumEnv.set_wrapper_attr.force": "flag",
+    "section.points": "count", "section.runs": "count", "section.transient": "count or none", "section.phase": "number",
+    "basins.transient": "count or none",
     "Medium.name": "line", "Scene.has.name": "text",
 }
 """The same for keywords that take something else in one function."""

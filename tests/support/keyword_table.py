@@ -21,11 +21,12 @@ from pendulum_env import (
     controllers,
     lab,
     sweep,
+    testing,
 )
 from pendulum_env.auto.choice import choose
 from pendulum_env.hard_cases.run import stress
 from pendulum_env.physics import effects, exact
-from pendulum_env.physics.body import Body
+from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings, with_damping
 from pendulum_env.physics.medium import MEDIA, Medium
 from pendulum_env.physics.presets import find_scene
@@ -35,22 +36,24 @@ from pendulum_env.study.stability import stability
 
 ROOMS: Mapping[str, ModuleType] = {
     "": pendulum_env, "integrators.": integrators, "lab.": lab, "exact.": exact, "effects.": effects,
-    "compare.": compare, "controllers.": controllers,
+    "compare.": compare, "controllers.": controllers, "testing.": testing,
 }
 """What is public is in their ``__all__``; what labels begin with."""
 BESIDE: tuple[Callable[..., Any], ...] = (
-    Body, Medium, *MEDIA.values(), find_scene, build_scene, with_damping, parse_damping, parse_settings, choose,
-    stability, stress, demo,
+    *BODIES.values(), Medium, *MEDIA.values(), find_scene, build_scene, with_damping, parse_damping, parse_settings,
+    choose, stability, stress, demo,
 )
 """Documented functions of rooms without such a list."""
 UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
                      "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses",
                      "compare.Comparison", "compare.Drift",
-                     "compare.Truth", "integrators.Solution"), "a result, which the package makes"),
+                     "compare.Truth", "integrators.Solution", "testing.VectorCheck",
+                     "testing.VectorReport"), "a result, which the package makes"),
     **dict.fromkeys((f"integrators.{name}" for name in (
         "DiscreteGradient", "Embedded", "EmbeddedNystrom", "Exact", "Extension", "ForceGradient", "Method", "Multistep",
         "Nystrom", "RungeKutta", "Splitting", "Taylor")), "a table checks itself, in tests of its own"),
+    "integrators.Event": "solve and rollout check it; names of events are allowed in rollout only",
     "effects.Effect": "the base of all effects, which are here",
     "integrators.unroll": "writes programs for solve and the engine, from what these have checked",
     "compare.amplitude_and_phase": "takes what compare has made",
@@ -116,6 +119,7 @@ SELF: Mapping[str, Callable[[], Any]] = {
 """What methods are called on."""
 STARTED = {"angle": 0.1, "velocity": 0.2, "omega0": 3.0, "time": 1.0}
 WORKING: Mapping[str, Mapping[str, Any]] = {
+    "LabPendulumEnv.set_wrapper_attr": {"name": "mine", "value": 1.0},
     "Scene.save": {"path": "scene.json"},
     "audit": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "effects": ["gravity"]},
     "simplify": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "duration": 1.0},
@@ -124,8 +128,11 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "film": {"scenes": "vacuum", "path": "swing.gif", "duration": 0.05, "size": 50},
     "growth": {"scene": "vacuum", "integrators": ["rk4"], "periods": 1.0},
     "rollout": {"scene": "vacuum", "duration": 0.05},
+    "section": {"scene": "chaotic", "runs": 1, "points": 2, "transient": 0, "steps": 20, "backend": "python"},
+    "basins": {"scene": "chaotic", "size": 1, "transient": 0, "steps": 20, "backend": "python"},
     "sweep": {"grid": {"angle": [0.1]}, "scene": "vacuum", "duration": 0.01},
     "integrators.solve": {"acceleration": lambda t, q, v: -q, "q": 1.0, "v": 0.0, "times": [0.0, 1.0], "h": 0.1},
+    "integrators.from_step": {"step": lambda theta, omega, dt, a: (theta + omega * dt, omega + a(theta, omega) * dt)},
     "integrators.System": {"acceleration": lambda t, q, v: -q},
     "integrators.fitting": {"system": integrators.System(lambda t, q, v: -q)},
     "Recording": {"time": TIME, "angle": np.cos(TIME), "source": "swing"},
@@ -157,6 +164,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "with_damping": {"scene": SCENES["vacuum"], "damping": "none"},
     "demo": {"folder": "out"},
     "stress": {"cases": ["upright for a moment"], "integrators": ["rk4"]},
+    "testing.check_vector_env": {"make_vec": LabPendulumVectorEnv},
     "controllers.swing_up": {"env": LabPendulumEnv(backend="python")},
 }
 """Keywords with which a function is sooner done, or can be called at all."""

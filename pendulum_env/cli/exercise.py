@@ -1,0 +1,57 @@
+"""The command ``lab-pendulum exercise``, which writes the report of the lab exercise."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pendulum_env.cli.console import bar, print_files, print_text
+from pendulum_env.cli.options import Out, Reading, recording_of
+
+
+def exercise(
+    recording: Annotated[
+        Path | None, typer.Option(help="File of a sensor's recording of a free swing; by default a simulated one.")
+    ] = None,
+    period: Annotated[float | None, typer.Option(help="Period of small swings in s, measured by hand.")] = None,
+    period_error: Annotated[
+        float | None, typer.Option(help="Error of the period in s; by default half a unit of its last digit.")
+    ] = None,
+    length: Annotated[float | None, typer.Option(help="Distance from the pivot to the ball's centre, in m.")] = None,
+    length_error: Annotated[
+        float | None, typer.Option(help="Error of the length in m; by default half a unit of its last digit.")
+    ] = None,
+    mass: Annotated[float | None, typer.Option(help="Mass of the ball in kg.")] = None,
+    radius: Annotated[float | None, typer.Option(help="Radius of the ball in m.")] = None,
+    name: Annotated[str, typer.Option(help="The student's name, printed on every page.")] = "",
+    key: Annotated[bool, typer.Option("--key", help="Fill the blanks with the answers, for the teacher.")] = False,
+    out: Out = Path("out/exercise"),
+    read: Reading = None,
+) -> None:
+    """Answer the lab exercise: one HTML report to print and hand in, its figures as PNG and SVG, its numbers as CSV.
+
+    The angular frequency comes from --recording, else from --period, else from --length and g. The damping and the
+    comparison need a recording; without --recording they use a simulated one, and every page that shows it says so.
+    Each question has a blank for the student's own words; --key fills it in for the teacher.
+    """
+    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.exercise.given import Given
+    from pendulum_env.exercise.report import named, need_jinja, write
+    from pendulum_env.exercise.worked import work_out
+
+    need_jinja()
+    named(name)
+    data = recording_of(recording, read) if recording is not None or read else None
+    given = Given.of(recording=data, period=period, period_error=period_error, length=length,
+                     length_error=length_error, mass=mass, radius=radius)
+    output_folder(out)
+    with bar("exercise") as progress:
+        worked = work_out(given, lambda done, text: progress(0.3 * done, text))
+        paths = write(worked, out, name=name, key=key, progress=lambda done, text: progress(0.3 + 0.7 * done, text))
+    if given.simulated:
+        print_text("Without --recording, the damping and the comparison use the simulated recording of the package.")
+    print_text(f"Omega = {given.omega.value}, from the {given.omega.how}. Open {paths[0]} in a browser, and print it "
+               "from there.")
+    print_files(paths)

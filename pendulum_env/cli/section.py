@@ -1,0 +1,121 @@
+"""The command ``lab-pendulum section``: Poincaré sections, bifurcation diagrams and basins of driven scenes."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
+from pendulum_env.cli.options import Angle, Damping, Out, SceneName, Settings, Svg, Velocity, radians, scene_of
+
+if TYPE_CHECKING:
+    from pendulum_env.study.section import Basins, Section
+
+
+def section(
+    scene: SceneName = "chaotic",
+    integrator: Annotated[str, typer.Option(help="Name of the method.")] = "rk4",
+    damping: Damping = "scene",
+    event: Annotated[
+        str | None, typer.Option(help="Where points are recorded: period (the default), bottom, top or turning.")
+    ] = None,
+    phase: Annotated[float | None, typer.Option(help="Phase of the drive in degrees, for period, 0 by default")] = None,
+    over: Annotated[
+        str | None, typer.Option(help="A bifurcation diagram over a parameter, as in drive_torque=1.06:1.087:600.")
+    ] = None,
+    basins: Annotated[
+        int | None, typer.Option(help="Basins of attraction of this many starts along each side, as in 300.")
+    ] = None,
+    velocities: Annotated[
+        str | None, typer.Option(help="Lowest and highest starting velocity of --basins, as in -2:4; -3:3 by default.")
+    ] = None,
+    points: Annotated[int | None, typer.Option(help="Number of points, over all runs; 100000 by default.")] = None,
+    transient: Annotated[
+        int | None, typer.Option(help="Periods of the drive before the first point of a run: 100, with --over 500.")
+    ] = None,
+    steps: Annotated[int, typer.Option(help="Steps per period of the drive.")] = 200,
+    angle: Angle = None,
+    velocity: Velocity = None,
+    svg: Svg = False,
+    out: Out = Path("out/section"),
+    settings: Settings = None,
+) -> None:
+    """Draw a Poincaré section of a driven scene, a bifurcation diagram (--over), or basins of attraction (--basins).
+
+    The section is that of many runs from angles spread over a turn; with --over one run for each value starts from
+    --angle and --velocity. Writes a figure and a CSV table.
+    """
+    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.physics.units import SceneError
+    from pendulum_env.study import section as room
+
+    place = scene_of(scene, damping, settings)
+    shared = given(integrator=integrator, steps=steps, transient=transient)
+    of_points = given(event=event, phase=None if phase is None else math.radians(phase), points=points,
+                      over=None if over is None else _values(over), angle=radians(angle), velocity=velocity)
+    of_starts = given(velocities=None if velocities is None else _pair(velocities))
+    if basins is not None and of_points:
+        raise SceneError(f"--{next(iter(of_points))} and --basins cannot be combined; leave one of them out.")
+    if basins is None and of_starts:
+        raise SceneError("--velocities is for --basins; give the number of starts along each side, as in --basins 300.")
+    output_folder(out)
+    result: Section | Basins
+    with bar("section") as progress:
+        if basins is not None:
+            result = room.basins(place, size=basins, progress=progress, **shared, **of_starts)
+        else:
+            result = room.section(place, progress=progress, **shared, **of_points)
+    print_text(f"{place.name}: {place.equation()}")
+    if isinstance(result, room.Basins):
+        print_table(result.table, "attractors, at phase 0 of the drive")
+    else:
+        print(f"{len(result.angle)} points")
+        if result.stopped:
+            say(f"Warning: {result.stopped} runs ended early and have fewer points.")
+        if result.over and result.event == "period":
+            print_table(result.table, "periods of the drive after which the motion repeats")
+    print_files(room.write(result, out, svg))
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """Return the options that were given, those that are not None."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _values(text: str) -> dict[str, Any]:
+    """Return the parameter and its values from a text of the form name=first:last:count.
+
+    Raises SceneError for a text of another form.
+    """
+    import numpy as np
+
+    from pendulum_env.physics.units import SceneError, shown, whole_number
+
+    name, equals, span = text.partition("=")
+    numbers = _numbers(span)
+    if not equals or not name.strip() or len(numbers) != 3:
+        raise SceneError(f"--over needs name=first:last:count, as in drive_torque=1.06:1.087:600, not {shown(text)}.")
+    count = whole_number(int(numbers[2]) if numbers[2].is_integer() else None, "The count of --over", 1_000_000)
+    return {name.strip(): np.linspace(numbers[0], numbers[1], count)}
+
+
+def _pair(text: str) -> tuple[float, float]:
+    """Return two numbers from a text of the form low:high; SceneError for a text of another form."""
+    from pendulum_env.physics.units import SceneError, shown
+
+    numbers = _numbers(text)
+    if len(numbers) != 2:
+        raise SceneError(f"--velocities needs lowest:highest, as in -2:4, not {shown(text)}.")
+    return numbers[0], numbers[1]
+
+
+def _numbers(text: str) -> list[float]:
+    """Return finite numbers separated by colons; an empty list for any other text."""
+    try:
+        numbers = [float(part) for part in text.split(":")]
+    except ValueError:
+        return []
+    return numbers if all(math.isfinite(value) for value in numbers) else []
