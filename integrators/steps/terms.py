@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import ClassVar
 
 Number = Callable[[Fraction], str]
 
@@ -51,7 +52,7 @@ def times_step(total: Terms) -> Terms:
     if not total:
         return ()
     single = len(total) == len(total[0].factors) == total[0].weight == 1
-    return term(1, "h", total[0].factors[0] if single else total)
+    return (Product(Fraction(1), ("h", total[0].factors[0] if single else total)),)
 
 
 def increment(weights: Sequence[Fraction], slopes: Sequence[str]) -> Terms:
@@ -158,6 +159,7 @@ class Notation:
         return StepLines(self)
 
 
+@dataclass
 class StepLines:
     """Source lines of one step function, in the order in which they run; a family of methods appends them.
 
@@ -170,11 +172,9 @@ class StepLines:
         carried: names of further values that a step takes and returns, such as the rounding errors of q and v.
     """
 
-    carried: tuple[str, ...] = ()
-
-    def __init__(self, notation: Notation) -> None:
-        self.notation = notation
-        self.lines: list[str] = []
+    notation: Notation
+    lines: list[str] = field(default_factory=list)
+    carried: ClassVar[tuple[str, ...]] = ()
 
     def line(self, text: str) -> None:
         """Append a line to a step's source; the line must not change the angle q or the velocity v."""
@@ -191,9 +191,8 @@ class StepLines:
         """
         self.line(f"{name or y} = {self.sum(y, change)}")
 
-    def end(self, y: str, change: Terms) -> str:
-        """Return the source text of the angle or velocity at the step's end: ``y + change``, y being q or v."""
-        return self.sum(y, change)
+    end = sum
+    """As :meth:`sum`, for the angle or velocity at the step's end."""
 
     def flow(self, function: str, arguments: str, increments: Sequence[str] = (), change: Terms = ()) -> None:
         """Append the call of a problem's function such as ``kick``, which returns the new velocity and increments.

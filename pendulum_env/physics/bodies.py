@@ -36,6 +36,7 @@ class Rod(RigidBody):
     """
 
     shape: ClassVar[str] = "rod"
+    sizes: ClassVar[tuple[str, ...]] = ("length", "mass")
     lacks: ClassVar[Mapping[str, str]] = {
         **WHOLE, "sphere": "the formula is that of a single ball; use wire_drag, which is that of a rod",
     }
@@ -75,11 +76,6 @@ class Rod(RigidBody):
     def radius(self) -> float:
         """Return the radius of the rod [m]."""
         return 0.5 * self.width
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        """Return length and mass by name."""
-        return {"length": self.length, "mass": self.mass}
 
     @property
     def section(self) -> float:

@@ -31,11 +31,13 @@ class RigidBody(Checked):
         shape: the body's name in scene files, such as "rod".
         lacks: properties of a body that some effects need and that this one does not have, each with the reason, as
             the end of a sentence; :attr:`pendulum_env.physics.effects.Effect.needs` names them.
+        sizes: the measures whose unit is easily mistaken, for :func:`pendulum_env.physics.units.other_units`.
         fitted: the measure that a fit to a free swing determines by default, because the period depends on it.
     """
 
     shape: ClassVar[str]
     lacks: ClassVar[Mapping[str, str]] = {}
+    sizes: ClassVar[tuple[str, ...]] = ("mass",)
     fitted: ClassVar[str] = "length"
 
     @property
@@ -104,11 +106,6 @@ class RigidBody(Checked):
         raise NotImplementedError
 
     @property
-    def sizes(self) -> dict[str, float]:
-        """Return the measures whose unit is easily mistaken, by name, for :func:`units.other_units`."""
-        return {"mass": self.mass}
-
-    @property
     def outline(self) -> tuple[Piece, ...]:
         """Return the parts of the body as they are drawn; none for a bob on a wire or rod, which frames know."""
         return ()
@@ -160,6 +157,7 @@ class Body(RigidBody):
     """
 
     shape: ClassVar[str] = "ball"
+    sizes: ClassVar[tuple[str, ...]] = ("length", "mass", "radius")
 
     length: float = si(1.0, "m", "pivot to the bob's centre", above=0.0)
     mass: float = si(1.0, "kg", "mass of the bob", above=0.0)
@@ -205,11 +203,6 @@ class Body(RigidBody):
     def diameter_known(self) -> bool:
         """Return True if the thickness is given and not the default."""
         return self.thickness is not None
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        """Return length, mass and radius by name."""
-        return {"length": self.length, "mass": self.mass, "radius": self.radius}
 
     @property
     def suspension_mass(self) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, get_args
 
 from pendulum_env.common.many import isfinite, sqrt
@@ -229,16 +230,13 @@ class Scene(Checked, Displayed):
         """Return True if all torques in the scene repeat when the angle grows by a whole turn."""
         return all(effect.periodic for effect in self.effects)
 
-    @property
-    def coefficients(self) -> dict[str, float]:
-        """Return all coefficients that the effects' functions take, by name, per moment of inertia.
+    @cached_property
+    def coefficients(self) -> Mapping[str, float]:
+        """Return all coefficients that the effects' functions take, by name, per moment of inertia; they cannot be
+        changed.
 
         Raises SceneError if two effects have a coefficient of one name, or if a coefficient cannot be derived.
         """
-        return dict(self._coefficients)
-
-    @cached_property
-    def _coefficients(self) -> dict[str, float]:
         coefficients: dict[str, float] = {}
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():
@@ -246,7 +244,7 @@ class Scene(Checked, Displayed):
                     raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}; "
                                      "rename one of them.")
                 coefficients[name] = value
-        return coefficients
+        return MappingProxyType(coefficients)
 
     def of_kind(self, kind: str) -> tuple[Effect, ...]:
         """Return the effects of one kind; SceneError, with the nearest kind, for an unknown kind of :class:`Effect`."""

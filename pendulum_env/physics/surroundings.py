@@ -5,7 +5,7 @@ They replace an import of the scene's module, which would be circular because th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from pendulum_env.physics.body import RigidBody
@@ -50,7 +50,7 @@ class Surroundings(Protocol):
     def reynolds(self) -> float: ...
 
     @property
-    def coefficients(self) -> dict[str, float]: ...
+    def coefficients(self) -> Mapping[str, float]: ...
 
     def of_kind(self, kind: str) -> tuple[Any, ...]:
         """Return the scene's effects of one kind, such as "dissipative"."""

@@ -77,7 +77,7 @@ def fit(
     with naming_keywords(fit):
         place = apparatus(scene, parameters)
     body = place.body
-    for sentence in other_units(**body.sizes, gravity=place.gravity):
+    for sentence in other_units(**{name: getattr(body, name) for name in body.sizes}, gravity=place.gravity):
         warn(sentence)
     if not place.of_kind("conservative") or not place.omega0 > 0.0:
         raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")

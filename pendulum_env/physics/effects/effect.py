@@ -18,10 +18,8 @@ coefficients of others. They cost nothing at run time.
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable
-from functools import lru_cache
 from typing import ClassVar, Literal
 
 from pendulum_env.physics.surroundings import Surroundings
@@ -37,12 +35,6 @@ WEIGHT = "weight"
 
 Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
 Function = Callable[..., float]
-
-
-@lru_cache(maxsize=256)
-def _takes_control(function: Callable[..., object]) -> bool:
-    """Return True if a function of an effect has an argument ``control``, the action of an agent or controller."""
-    return "control" in inspect.signature(function).parameters
 
 
 class Effect(Checked):
@@ -124,7 +116,8 @@ class Effect(Checked):
     @property
     def controlled(self) -> bool:
         """Return True if the effect depends on the control, the action of an agent or controller, as a motor does."""
-        return any(_takes_control(function) for function in (type(self).torque, type(self).advance) if function)
+        codes = (function.__code__ for function in (type(self).torque, type(self).advance) if function)
+        return any("control" in code.co_varnames[:code.co_argcount] for code in codes)
 
     @property
     def needs(self) -> str:
