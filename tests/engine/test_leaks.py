@@ -26,7 +26,7 @@ from pendulum_env.render import write_film
 pytestmark = pytest.mark.slow
 
 FULL = os.environ.get("LAB_PENDULUM_LEAKS") == "full"
-RESETS, FRAMES = (1_000_000, 100_000) if FULL else (20_000, 2_000)
+RESETS, FRAMES = (1_000_000, 100_000) if FULL else (8_000, 1_500)
 MEGABYTE = 2**20
 CACHES = 2**12
 """Memory that may stay allocated once, such as the last step's results [bytes]."""
@@ -177,7 +177,7 @@ def test_lives(monkeypatch: pytest.MonkeyPatch) -> None:
             env.render()
         env.close()
 
-    grows(once, FRAMES // 100, "lives", most=4.0, kept=CACHES + OF_A_WINDOW * max(20, FRAMES // 1000) // 3)
+    grows(once, FRAMES // 100, "lives", most=4.0, kept=2 * CACHES + OF_A_WINDOW * max(20, FRAMES // 1000) // 3)
 
 
 def test_films_and_files(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from pendulum_env.physics.effects import CoulombFriction, Gravity
 from pendulum_env.physics.flow import quality_factor
 from pendulum_env.truth.pieces import extrapolated, path, problem_of
 
+pytestmark = pytest.mark.usefixtures("all_interpreted")
 QUARTER = float(mpmath.ellipk(mpmath.sin(mpmath.mpf("0.5")) ** 2))
 """Quarter of a period from 1 rad, in units of 1/omega0."""
 CASES = sorted({(chosen([scene for scene in SCENES if (scene, method) in FITS], method), method)
