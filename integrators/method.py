@@ -213,10 +213,11 @@ class Method:
         raise MethodError(f"Methods of the class {type(self).__name__} do not define write_step, the source of a step.")
 
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
-        """Return the names of the problem's functions that the step's source calls.
+        """Return the names of the problem's functions that the generated source of a step calls.
 
-        By default these are the acceleration, the rates of quadratures, and the functions for ``needs``. The tuple may
-        contain names that the source does not call. See :mod:`integrators.steps.unroll`.
+        For most methods these are the acceleration, the rates of quadratures, and one function for each property in the
+        method's ``needs``, such as "jacobian". The tuple may contain names that the source does not call. See
+        :mod:`integrators.steps.unroll`.
 
         Args:
             quadratures: True if quadratures (integrals such as work) are computed along with the motion.

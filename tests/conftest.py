@@ -57,6 +57,7 @@ def pytest_collection() -> Iterator[None]:
         gc.collect()
         gc.freeze()
         gc.enable()
+        gc.set_threshold(100_000, 20, 20)  # compiling makes many objects, and little garbage
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -151,9 +151,9 @@ class Started(Multistep):
         return self.past * (self.starter.evaluations + 1)
 
     def functions(self, system: System, like: Any) -> Mapping[str, Callable[..., Any]]:
-        """Return the function ``solve_stages`` by name, if the one-step starter is implicit and q is an array.
+        """Return ``{"solve_stages": function}`` if the first steps are those of an implicit method and q is an array.
 
-        Otherwise the mapping is empty, since the source of the method contains all functions.
+        Otherwise the mapping is empty, because the method's generated source contains all functions.
         """
         together = self.implicit and self.starter.coupled and isinstance(like, np.ndarray)
         return {"solve_stages": stages_solver(self.starter.a, system)} if together else {}

@@ -122,7 +122,7 @@ class OwnStep(Method):
         return definition(f"step(t, q, v, h{notation.more})", self.title, lines)
 
     def _quadratures(self, notation: Notation) -> list[str]:
-        """Return the lines that integrate work and heat from the states at both ends of the step."""
+        """Return the source lines that integrate work and heat over a step, from the states at both of its ends."""
         names, number, more = notation.quadratures, notation.number, notation.more
         if not names:
             return []

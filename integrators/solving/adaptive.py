@@ -86,7 +86,8 @@ def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
     """
     if not has_estimates(method):
         pairs = ", ".join(name for name, other in METHODS.items() if has_estimates(other))
-        raise MethodError(f"{method.name} does not estimate its error, so rtol cannot choose its steps; {pairs} do.")
+        raise MethodError(f"{method.name} does not estimate its error, so rtol cannot choose its steps; methods that "
+                          f"do are {pairs}.")
     atol = rtol if atol is None else atol
     for name, value in (("rtol", rtol), ("atol", atol)):
         if not (is_real(value) and value > 0):

@@ -298,7 +298,7 @@ def _likeness(function: StepFunction, usage: Usage, name: str, order: int) -> st
 
 
 def _orders(function: StepFunction, usage: Usage, observed: float) -> str:
-    """Return words on the observed order of a step, also with damping and drive where it is lower there."""
+    """Return a sentence on the observed order of a step, and on that with damping or drive if it is lower."""
     words = [f"observed order {observed:.2f}"]
     for case, advice in ((DAMPED, "pass each stage's velocity to acceleration"),
                          (DRIVEN, "pass each stage's time after the start as third argument of acceleration")):

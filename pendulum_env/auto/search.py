@@ -106,11 +106,12 @@ class Candidate:
 
 @dataclass
 class Search:
-    """The search for the cheapest method with an error of at most ``goal`` [rad] in all probe episodes.
+    """The search for the cheapest method with an error of at most ``goal`` [rad] in all probe episodes, which
+    are short runs made for this search.
 
-    Most methods run only the five episodes (HARD) in which the first method had the largest errors; the cheapest
-    accurate method then runs all. ``least`` is the smallest error above ``goal`` that was measured in the hardest
-    episode.
+    The first method that is tried runs all of them. Others run only the five (HARD) in which it had the largest errors;
+    the cheapest accurate method then runs all. If no method is accurate enough, ``least`` is the smallest error that
+    was measured in the hardest episode [rad].
     """
 
     cases: list[ProbeEpisode]

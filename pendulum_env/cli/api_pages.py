@@ -155,10 +155,12 @@ def short_types(text: str) -> str:
     """Return a text with the types of arrays written as NDArray[...] and ArrayLike, as in the source code."""
     from numpy.typing import ArrayLike
 
-    inner = UNION.sub(r"\1", inspect.formatannotation(ArrayLike))
-    named = re.sub(rf"\b(?:typing\.)?Union\[{re.escape(inner)}(, NoneType)?\]",
-                   lambda match: "ArrayLike | None" if match[1] else "ArrayLike", text)
-    return ARRAY.sub(lambda match: f"NDArray[{match[1] or match[2]}]", named.replace(inner, "ArrayLike"))
+    for written in (inspect.formatannotation(ArrayLike), repr(ArrayLike)):  # by itself, and within another type
+        inner = UNION.sub(r"\1", written)
+        named = re.sub(rf"\b(?:typing\.)?Union\[{re.escape(inner)}(, NoneType)?\]",
+                       lambda match: "ArrayLike | None" if match[1] else "ArrayLike", text)
+        text = named.replace(inner, "ArrayLike")
+    return ARRAY.sub(lambda match: f"NDArray[{match[1] or match[2]}]", text)
 
 
 def short_signature(signature: inspect.Signature) -> inspect.Signature:

@@ -286,11 +286,11 @@ class CertifiedBatch(Batch):
     def _by_itself(
         self, batch: Batch, place: int, action: NDArray[np.floating[Any]], steps: int, blocks: Array | None = None
     ) -> tuple[float, float, float]:
-        """Return step count, angle and velocity of one environment that stopped early, had it not stopped.
+        """Return step count, angle and velocity that one environment would have if it had not stopped early.
 
-        The interpreter computes them from the start of the control step, over ``steps`` steps of full length. ``batch``
-        is this batch or that at half the step, ``blocks`` a copy of its blocks at the start of the control step, by
-        default its present ones.
+        The control step is repeated for this environment alone, by Python's interpreter, over ``steps`` steps of full
+        length. ``batch`` is this batch, or the one that takes two half steps for each; ``blocks`` is a copy of its
+        states at the start of the control step, by default its present states.
         """
         if self._alone is None:
             self._alone = Machine(self._scene, self.method, self.diagnostics, "python", compensated=self.compensated)

@@ -83,8 +83,8 @@ def resolve(backend: Backend, called_back: Collection[Any] = ()) -> Literal["com
         raise EngineError(f"There is no backend {shown(backend)}{nearest(backend, BACKENDS)}")
     if called_back and backend == "compiled":
         raise EngineError(
-            "This integrator calls a function whose course depends on its numbers, as if, while and % make it, so that "
-            "it cannot be compiled; use backend='python' or 'auto'."
+            "This integrator calls a function that branches on its values, with if, while or %, so that it cannot be "
+            "compiled; use backend='python' or 'auto'."
         )
     wanted = "python" if called_back else os.environ.get(VARIABLE, backend) if backend == "auto" else backend
     if wanted not in BACKENDS:

@@ -166,7 +166,7 @@ def trace(
 
 
 class Curves:
-    """The curves of a run's steps, added one after the other.
+    """The motion within each step of a run, as curves (polynomials of time) that are added step by step.
 
     Args:
         machine: simulates the run.

@@ -62,8 +62,8 @@ def plain_program(scene: Scene, method: Method) -> str:
     if not is_plain(method):
         some = ", ".join(name for name in list(METHODS)[:12] if is_plain(METHODS[name]))
         raise MethodError(
-            f"{method.name} has no plain loop, which is for explicit one-step methods whose steps call only forces, "
-            f"such as {some}; use language='engine' (--language engine) for the program that the engine runs."
+            f"{method.name} has no plain loop, a short program to read; only explicit one-step methods that call only "
+            f"forces have one, such as {some}; use language='engine' (--language engine) for the program that runs."
         )
     _check_scene(scene)
     functions = _Functions(scene)
@@ -286,9 +286,9 @@ class _Functions:
         """Append the source of ``drag(omega, dt)``, the exact solution for the drags alone."""
         if self.windy and any(map(slipping, self.drags)):
             raise SceneError(
-                f"The scene '{self.scene.name}' has drag in moving air: there the plain loop is for methods that take "
-                "drag as a force, such as rk4 and symplectic_euler; use language='engine' (--language engine) for "
-                "others."
+                f"The scene '{self.scene.name}' has drag in moving air, where only methods that take drag as a force, "
+                "such as rk4 and symplectic_euler, have a plain loop to read; for others use language='engine' "
+                "(--language engine)."
             )
         tracer = TorqueTracer(periodic=False, trace=Record())
         h: Any = tracer.trace.leaf("dt")
@@ -324,7 +324,7 @@ class _Functions:
     def _define(
         self, name: str, label: str, tracer: TorqueTracer, value: Traced, comment: str, h: Traced | None = None
     ) -> None:
-        """Append the source of a function that returns a recorded value, with the arguments that it needs."""
+        """Append to the program the source of a function that computes a value by the operations of a tracer."""
         leaves = {"t": tracer.get("time"), "theta": tracer.get("tilt"), "omega": tracer.get("velocity")}
         names = {leaf.place: text for text, leaf in leaves.items()}
         names |= {} if h is None else {h.place: "dt"}

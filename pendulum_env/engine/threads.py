@@ -1,4 +1,4 @@
-"""Division of work over several threads, which run functions without Python's interpreter lock on ranges of blocks."""
+"""Division of work over several threads; each runs a function on some blocks of pendulums, without Python's lock."""
 
 from __future__ import annotations
 

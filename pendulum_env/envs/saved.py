@@ -127,7 +127,7 @@ def _check_ranges(values: Sequence[float], machine: Machine) -> None:
             _within(values[first + ANGLE], "angle", math.pi, " rad")
             turns = _within(values[first + TURNS], "turns", MOST_TURNS)
             if turns % 0.5:
-                raise SceneError(f"turns in a state to restore must be whole or half ones, not {turns!r}.")
+                raise SceneError(f"The number of turns in a state to restore must be a multiple of 1/2, not {turns!r}.")
         for place in (ANGLE, VELOCITY):
             _within(values[first + place], names[place], float(LARGEST))
         for place in range(machine.phi):

@@ -79,7 +79,7 @@ class SmallAngles:
 
     @property
     def growth(self) -> float:
-        """Growth of forward Euler's energy in one step, the mean over the run [1]."""
+        """Relative growth of forward Euler's energy in one step, the mean over the run, without a unit."""
         return math.expm1(math.log(self.forward.ratio) / (len(self.forward.time) - 1))
 
 

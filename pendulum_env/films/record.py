@@ -37,7 +37,7 @@ MOST_PANELS = 16
 
 
 class Filmed(NamedTuple):
-    """The path of a film, and the runs in it that stopped early; a notebook shows a player.
+    """The path of a film, and the runs in it that stopped early. A notebook displays it as a player.
 
     Attributes:
         path: path of the film.
@@ -250,7 +250,7 @@ def _captions(machines: Sequence[Machine]) -> list[str]:
                 for machine in machines]
     for i, caption in enumerate(captions):
         if caption in captions[:i]:
-            raise SceneError(f"{caption} is listed twice; a film can show each scene and method once.")
+            raise SceneError(f"{caption} is listed twice; a film can show a method in a scene only once.")
     return captions
 
 

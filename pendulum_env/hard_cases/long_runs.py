@@ -227,7 +227,7 @@ class Rotation:
         return count * self.each * (rounding(method) + kick * (order + lost))
 
     def attempt(self, method: Method) -> Finding:
-        """Judge a method's fast rotation by the turns it counts and by its angle.
+        """Judge a method's fast rotation by the number of turns and by the final angle.
 
         The angle is measured from the nearer of bottom and top.
         """

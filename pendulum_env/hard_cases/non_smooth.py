@@ -239,10 +239,11 @@ def rising(method: Method) -> Finding:
 
 def _against(scene: Scene, force: Force, limit: float, start: float, h: float, steps: int, every: int, rate: float,
              cap: int = 100) -> Try:
-    """Return a function that judges a method against :mod:`piecewise` integration of a hand-written force.
+    """Return a function that judges a method under dry friction by an independent integration.
 
-    ``limit`` is the limit of dry friction, ``start`` the initial angle [rad], ``rate`` the angular frequency of the
-    motion [rad/s], and ``cap`` the highest order that kinks allow.
+    That one integrates the hand-written ``force`` from one stop or turn to the next, see :mod:`piecewise`. States are
+    compared after every ``every`` steps. ``limit`` is the limit of dry friction, ``start`` the initial angle
+    [rad], ``rate`` the angular frequency of the motion [rad/s], and ``cap`` the highest order that kinks allow.
     """
 
     @lru_cache(maxsize=1)

@@ -185,7 +185,7 @@ def audit(one: Any) -> Iterator[str]:
 
 
 def simplification(one: Any) -> Iterator[str]:
-    """Yield the parts of a Simplification's card."""
+    """Yield the parts of what a notebook shows for a Simplification, the result of ``simplify``."""
     yield f"{one.audit.scene.name} without its negligible effects"
     yield html.words(one.text)
 

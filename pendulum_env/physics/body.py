@@ -67,7 +67,7 @@ class RigidBody(Checked):
 
     @property
     def end_mass(self) -> float:
-        """Return the mass that would pull at the pivot as the swinging body does if it were at the reach [kg]."""
+        """Return the mass of a point at the distance ``reach`` that pulls as the swinging body at the pivot [kg]."""
         return self.moment / self.reach
 
     @property

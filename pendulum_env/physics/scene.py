@@ -203,11 +203,12 @@ class Scene(Checked, Displayed):
     def restoring(self) -> float:
         """Return the restoring torque per angle near the bottom, ``g weight_moment`` plus that of springs [N m/rad].
 
-        The weight counts in a scene without any conservative effect, too, but not beside a spring alone.
+        The weight counts in a scene without any conservative effect, too, but not beside a spring alone, and not of a
+        centre of mass above the pivot, which gravity would turn down.
         """
         if self.springs > 0.0 and not any(effect.exclusive == GRAVITY for effect in self.effects):
             return self.springs
-        return self.gravity * self.weight_moment + self.springs
+        return self.gravity * max(0.0, self.weight_moment) + self.springs
 
     @cached_property
     def omega0(self) -> float:

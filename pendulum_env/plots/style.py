@@ -139,7 +139,7 @@ class ShownFigure(Figure):
         return f'<img alt="figure" style="max-width: 100%; background: white" src="{source}">'
 
     def _written(self, form: str) -> bytes:
-        """Return the figure as a file of the form "svg" or "png"."""
+        """Return the figure as the content of a file in the format "svg" or "png"."""
         file = io.BytesIO()
         with styled():
             self.savefig(file, format=form, metadata={"Date": None} if form == "svg" else None)

@@ -118,7 +118,7 @@ class Sheet:
         return column * self.panel[0], row * self.panel[1]
 
     def place(self, x: float, y: float) -> int:
-        """Return the index of the pendulum whose panel is at (x, y) [px], 0 where there is none."""
+        """Return the index, from 0, of the pendulum whose panel is at (x, y) [px]; 0 beside all panels, too."""
         width, height = self.panel
         place = int(y // height) * self.columns + int(x // width)
         return place if 0 <= x // width < self.columns and 0 <= place < self.count else 0

@@ -190,7 +190,7 @@ def check_reset_mask(env: Vector, run: Run) -> None:
                 raise FaultError(f"{call.name}, infos[{key!r}]: wanted True at most in {call.given.tolist()}, "
                                  f"got {mask.tolist()}")
     if not resets:
-        raise SkippedError(f"no environment was reset in {len(steps_of(run))} steps")
+        raise SkippedError(f"this cannot be checked, because no environment was reset in {len(steps_of(run))} steps")
     if kept == resets:
         raise FaultError("reset_mask: wanted first observations of new episodes, got those of the step before")
 

@@ -140,7 +140,7 @@ def need_ends(run: Run) -> None:
 def difference(found: Any, wanted: Any, where: str, mask: Mask | None = None) -> str:
     """Return the first difference between two values as text, "" if there is none.
 
-    Entries of dicts are compared in the environments that the mask beside them (``_key``) marks.
+    In a dict, ``"key"`` is compared only in those environments for which its mask ``"_key"`` is True.
     """
     if isinstance(wanted, dict) and isinstance(found, dict):
         if found.keys() != wanted.keys():

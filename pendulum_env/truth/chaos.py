@@ -69,7 +69,7 @@ D(t) is the derivative of the state of ``MOTION`` at time t by the state at the 
 
 
 def _orbit(angle: float, velocity: float, error: float) -> Truth:
-    """Return a state on a periodic orbit as a reference solution; the state recurs after a period up to ``error``."""
+    """Return a state on a periodic orbit as a reference; after one period it recurs to within ``error``."""
     return Truth(np.zeros(1), np.array([angle]), np.array([velocity]), error, "DOP853 brings it back")
 
 

@@ -469,7 +469,10 @@ class SecondOrderOracle(MultistepOracle):
 
 @table.register(GeneralizedAlpha)
 class GeneralizedAlphaOracle(MultistepOracle):
-    """Step oracle of generalized-alpha methods: ``(1 - alpha_m) a1 + alpha_m a = f(Q, W)`` (Chung & Hulbert 1993).
+    """Independent calculation of a generalized-alpha step: ``(1 - alpha_m) a1 + alpha_m a = f(Q, W)``.
+
+    a and a1 are the method's accelerations before and after the step; Q and W are the weighted means of the angles and
+    of the velocities at its ends (Chung & Hulbert 1993).
 
     The first acceleration a is that of the force at the start.
     """

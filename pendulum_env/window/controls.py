@@ -24,9 +24,9 @@ LONGEST = 12
 
 @dataclass(frozen=True)
 class Start:
-    """Request of a person at the window: restart from an angle [rad] and a velocity [rad/s].
+    """Request of the person at the window to restart from an angle [rad] and a velocity [rad/s].
 
-    Without an angle the restart is from where the last run started.
+    Without an angle, the run restarts from where the last one started.
     """
 
     angle: float | None = None

@@ -162,7 +162,7 @@ def test_a_branch_of_one_s_own_and_moving_air_are_refused() -> None:
     wrapped = from_step("omega += acceleration(theta, omega)*dt\ntheta += omega*dt\nif theta > 3: theta -= 2*math.pi")
     with pytest.raises(MethodError, match="own_step has no plain loop"):
         code("vacuum", wrapped)
-    with pytest.raises(SceneError, match="drag in moving air: there the plain loop is for methods that take drag as"):
+    with pytest.raises(SceneError, match="drag in moving air, where only methods that take drag as a force"):
         code("driven", "velocity_verlet")
     with pytest.raises(SceneError, match="its coulomb_friction has dry friction"):
         code("sticky_bearing", "rk4")

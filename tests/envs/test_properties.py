@@ -62,7 +62,7 @@ def check_run(
     if found.stop_reason != "diverged":
         speed = np.maximum.accumulate(np.abs(found.velocity))
         change = np.maximum.accumulate(np.abs(np.diff(found.velocity, prepend=found.velocity[0])) / dt)
-        energies = scene.gravity * scene.weight_moment + sum(
+        energies = scene.gravity * abs(scene.weight_moment) + sum(
             np.maximum.accumulate(np.abs(every[name])) for name in ("energy", "work", "heat"))
         most = most_residual(scene, method, steps, dt, own_rate(scene), scene.inertia, speed, change, energies)
         assert np.all(np.abs(found.energy_residual) <= most)

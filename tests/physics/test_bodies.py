@@ -424,3 +424,13 @@ def test_every_need_of_an_effect_is_one_that_bodies_name() -> None:
     lacks = {name for body in BODIES.values() for name in body.lacks}
     assert needs == lacks - {"flow"}
     assert WEIGHT in needs
+
+
+def test_a_centre_above_the_pivot_hangs_nowhere_and_without_gravity_turns_freely() -> None:
+    above = Rod(length=1.0, overhang=0.8)
+    with pytest.raises(SceneError, match="above the pivot"):
+        Scene(body=above, effects=(Gravity(),))
+    free = Scene(body=above, effects=())
+    assert (free.restoring, free.omega0) == (0.0, 0.0)
+    run = rollout(free, angle=0.3, velocity=2.0, dt=0.01, duration=1.0, backend="python")
+    assert run.angle[-1] == pytest.approx(2.3, rel=1e-12)

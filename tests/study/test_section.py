@@ -155,7 +155,8 @@ def test_basins_of_a_motion_with_one_attractor_are_one() -> None:
      "There are no points: 0 of 1 runs ended early, and no other run has such a passage"),
     ({"points": 0}, "points must be a whole number from 1"),
     ({"scene": SCENES["chaotic"].replace(effects=[*SCENES["chaotic"].effects, {"effect": "coulomb_friction",
-      "friction_torque": 0.1}]), "event": "bottom"}, "Sections at passages need smooth torques"),
+      "friction_torque": 0.1}]), "event": "bottom"},
+     "A section where the pendulum passes an angle needs smooth torques"),
 ])
 def test_bad_input_is_refused_in_a_sentence(options: dict[str, Any], said: str) -> None:
     with pytest.raises((SceneError, ValueError), match=said):

@@ -8,6 +8,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from pendulum_env import Run, Scene, SceneError
+from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.medium import air
@@ -38,9 +39,12 @@ def some(kind: type) -> st.SearchStrategy[Any]:
 
 @st.composite
 def scenes(draw: Any) -> Scene:
-    """A scene of those effects that do not contradict what was there before."""
-    scene = Scene(draw(st.text("abc def", min_size=1, max_size=9)), draw(some(Body)) or Body(), air(),
-                  run=draw(some(Run)) or Run())
+    """A scene of any body, and of those effects that do not contradict what was there before."""
+    name, run = draw(st.text("abc def", min_size=1, max_size=9)), draw(some(Run)) or Run()
+    try:
+        scene = Scene(name, draw(st.sampled_from([*BODIES.values()]).flatmap(some)) or Body(), air(), run=run)
+    except SceneError:
+        scene = Scene(name, Body(), air(), run=run)
     for kind in draw(st.permutations(list(EFFECTS.values())))[: draw(st.integers(0, 6))]:
         try:
             scene = scene.with_effects((*scene.effects, draw(some(kind)) or kind()))

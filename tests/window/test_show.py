@@ -16,6 +16,7 @@ from fake_clock import Clock
 from readme_code import READMES
 
 from pendulum_env import SCENES, LabPendulumEnv, rollout
+from pendulum_env.engine import kernels
 from pendulum_env.engine.machine import Machine
 from pendulum_env.envs import switch
 from pendulum_env.render.notes import Sheet
@@ -144,10 +145,12 @@ def test_the_methods_of_the_keys_are_ready_before_the_window_opens(
 
 @pytest.mark.slow
 def test_a_key_never_waits_for_the_compiler(
-    clock: Clock, run_here: Here, monkeypatch: pytest.MonkeyPatch
+    clock: Clock, run_here: Here, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Check with numba: a method of a key is compiled when its key is pressed, any other one is interpreted."""
     monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
+    kernels.forget()  # no other test has compiled any
     monkeypatch.setattr(sys.modules["pendulum_env.cli.show"], "METHOD_KEYS", {"5": "rk4"})
     taken: list[tuple[str, bool, bool]] = []
 

@@ -46,8 +46,8 @@ def _sin_cos(x: decimal.Decimal) -> tuple[decimal.Decimal, decimal.Decimal]:
 def _orbit(angle: float, velocity: float, omega0: float) -> _Orbit:
     """Return the orbit of the undamped pendulum through a given angle and velocity.
 
-    With s, c = sin, cos of theta/2 and u = theta'/(2 omega0), k² = s² + u². 1 - k² = c² - u² cancels near
-    the separatrix, so these few numbers are computed in 80 digits and rounded once. The time from the
+    With s, c = sin, cos of theta/2 and u = theta'/(2 omega0), k² = s² + u². Near the separatrix
+    1 - k² = c² - u² loses its digits, so s, c, u and k are computed in 80 digits and rounded once. The time from the
     bottom is (s/k) R_F(u²/k², c², 1) / omega0 in libration and rotation alike (Carlson 1995).
     """
     from scipy.special import elliprf

@@ -204,9 +204,9 @@ def compare(
         duration: length of the run [s]; by default the scene's usual run, or the recording's length.
         rtol, atol: tolerances, see :func:`pendulum_env.rollout`; all methods must be adaptive. Steps end at all
             multiples of dt, where the states are recorded.
-        recording: recording of a real swing, which is cut to the free swing and centred. Time zero is its release if
-            the scene was fitted to it (the scene's usual run is as long as the free swing, to a thousandth of a
-            reading), else the first turning point with readings on both sides.
+        recording: recording of a real swing, which is cut to the free swing and centred. Time zero is the first turning
+            point with readings on both sides, or the release if the scene was fitted to this recording: then the
+            scene's ``run.duration`` is the duration of the free swing.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
             function is called with the fraction done and the present activity.
 

@@ -299,8 +299,9 @@ def _checked_event(kind: str, scene: Scene) -> str:
     event_function(one_of(kind, "event", EVENTS), scene)
     rough = [effect.name for effect in scene.effects if effect.dry or effect.draws]
     if kind != "period" and rough:
-        raise SceneError(f"Sections at passages need smooth torques, but the scene '{scene.name}' has "
-                         f"{', '.join(rough)}; use event='period', or rollout(events='{kind}') for single runs.")
+        raise SceneError(f"A section where the pendulum passes an angle needs smooth torques, but the scene "
+                         f"'{scene.name}' has {', '.join(rough)}; use event='period', or rollout(events='{kind}') for "
+                         "single runs.")
     return kind
 
 
