@@ -10,6 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from choice import EVERYWHERE, turn_of
 from in_node import Case, cases_of, differing, in_node, in_python, needs_node
 
 import integrators
@@ -44,11 +45,14 @@ def test_every_scene_has_the_same_bits_in_node(tmp_path: Path) -> None:
 def test_every_method_has_the_same_bits_in_node(scene: str, tmp_path: Path) -> None:
     """Every method that fits the scene, 100 steps, fixed and adaptive; compensated in two scenes.
 
+    In scenes other than these two it is some of each family, and about every fourth of the others.
     ``python tests/support/in_node.py`` runs all of them for 1000 steps.
     """
     cases = [case for case in cases_of(scene) if case.steps != "compensated" or scene in COMPENSATED]
     assert {case.method for case in cases} == set(fitting(SCENES[scene]))
-    assert differing(cases, 100, tmp_path) == []
+    tried = [case for case in cases if scene in COMPENSATED or case.method in EVERYWHERE
+             or turn_of(f"{scene} {case.method}", 4) == 0]
+    assert differing(tried, 100, tmp_path) == []
 
 
 @needs_node

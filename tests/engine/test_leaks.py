@@ -26,7 +26,7 @@ from pendulum_env.render import write_film
 pytestmark = pytest.mark.slow
 
 FULL = os.environ.get("LAB_PENDULUM_LEAKS") == "full"
-RESETS, FRAMES = (1_000_000, 100_000) if FULL else (8_000, 1_500)
+RESETS, FRAMES = (1_000_000, 100_000) if FULL else (8_000, 2_000)
 MEGABYTE = 2**20
 CACHES = 2**12
 """Memory that may stay allocated once, such as the last step's results [bytes]."""
