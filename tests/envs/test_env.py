@@ -429,7 +429,7 @@ def test_a_state_of_wrong_entries_is_refused(entry: Any) -> None:
 
 
 @pytest.mark.parametrize(("place", "value", "words"), [
-    (0, 0.5, "index .* whole"), (0, -1.0, "index .* whole"), (1, 4.0, "angle .* within"), (2, 0.25, "turns .* half"),
+    (0, 0.5, "index .* whole"), (0, -1.0, "index .* whole"), (1, 4.0, "angle .* within"), (2, 0.25, "turns .* 1/2"),
     (2, 1e300, "turns .* within"), (3, 1e151, "velocity .* within"), (3, -1e151, "velocity .* within")])
 def test_numbers_that_no_run_reaches_are_refused(place: int, value: float, words: str) -> None:
     env = make(scene="lab")
