@@ -25,7 +25,19 @@ from pendulum_env.physics.effects.effect import GRAVITY, WEIGHT, Kind
 from pendulum_env.physics.equation import equation_text, latex
 from pendulum_env.physics.flow import reynolds_number
 from pendulum_env.physics.medium import VACUUM, Medium
-from pendulum_env.physics.units import Checked, SceneError, file_path, first_line, line, one_of, shown, si, total, truth
+from pendulum_env.physics.units import (
+    Checked,
+    SceneError,
+    file_path,
+    first_line,
+    line,
+    one_of,
+    other_units,
+    shown,
+    si,
+    total,
+    truth,
+)
 
 
 @dataclass(frozen=True)
@@ -93,7 +105,13 @@ class Scene(Checked, Displayed):
             if groups.count(group) > 1:
                 raise SceneError(f"A scene can hold only one effect of the kind '{group}', not {groups.count(group)}; "
                                  "leave out the others.")
-        self._check_numbers()
+        try:
+            self._check_numbers()
+        except SceneError as error:
+            sizes = {name: getattr(self.body, name) for name in self.body.sizes}
+            if mistaken := " ".join(other_units(**sizes, gravity=self.gravity)):
+                raise type(error)(f"{error} Perhaps a unit is mistaken: {mistaken}") from None
+            raise
 
     def _check_numbers(self) -> None:
         """Raise SceneError if body and effects contradict each other or the scene, or if a number is out of range."""

@@ -9,10 +9,11 @@ import gymnasium
 import numpy as np
 import pytest
 
-from pendulum_env import SCENES, fit, rollout
+from pendulum_env import SCENES, SceneError, fit, rollout
 from pendulum_env.cli.options import radians
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics import exact
+from pendulum_env.physics.effects import Buoyancy, Gravity
 
 
 @pytest.mark.parametrize("angle", [5, 10.0, 7.5, -4.5, [5.0, 10.0], 13.7])
@@ -79,6 +80,18 @@ def test_unusual_sizes_without_a_better_unit(numbers: dict[str, float]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         rollout("exercise", duration=0.001, dt=1e-4, backend="python", **numbers)
+
+
+@pytest.mark.parametrize(("numbers", "said"), [
+    ({"mass": 40.0, "radius": 10.7}, r"C_d cannot be derived.* Perhaps a unit is mistaken: mass is in kg, .* 40 g "
+                                     r"would be mass=0.04\. radius is in m, .* 10.7 mm would be radius=0.0107\."),
+    ({"radius": 20.0}, r"would float in air.* Perhaps a unit is mistaken: radius is in m, .* would be radius=0.02\."),
+    ({"radius": 0.29}, r"would float in air, where it displaces [\d.]+ kg; a pendulum has to hang\.$"),
+])
+def test_a_refused_scene_names_the_unit_that_was_perhaps_meant(numbers: dict[str, float], said: str) -> None:
+    scene = "lab" if "mass" in numbers else SCENES["lab"].with_effects((Gravity(), Buoyancy()))
+    with pytest.raises(SceneError, match=said):
+        rollout(scene, backend="python", **numbers)
 
 
 def test_a_fit_names_grams_and_centimetres() -> None:
