@@ -164,7 +164,7 @@ def test_events_do_not_change_the_solution() -> None:
 
 
 @pytest.mark.parametrize(("events", "said"), [
-    (lambda t, q, v: math.nan, r"Event <lambda> must return one finite real number, not nan as at t = 0"),
+    (lambda t, q, v: math.nan, r"Event <lambda> must return one finite real number, not nan, its value at t = 0"),
     (lambda t, q, v: np.array([q, v]), "must return one finite real number"),
     (lambda t, q, v: None, "must return one finite real number, not None"),
     ("bottom", "events must be functions g"),
