@@ -160,8 +160,8 @@ class Watch:
             value = event.function(curve.t + place * curve.h, *curve.at(place))
             value = value.item() if getattr(value, "shape", None) == () else value
             if not is_real(value):
-                raise MethodError(f"Event {event.name} must return one finite real number, not {shown(value)}, its value "
-                                  f"at t = {curve.t + place * curve.h}.")
+                raise MethodError(f"Event {event.name} must return one finite real number, not {shown(value)}, its "
+                                  f"value at t = {curve.t + place * curve.h}.")
             return value
 
         samples = [(one * k / PARTS, g(one * k / PARTS)) for k in range(1, PARTS + 1)]
