@@ -106,9 +106,9 @@ def spectral_radii(method: str | Method, omega0_h: ArrayLike, gamma_h: ArrayLike
     """Return the factor by which the damped motion grows in one step, for arrays of ``omega0 h`` and ``gamma h``.
 
     It is :func:`integrators.analysis.linear.spectral_radius` on arrays. For Runge-Kutta methods it is ``|R(h lambda)|``
-    with the stability function R and ``lambda**2 + gamma lambda + omega0**2 = 0``; for others the largest eigenvalue of
-    the matrix of one step. A splitting advances the drag exactly. The exact factor is ``exp(-gamma h/2)`` for
-    ``gamma < 2 omega0``.
+    with the stability function R and ``lambda**2 + gamma lambda + omega0**2 = 0``; for others the
+    largest size of an eigenvalue of the matrix of one step. A splitting advances the drag exactly. The exact factor is
+    ``exp(-gamma h/2)`` for ``gamma < 2 omega0``.
 
     Args:
         method: name or Method.

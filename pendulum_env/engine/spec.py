@@ -425,8 +425,7 @@ def strange_numbers(spec: RunSpec) -> Iterator[str]:
     scene = spec.scene
     if spec.start is not None:
         yield from far_away(spec.start[0])
-    body = scene.body
-    yield from other_units(**{name: getattr(body, name) for name in body.sizes}, gravity=scene.gravity)
+    yield from other_units(scene.body, scene.gravity)
     if spec.control and not any(effect.controlled for effect in scene.effects):
         yield (f"The scene '{scene.name}' has no motor, so that control={spec.control:g} does nothing; leave it "
                "out, or add a motor, as in the scene 'lab'.")

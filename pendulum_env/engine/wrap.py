@@ -31,7 +31,9 @@ def without_half_turns_kept(angle: float, lost: float, halves: float) -> tuple[f
 def left_out(angle: Any, tilt: Any, lost: Any, turns: Any) -> Any:
     """Return what rounding has left out of ``angle``: ``tilt + lost + 2 pi turns - angle`` [rad].
 
-    ``tilt`` is the angle within a turn, and ``lost`` the remainder that a compensated sum keeps beside it."""
+    ``tilt`` is the angle from the nearer of bottom and top, and ``lost`` the remainder that a compensated sum keeps
+    beside it.
+    """
     rest = tilt - (angle - turns * 6.283185303211212)
     return ((rest + turns * 3.9683743166540886e-09) + turns * 2.068073192717642e-18) + lost
 

@@ -108,8 +108,7 @@ class Scene(Checked, Displayed):
         try:
             self._check_numbers()
         except SceneError as error:
-            sizes = {name: getattr(self.body, name) for name in self.body.sizes}
-            if mistaken := " ".join(other_units(**sizes, gravity=self.gravity)):
+            if mistaken := " ".join(other_units(self.body, self.gravity)):
                 raise type(error)(f"{error} Perhaps a unit is mistaken: {mistaken}") from None
             raise
 

@@ -44,13 +44,13 @@ BENCH: Mapping[str, tuple[str, float, tuple[float, float], Mapping[str, float]]]
 """Sizes of a pendulum on a bench: SI unit, a value that is unusual from there on, the usual range, other units."""
 
 
-def other_units(**sizes: float) -> Iterator[str]:
+def other_units(body: Any, gravity: float) -> Iterator[str]:
     """Yield a sentence for each size that is unusual for a bench, but usual if it was meant in another unit.
 
-    The keywords are names of :data:`BENCH`, their values are in SI units. A length of 35.3 m is unusual, and 35.3 cm
-    is not.
+    The sizes are those that ``body.sizes`` names, and gravity [m/s²]. A length of 35.3 m is unusual, 35.3 cm is not.
     """
-    for name, value in sizes.items():
+    for name in (*body.sizes, "gravity"):
+        value = gravity if name == "gravity" else getattr(body, name)
         unit, unusual, (least, most), others = BENCH[name]
         for other, factor in others.items():
             if value >= unusual and least <= value * factor <= most:

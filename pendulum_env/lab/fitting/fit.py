@@ -76,8 +76,7 @@ def fit(
         raise RecordingError(f"recording must be a Recording, for example from Recording.read, got {shown(recording)}")
     with naming_keywords(fit):
         place = apparatus(scene, parameters)
-    body = place.body
-    for sentence in other_units(**{name: getattr(body, name) for name in body.sizes}, gravity=place.gravity):
+    for sentence in other_units(place.body, place.gravity):
         warn(sentence)
     if not place.of_kind("conservative") or not place.omega0 > 0.0:
         raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")
