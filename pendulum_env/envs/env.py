@@ -9,13 +9,14 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy import empty
 from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.each import frequency
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.shape import DIVERGED, LOST, SPEED_LIMIT, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
@@ -39,7 +40,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import line, naming_keywords, number, truth, whole_number
 from pendulum_env.render import View
 from pendulum_env.tasks import TASKS, Task
-from pendulum_env.tasks.action import torque_share
+from pendulum_env.tasks.action import SINGLE, torque_share
 from pendulum_env.window import Shown, window_of
 
 
@@ -218,8 +219,9 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._h = self._spec.h
         self._state: Any = None
         self._share, self._explained = 0.0, False
-        self._slackened, self._slack = self._machine.kept.get("slackened", 0), False
+        self._slackened = self._machine.kept.get("slackened", 0)  # its index in a state; 0 when no warning is due
         self._turning = self._spec.turning_speed()
+        self._in_flow = "flow" in names
         self._reel = Reel(setup.look, self.dt, "energy" in names)
         self._camera = (Camera(self._machine, self._h, self.substeps, setup.render_size, setup.look)
                         if setup.render_mode else None)
@@ -273,14 +275,14 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             self.window.attend()
         self._share = share
         observation, code, values = self._run(self._substeps)
-        if self._slackened and not self._slack and values[self._slackened]:
-            self._slack = True
-            self._spec.tell_of_slack(values[self._slackened])
-        if abs(values[VELOCITY]) > self._turning:
+        phi, velocity = values[self._machine.phi], values[VELOCITY]
+        if self._slackened and (steps := values[self._slackened]):
+            self._slackened = 0
+            self._spec.tell_of_slack(steps)
+        if abs(velocity) > self._turning:
             self._turning = math.inf
-            self._spec.tell_of_turns(abs(values[VELOCITY]))
-        phi = values[self._machine.phi]
-        reward = self._task.reward(phi, values[VELOCITY] / self._omega0, share)
+            self._spec.tell_of_turns(abs(velocity))
+        reward = self._task.reward(phi, velocity / self._omega0, share)
         if not code and self._task.lost(phi):
             code = LOST
         info = self._info(values)
@@ -299,7 +301,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         """Return Gymnasium's info dict for the numbers of a simulation's state."""
         info: dict[str, Any] = self._machine.info(values)
         info["stop_reason"] = ""
-        if "quality_factor" in info:
+        if self._in_flow:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
         return info
 
@@ -313,7 +315,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Take integration steps; return the observation, the code of the stop reason, and the numbers in the state."""
         machine, state = self._machine, self._state
-        seen = UNSEEN.copy()
+        seen = empty(3, SINGLE)
         run = machine.direct if steps <= FEW else machine.run
         code = run(state, machine.parameters, self._share, self._h, 1, steps, self._speed_limit, NOWHERE, seen)
         if self._bounded:
@@ -423,7 +425,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         values = [float(value) for value in self._state]
         self._state = carried(self._machine, values, machine, self._share, self._h)
         self._machine, self._integrator = machine, machine.method.name
-        self._slackened = machine.kept.get("slackened", 0)
+        self._slackened = self._slackened and machine.kept.get("slackened", 0)
         self._turning = other.turning_speed()
         self._camera = Camera(machine, self._h, self.substeps, self._camera.size, self._camera.look)
 

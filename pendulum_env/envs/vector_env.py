@@ -145,6 +145,9 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         self._over, self._everyone = NOBODY, np.ones(self.num_envs, dtype=np.bool_)
         self._running = np.full(self.num_envs, "", dtype=object)
         self._running.flags.writeable = False
+        shown = np.ones(self.num_envs, dtype=np.bool_)
+        shown.flags.writeable = False
+        self._marks: Infos = {**dict.fromkeys((*self._masks, "_stop_reason"), shown), "stop_reason": self._running}
         self._told: Infos | None = None
         self._begun = self._explained = False
         self._steps, self._turning = 0, spec.turning_speed()
@@ -284,6 +287,12 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         """
         return {**super().__getstate__(), "_told": None}
 
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Set the attributes of a copied or unpickled environment; shared arrays are read-only again."""
+        super().__setstate__(state)
+        for name in ("stop_reason", "_stop_reason"):
+            self._marks[name].flags.writeable = False
+
     # --- parts --------------------------------------------------------------------------------------------------
 
     def _cut(self, results: Results) -> None:
@@ -292,12 +301,19 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         np.clip(velocity, -bound, bound, out=velocity)
 
     def _infos_of_all(self, results: Results) -> Infos:
-        """Return the infos of a step in a new dict. With ``copy=False`` the arrays in it are reused by the next step.
+        """Return the infos of a step in a new dict.
+
+        The masks, which are True everywhere, are the same read-only array in every step. With ``copy=False`` the arrays
+        of numbers, too, are reused by the next step.
         """
-        if self._reused is None or "quality_factor" in self._names:
+        if "quality_factor" in self._names:
             return self._infos(results.info, self._everyone.copy())
         if self._told is None:
-            self._told = self._infos(results.info, self._everyone.copy())
+            infos = self._marks.copy()
+            infos.update(zip(self._names, results.info))  # noqa: B905  strict=True takes as long as three rows
+            if self._reused is None:
+                return infos
+            self._told = infos
         return self._told.copy()
 
     def _infos(self, rows: Array, shown: NDArray[np.bool_]) -> Infos:

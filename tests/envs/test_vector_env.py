@@ -310,8 +310,10 @@ def test_each_step_has_an_info_of_its_own(copied: bool) -> None:
     assert first["stop_reason"].tolist() == ["speed_limit", ""]
     first["episode"] = "mine"
     if copied:
-        first["_angle"][:] = False
         first["angle"][:] = 7.0
+    for name in ("_angle", "_stop_reason"):
+        with pytest.raises(ValueError, match="read-only"):
+            first[name][:] = False
     second = env.step(np.ones((2, 1), np.float32))[4]
     assert "episode" not in second
     assert second["stop_reason"].tolist() == ["", ""]
@@ -331,8 +333,11 @@ def test_a_copy_tells_of_itself_where_arrays_are_reused() -> None:
     twin, restored = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
     env.step(-push)
     wanted = fresh.step(push)
-    same(twin.step(push), wanted)
-    same(restored.step(push), wanted)
+    for each in (twin, restored):
+        told = each.step(push)
+        same(told, wanted)
+        with pytest.raises(ValueError, match="read-only"):
+            told[4]["_angle"][:] = False
 
 
 def test_seeds() -> None:
