@@ -42,6 +42,8 @@ class OwnStep(Method):
         takes_velocity: True if the step passes a velocity to ``acceleration``.
         preserves_area, reversible: True if the step was observed to be symplectic, and to be symmetric.
         recordable: False if the function does something else with recording numbers than with floats.
+        equals: name of the method of this package that gives the same steps, "" for none.
+        observed_order: slope of log error against log step, measured on a pendulum.
         digest: short text that differs between different steps.
     """
 
@@ -51,6 +53,8 @@ class OwnStep(Method):
     preserves_area: bool = False
     reversible: bool = False
     recordable: bool = True
+    equals: str = ""
+    observed_order: float = 0.0
     digest: str = field(init=False, compare=False)
 
     family: ClassVar[str] = "own step"

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -46,8 +48,8 @@ def from_step(step: StepFunction | str, order: int | None = None) -> OwnStep:
     The method's ``summary`` says which known method the step equals, and its observed order.
 
     Args:
-        step: function ``step(theta, omega, dt, acceleration)`` that returns the new ``(theta, omega)``, or the lines of
-            such a function as text, which change ``theta`` and ``omega``. It calls ``acceleration(theta, omega)`` for
+        step: function ``step(theta, omega, dt, acceleration)`` that returns the new ``(theta, omega)``; or its
+            definition as text; or only its lines as text, which change ``theta`` and ``omega``. It calls ``acceleration(theta, omega)`` for
             the angular acceleration [rad/s²] at the start of the step, and ``acceleration(theta, omega, dt/2)`` for
             that at the time dt/2 later. ``acceleration(theta)`` is for scenes without damping. Angles are in radians.
         order: the order that the step should have; None: the observed order.
@@ -69,13 +71,15 @@ def from_step(step: StepFunction | str, order: int | None = None) -> OwnStep:
     reached = round(observed)
     if order is not None and order > reached:
         raise MethodError(f"{name}: the step has the observed order {observed:.2f}, not {shown(order)}; it "
-                          f"{_likeness(function, usage, name, reached)}.")
-    summary = f"{_likeness(function, usage, name, reached)}; {_orders(function, usage, observed)}"
+                          f"{_likeness(function, usage, name, reached)[1]}.")
+    known, likeness = _likeness(function, usage, name, reached)
+    summary = f"{likeness}; {_orders(function, usage, observed)}"
     own = name if name not in METHODS and name not in ALIASES else f"own_{name}"
     area, back = _structure(function)
     method = OwnStep(
         name=own, order=reached if order is None else order, source="your own step", summary=summary, function=function,
-        forces=usage.calls, takes_velocity=usage.velocity, preserves_area=area, reversible=back,
+        forces=usage.calls, takes_velocity=usage.velocity, preserves_area=area, reversible=back, equals=known,
+        observed_order=observed,
     )
     # A step that asks for the type of its numbers may do something else with recording numbers.
     system = BOTH.system if usage.velocity else DRIVEN.system
@@ -88,14 +92,7 @@ def from_step(step: StepFunction | str, order: int | None = None) -> OwnStep:
 def _function_of(step: Any) -> tuple[StepFunction, str]:
     """Return a step function and its name, from a function or from the text of its lines; MethodError for others."""
     if isinstance(step, str):
-        body = inspect.cleandoc(step).strip("\n").split("\n")
-        text = "\n    ".join([f"def own_step({ARGUMENTS}):", *body, "return theta, omega\n"])
-        names: dict[str, Any] = {"np": np, "math": math}
-        try:
-            exec(compile(text, "<your step>", "exec"), names)
-        except SyntaxError as error:
-            raise MethodError(f"The lines of the step are not Python: {error}.") from None
-        return names["own_step"], "own_step"
+        return _function_of(_written(step))
     if not callable(step):
         raise MethodError(f"step must be a function step({ARGUMENTS}) or the text of its lines, not {shown(step)}.")
     name = getattr(step, "__name__", "own_step")
@@ -111,6 +108,25 @@ def _function_of(step: Any) -> tuple[StepFunction, str]:
     except ValueError:  # a function without a signature, written in C
         pass
     return step, name
+
+
+def _written(text: str) -> Any:
+    """Return the step function of a text: the function ``step`` that it defines, or one whose lines it is."""
+    if re.search(r"^ *def ", text, flags=re.M):
+        name, text = "step", textwrap.dedent(text)
+    else:
+        body = inspect.cleandoc(text).strip("\n").split("\n")
+        name, text = "own_step", "\n    ".join([f"def own_step({ARGUMENTS}):", *body, "return theta, omega\n"])
+    names: dict[str, Any] = {"np": np, "math": math}
+    try:
+        exec(compile(text, "<your step>", "exec"), names)
+    except SyntaxError as error:
+        raise MethodError(f"The lines of the step are not Python: {error}.") from None
+    except Exception as error:
+        raise MethodError(f"The definition of the step failed with {type(error).__name__}: {error}.") from error
+    if not callable(names.get(name)):
+        raise MethodError(f"The text defines no function called step; begin it with def step({ARGUMENTS}):")
+    return names[name]
 
 
 # --- the step on a pendulum -----------------------------------------------------------------------------------------
@@ -283,8 +299,8 @@ def _of_method(method: Method, system: System) -> Step:
     return lambda t, q, v, h: step(t, q, v, *begin(t, q, v, h), h)[:2]
 
 
-def _likeness(function: StepFunction, usage: Usage, name: str, order: int) -> str:
-    """Return words that name the known method that a step equals, or say that there is none."""
+def _likeness(function: StepFunction, usage: Usage, name: str, order: int) -> tuple[str, str]:
+    """Return the name of the known method that a step equals, and words on it; "" and words if there is none."""
     cases = [*([BOTH] if usage.velocity and usage.time else []), *([DAMPED] if usage.velocity else []),
              *([DRIVEN] if usage.time else []), PLAIN]
     for case in cases:
@@ -293,8 +309,8 @@ def _likeness(function: StepFunction, usage: Usage, name: str, order: int) -> st
             where = "" if case is cases[0] else f" {case.words}"
             claimed = ALIASES.get(name, name)
             other = f", not {claimed}, although it is called so" if claimed in METHODS and claimed != found.name else ""
-            return f"equals {found.name}{where}{other}: {found.summary}"
-    return "equals no method of this package"
+            return found.name, f"equals {found.name}{where}{other}: {found.summary}"
+    return "", "equals no method of this package"
 
 
 def _orders(function: StepFunction, usage: Usage, observed: float) -> str:

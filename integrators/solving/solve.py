@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from integrators import html
 from integrators.errors import shown
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.registry import METHODS, get, named
@@ -39,7 +40,7 @@ FEW_RESTARTS = 3
 """Number of restarts of a multistep method's history in one run without a warning."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Solution:
     """Solution at the requested times: ``t``, ``q`` and ``v``, each with one entry (or row) per time.
 
@@ -69,6 +70,25 @@ class Solution:
     q_events: tuple[Any, ...] = ()
     v_events: tuple[Any, ...] = ()
     ended_by: int | None = None
+
+    def __repr__(self) -> str:
+        return f"<Solution: {self.method}, {self._span}, {self.steps} steps>"
+
+    @property
+    def _span(self) -> str:
+        """Number of times, the first and the last, as text."""
+        return f"{len(self.t)} times from {float(self.t[0]):.6g} to {float(self.t[-1]):.6g}"
+
+    def _repr_html_(self) -> str:
+        """Return a short table as HTML, which notebooks show."""
+        found = sum(map(len, self.t_events))
+        return html.block(f"Solution by {self.method}", html.facts((
+            ("times", self._span),
+            ("steps", f"{self.steps}{f', and {self.rejected} rejected' if self.rejected else ''}"),
+            ("force evaluations", str(self.evaluations)),
+            ("q, v at the end", f"{shown(self.q[-1])}, {shown(self.v[-1])}"),
+            ("events", str(found) if self.t_events else ""),
+        )))
 
     def __call__(self, t: Any) -> tuple[Any, Any]:
         """Return (q, v) at any time from the first to the last, or at an array of times, whose axes come first.

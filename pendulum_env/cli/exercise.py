@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from pendulum_env.cli.console import bar, print_files, print_text
 from pendulum_env.cli.options import Out, Reading, recording_of
+
+if TYPE_CHECKING:
+    from integrators.families.own_step import OwnStep
 
 
 def exercise(
@@ -27,6 +30,11 @@ def exercise(
     radius: Annotated[float | None, typer.Option(help="Radius of the ball in m.")] = None,
     name: Annotated[str, typer.Option(help="The student's name, printed on every page.")] = "",
     key: Annotated[bool, typer.Option("--key", help="Fill the blanks with the answers, for the teacher.")] = False,
+    step: Annotated[
+        Path | None,
+        typer.Option(help="Python file of your own step, which runs beside the three Euler methods: its lines, as "
+                          "theta = theta + omega*dt, or def step(theta, omega, dt, acceleration)."),
+    ] = None,
     out: Out = Path("out/exercise"),
     read: Reading = None,
 ) -> None:
@@ -46,12 +54,29 @@ def exercise(
     data = recording_of(recording, read) if recording is not None or read else None
     given = Given.of(recording=data, period=period, period_error=period_error, length=length,
                      length_error=length_error, mass=mass, radius=radius)
+    own = None if step is None else step_in(step)
     output_folder(out)
     with bar("exercise") as progress:
-        worked = work_out(given, lambda done, text: progress(0.3 * done, text))
+        worked = work_out(given, lambda done, text: progress(0.3 * done, text), step=own)
         paths = write(worked, out, name=name, key=key, progress=lambda done, text: progress(0.3 + 0.7 * done, text))
     if given.simulated:
         print_text("Without --recording, the damping and the comparison use the simulated recording of the package.")
     print_text(f"Omega = {given.omega.value}, from the {given.omega.how}. Open {paths[0]} in a browser, and print it "
                "from there.")
+    if own is not None:
+        print_text(f"Your step {own.summary}.")
     print_files(paths)
+
+
+def step_in(file: Path) -> OwnStep:
+    """Return the step in a Python file as a method; SceneError for a file that cannot be read, MethodError for a step
+    that is none."""
+    from integrators import from_step
+    from pendulum_env.physics.units import SceneError
+
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
+        raise SceneError(f"The step {file} cannot be read: {reason}.") from None
+    return from_step(text)

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from pendulum_env.exercise.motion import Array, Motion
+from pendulum_env.exercise.motion import OWN, Array, Motion
 from pendulum_env.exercise.small_angles import ANGLE
 from pendulum_env.exercise.worked import Worked
 from pendulum_env.lab.measures import crossings
@@ -58,8 +58,8 @@ def drawn() -> Iterator[None]:
 
 
 def colour(name: str) -> str:
-    """Return a method's colour."""
-    return looks_of({name: name})[name].colour
+    """Return a method's colour; the student's own step has one that no Euler method has."""
+    return OKABE_ITO["reddish_purple"] if name == OWN else looks_of({name: name})[name].colour
 
 
 def line(run: Motion, width: float = 1.3) -> dict[str, Any]:
@@ -211,11 +211,11 @@ def plain(at: Axes) -> None:
 
 
 def eulers(worked: Worked, labels: Labels) -> Figure:
-    """Draw energy and phase plot of the three Euler methods side by side."""
+    """Draw energy and phase plot of the three Euler methods side by side, and of the student's own step beside them."""
     small = worked.small
     drawing = blank((WIDTH, 5.4))
     with drawn():
-        grid = drawing.subplots(2, 3)
+        grid = drawing.subplots(2, len(small.runs))
         for at, low, run in zip(grid[0], grid[1], small.runs.values(), strict=True):
             at.plot(run.time, np.ones(len(run.time)), **{**EXACT, "linewidth": 3.5})
             at.plot(run.time, run.energy, **line(run))

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from integrators import solve
-from pendulum_env.exercise.motion import LONGEST, STEP, SYMPLECTIC, Array, Motion, large, times
+from integrators import Method, solve
+from pendulum_env.exercise.motion import LONGEST, STEP, SYMPLECTIC, Array, Motion, finite, large, times
 from pendulum_env.lab.measures import period
 from pendulum_env.physics import exact
 
@@ -47,6 +47,7 @@ class LargeAngles:
         period: its measured period [s].
         exact: the exact period at 30 degrees [s].
         periods: period at every amplitude.
+        own: the run with the student's own step; None without one.
     """
 
     omega: float
@@ -54,6 +55,7 @@ class LargeAngles:
     period: float
     exact: float
     periods: tuple[PeriodAt, ...]
+    own: Motion | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +66,13 @@ class Series:
     angle: Array
 
 
-def large_angles(omega: float) -> LargeAngles:
-    """Run the pendulum for two minutes from 30 degrees, and measure its period at ten amplitudes."""
+def large_angles(omega: float, own: Method | None = None) -> LargeAngles:
+    """Run the pendulum for two minutes from 30 degrees, also with the student's own step, and measure its period at ten
+    amplitudes. Raises MethodError if the own step does not stay finite.
+    """
     run = large(omega, ANGLE, DURATION)
-    return LargeAngles(omega, run, period(run).value, float(exact.period(ANGLE, omega)), periods(omega))
+    other = None if own is None else finite(lambda: large(omega, ANGLE, DURATION, method=own), DURATION)
+    return LargeAngles(omega, run, period(run).value, float(exact.period(ANGLE, omega)), periods(omega), other)
 
 
 def periods(omega: float) -> tuple[PeriodAt, ...]:

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from integrators import solve
+from integrators import Method, MethodError, solve
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,8 @@ LONGEST = 1.5
 """Longest step allowed, in steps: the differences of rounded times may exceed one step, and must not be halved."""
 SYMPLECTIC = "symplectic_euler"
 """Method of the runs at large angles."""
+OWN = "own_step"
+"""Name of the student's own step in runs and tables."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +49,18 @@ def times(duration: float, dt: float = STEP) -> Array:
     return dt * np.arange(math.ceil(duration / dt - 1e-9) + 1, dtype=np.float64)
 
 
-def small(omega: float, angle: float, method: str, duration: float, dt: float = STEP) -> Motion:
+def small(omega: float, angle: float, method: str | Method, duration: float, dt: float = STEP) -> Motion:
     """Run ``theta'' = -omega² theta`` from rest at ``angle`` [rad]."""
     square = omega * omega
     at = times(duration, dt)
     run = solve(lambda _t, q, _v: -square * q, angle, 0.0, list(at), method=method, h=LONGEST * dt)
-    return Motion(method, dt, at, run.q, run.v, (run.v**2 + square * run.q**2) / (square * angle * angle))
+    name = method if isinstance(method, str) else method.name
+    return Motion(name, dt, at, run.q, run.v, (run.v**2 + square * run.q**2) / (square * angle * angle))
 
 
 def large(
-    omega: float, angle: float, duration: float, gamma: float = 0.0, method: str = SYMPLECTIC, dt: float = STEP
+    omega: float, angle: float, duration: float, gamma: float = 0.0, method: str | Method = SYMPLECTIC,
+    dt: float = STEP,
 ) -> Motion:
     """Run ``theta'' = -omega² sin(theta) - gamma theta'`` from rest at ``angle`` [rad]."""
     square = omega * omega
@@ -69,5 +74,19 @@ def large(
 
     run = solve(damped if gamma else undamped, angle, 0.0, list(at), method=method, h=LONGEST * dt)
     height = 2.0 * np.sin(0.5 * run.q) ** 2
-    return Motion(method, dt, at, run.q, run.v,
+    name = method if isinstance(method, str) else method.name
+    return Motion(name, dt, at, run.q, run.v,
                   (0.5 * run.v**2 + square * height) / (2.0 * square * math.sin(0.5 * angle) ** 2))
+
+
+def finite(run: Callable[[], Motion], duration: float) -> Motion:
+    """Return a run of the student's own step; MethodError if its numbers do not stay finite."""
+    try:
+        with np.errstate(all="ignore"):
+            made = run()
+        if all(np.isfinite(part).all() for part in (made.angle, made.velocity, made.energy)):
+            return made
+    except (ArithmeticError, ValueError):
+        pass
+    raise MethodError(f"The numbers of your step do not stay finite for {duration:g} s with steps of {STEP:g} s; look "
+                      "for a mistake in it.")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from integrators import solve
-from pendulum_env.exercise.motion import STEP, Motion, small
+from integrators import Method, solve
+from pendulum_env.exercise.motion import OWN, STEP, Motion, finite, small
 from pendulum_env.physics import exact
 
 EULERS = ("forward_euler", "backward_euler", "symplectic_euler")
@@ -60,7 +60,7 @@ class SmallAngles:
 
     Attributes:
         omega: angular frequency [rad/s].
-        runs: the runs of the three Euler methods, by name.
+        runs: the runs of the three Euler methods, by name; with the student's own step, its run, too, as OWN.
         one_step: errors of single steps of forward Euler.
         halved: forward Euler with the step, half of it, and so on.
         halves: the runs to ``halved``.
@@ -83,10 +83,14 @@ class SmallAngles:
         return math.expm1(math.log(self.forward.ratio) / (len(self.forward.time) - 1))
 
 
-def small_angles(omega: float) -> SmallAngles:
-    """Run the three Euler methods from 5 degrees for 10 s, and forward Euler with halved steps too."""
+def small_angles(omega: float, own: Method | None = None) -> SmallAngles:
+    """Run the three Euler methods, and the student's own step, from 5 degrees for 10 s; forward Euler with halved
+    steps, too. Raises MethodError if the own step does not stay finite.
+    """
     runs = {name: small(omega, ANGLE, name, DURATION) for name in EULERS}
     halves = (runs[EULERS[0]], *(small(omega, ANGLE, EULERS[0], DURATION, STEP / 2**k) for k in range(1, HALVINGS + 1)))
+    if own is not None:
+        runs[OWN] = finite(lambda: small(omega, ANGLE, own, DURATION), DURATION)
     return SmallAngles(omega, runs, (at_top(omega), at_bottom(omega)),
                        tuple(halved(omega, run) for run in halves), halves)
 

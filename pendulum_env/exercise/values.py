@@ -69,6 +69,9 @@ def values(worked: Worked) -> Iterator[Value]:
         yield Value("2.1", f"largest energy over its start, {name}", float(run.energy.max()), "", "1")
     yield Value("2.2", "smallest energy over its start in two minutes", float(large.run.energy.min()), "", "1")
     yield Value("2.2", "largest energy over its start in two minutes", float(large.run.energy.max()), "", "1")
+    if large.own is not None:
+        yield Value("2.2", "smallest energy over its start, own_step", float(large.own.energy.min()), "", "1")
+        yield Value("2.2", "largest energy over its start, own_step", float(large.own.energy.max()), "", "1")
     for at in large.periods:
         name = f"amplitude {math.degrees(at.amplitude):.4g} degrees"
         yield Value("2.3", f"measured period, {name}", at.measured, "", "s")

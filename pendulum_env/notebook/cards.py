@@ -190,6 +190,15 @@ def simplification(one: Any) -> Iterator[str]:
     yield html.words(one.text)
 
 
+def simplified(one: Any) -> Iterator[str]:
+    """Yield the parts of what a notebook shows for the pair of scene and report that ``simplify`` returns."""
+    title, *rest = simplification(one.report)
+    yield title
+    yield equation(one.scene)
+    yield from rest
+    yield figure_of(one.report).as_html()
+
+
 def matrix(one: Any) -> Iterator[str]:
     """Yield the parts of the card of a matrix of hard cases."""
     yield f"Hard cases: {len(one.cases)} cases, {len(one.methods)} methods"
@@ -252,6 +261,7 @@ def recording(one: Any) -> Iterator[str]:
 CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "Scene": scene, "LabPendulumEnv": environment, "LabPendulumVectorEnv": vector, "Rollout": rollout, "Filmed": film,
     "Comparison": comparison, "CostStudy": cost, "Growth": growth, "Audit": audit, "Simplification": simplification,
+    "Simplified": simplified,
     "Matrix": matrix, "Sweep": sweep, "Section": section, "Basins": basins, "LabSheet": sheet, "Fit": fit,
     "Recording": recording,
 }

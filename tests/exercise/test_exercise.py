@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import math
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -17,11 +16,13 @@ from xml.etree import ElementTree
 import pytest
 from command_line import Here
 from folder_contents import contents
+from in_browser import opened
 
 from pendulum_env.common.mathml import NotationError, mathml
 from pendulum_env.exercise import report
 from pendulum_env.exercise.figures import FIGURES
 from pendulum_env.exercise.given import Given
+from pendulum_env.exercise.values import values
 from pendulum_env.exercise.worked import Worked, work_out
 
 pytest.importorskip("jinja2")
@@ -77,6 +78,50 @@ def test_errors_periods_and_reynolds_numbers_are_those_of_formulas(worked: Worke
     assert (first, second) == (pytest.approx(1370.0, rel=0.01), pytest.approx(230.0, rel=0.01))
 
 
+MINE = """
+def step(theta, omega, dt, acceleration):
+    middle = theta + 0.5*dt*omega
+    omega = omega + dt*acceleration(middle, omega)
+    return middle + 0.5*dt*omega, omega
+"""
+"""A student's step: half a step of the angle, one of the velocity, half a step of the angle."""
+
+
+def test_an_own_step_runs_beside_the_three_methods() -> None:
+    worked = work_out(Given.of(), step=MINE)
+    square, dt = 9.8 / 0.353, 0.01
+    runs = ((worked.small.runs["own_step"], 5.0, 1000, lambda x: x, lambda x: 0.5 * x * x),
+            (worked.large.own, 30.0, 12000, math.sin, lambda x: 1.0 - math.cos(x)))
+    for run, degrees, steps, slope, height in runs:
+        theta, omega = math.radians(degrees), 0.0
+        start, ratios = square * height(theta), [1.0]
+        for _ in range(steps):
+            theta += 0.5 * dt * omega
+            omega -= dt * square * slope(theta)
+            theta += 0.5 * dt * omega
+            ratios.append((0.5 * omega * omega + square * height(theta)) / start)
+        assert run is not None
+        assert run.energy == pytest.approx(ratios, rel=1e-8)
+    page = " ".join(rendered(worked, False).split())
+    assert "Your step equals no method of the package." in page
+    assert "divided by 4.00: its observed order is 2.00" in page
+    assert page.count("your step") >= 3
+    assert [row.quantity for row in values(worked)].count("largest energy over its start, own_step") == 2
+    assert "your step" not in rendered(work_out(Given.of()), True)
+
+
+def test_an_own_step_is_named_by_what_it_does() -> None:
+    """A forward Euler that overwrites theta first is symplectic Euler in another order."""
+    lines = "theta = theta + dt*omega\nomega = omega + dt*acceleration(theta, omega)"
+    worked = work_out(Given.of(), step=lines)
+    assert worked.own is not None
+    assert 0.97 < worked.small.runs["own_step"].ratio < 1.03
+    assert "<code>forward_euler</code>" not in rendered(worked, False)
+    worked = work_out(Given.of(), step="theta, omega = theta + dt*omega, omega + dt*acceleration(theta, omega)")
+    assert "Your step gives the same numbers as the method <code>forward_euler</code>" in rendered(worked, False)
+    assert worked.small.runs["own_step"].ratio == pytest.approx(worked.small.forward.ratio, rel=1e-12)
+
+
 def rendered(worked: Worked, key: bool, name: str = "") -> str:
     """The page without its figures."""
     drawings = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
@@ -120,6 +165,11 @@ def test_equations_are_well_formed(block: bool) -> None:
             mathml(wrong, block)
 
 
+WILD = """
+k = acceleration(theta, omega)
+theta, omega = theta + dt*omega, omega + dt*k + dt*dt*k**5
+"""
+"""A step that follows the equation as dt goes to 0, and explodes where accelerations are large."""
 BAD = {
     "period 0": (["--period", "0"], "--period must be a finite number above 0"),
     "period in ms": (["--period", "1190"], "it must be from 0.3 to 10 s"),
@@ -131,6 +181,9 @@ BAD = {
     "no file": (["--recording", "none.txt"], "none.txt"),
     "folder": (["--out", "file/x"], "cannot be written"),
     "name": (["--name", "a\nb"], "--name must be one line"),
+    "no step": (["--step", "none.py"], "The step none.py cannot be read: No such file"),
+    "step without acceleration": (["--step", "still.py"], "The step never calls acceleration"),
+    "step that explodes": (["--step", "wild.py"], "do not stay finite for 10 s with steps of 0.01 s"),
 }
 
 
@@ -140,6 +193,8 @@ def test_bad_input_ends_in_a_sentence_with_files_as_they_were(case: str, tmp_pat
     times = [0.02 * i for i in range(600)]
     (tmp_path / "still.txt").write_text("".join(f"{t:.2f}\t0.0\n" for t in times))
     (tmp_path / "swing.txt").write_text("".join(f"{t:.2f}\t{20 * math.cos(5.27 * t):.3f}\n" for t in times))
+    (tmp_path / "still.py").write_text("theta = theta + omega*dt")
+    (tmp_path / "wild.py").write_text(WILD)
     (tmp_path / "file").write_text("kept")
     (tmp_path / "out" / "exercise").mkdir(parents=True)
     (tmp_path / "out" / "exercise" / "report.html").write_text("kept")
@@ -203,7 +258,12 @@ def test_without_jinja_the_command_says_what_to_install(run_here: Here, monkeypa
     assert "pip install 'lab-pendulum[exercise]'" in told
 
 
-BROWSER = shutil.which("chromium")
+SMALLEST_TEXT = """
+Math.min(...[...document.querySelectorAll('p, td, th, li, figcaption, footer, code')]
+    .map(x => parseFloat(getComputedStyle(x).fontSize)))
+"""
+"""Script that returns the size of the smallest text of a page outside its figures [CSS pixels]."""
+WIDTHS = "[...document.querySelectorAll('figure svg')].map(x => x.getBoundingClientRect().width)"
 KINDS = {
     "simulated": [], "encoder": ["--recording", "encoder_short_rod_45deg.txt", "--read", "scale=0.99"],
     "video": ["--recording", "video_decay_65cm.txt", "--length", "0.65", "--mass", "0.0415"],
@@ -213,7 +273,7 @@ KINDS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_report_prints_from_a_browser(kind: str, tmp_path: Path, run_here: Here, request: Any) -> None:
-    """Without chromium the files alone are checked, and the test then counts as skipped."""
+    """Without Chromium the files alone are checked, and the test then counts as skipped."""
     words = KINDS[kind]
     if words:
         words = [words[0], str(request.getfixturevalue("recordings") / words[1]), *words[2:]]
@@ -224,10 +284,24 @@ def test_the_report_prints_from_a_browser(kind: str, tmp_path: Path, run_here: H
     assert len(names) == len(set(names))
     assert ("The recording is simulated" in page) == (kind == "simulated")
     assert len(list((tmp_path / "x").glob("*.svg"))) == page.count("<figure ") == (13 if kind == "simulated" else 14)
-    if BROWSER is None:
-        pytest.skip("there is no chromium")
-    subprocess.run([BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer",
-                    f"--user-data-dir={tmp_path / 'profile'}", f"--print-to-pdf={tmp_path / 'x.pdf'}",
-                    (tmp_path / "x" / "report.html").as_uri()], check=True, capture_output=True, timeout=120)
-    pages = len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "x.pdf").read_bytes()))
-    assert 12 <= pages <= 22
+    with opened(tmp_path / "x" / "report.html", viewport={"width": 1000, "height": 800}) as seen:
+        wide = seen.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+        small = seen.page.evaluate(SMALLEST_TEXT)
+        figures = seen.page.evaluate(WIDTHS)
+        printed = seen.page.pdf(format="A4")
+    assert wide[0] <= wide[1]
+    assert small >= 12.0
+    assert min(figures) > 400.0
+    assert 12 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 22
+
+
+@pytest.mark.slow
+def test_a_student_types_into_the_blanks(worked: Worked, tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text(rendered(worked, False), encoding="utf-8")
+    with opened(tmp_path / "report.html") as seen:
+        blanks = seen.page.locator(".blank [contenteditable]")
+        assert blanks.count() == seen.page.locator(".asked").count() > 10
+        blanks.nth(3).click()
+        seen.page.keyboard.type("The tangent lies outside the ellipse.")
+        assert "The tangent lies outside" in blanks.nth(3).inner_text()
+        assert "The tangent" not in blanks.nth(2).inner_text()

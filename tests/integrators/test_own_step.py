@@ -237,6 +237,27 @@ def test_compare_cost_and_environments_take_it() -> None:
         rollout("lab", integrator=from_step(verlet))
 
 
+def test_a_step_may_be_given_as_the_text_of_a_function() -> None:
+    text = """
+    import math
+
+    def slope(theta):
+        return math.sin(theta)
+
+    def step(theta, omega, dt, acceleration):
+        omega = omega + dt*acceleration(theta, omega)
+        return theta + dt*omega, omega
+    """
+    assert (from_step(text).equals, from_step(text).name) == ("symplectic_euler", "step")
+    assert from_step(THREE_LINES).equals == "symplectic_euler"
+    for wrong, words in (("def move(theta):\n    return theta", "no function called step; begin it with def step"),
+                         ("def step(theta):\n    return theta", "must take the four arguments"),
+                         ("1/0\ndef step(a, b, c, d):\n    return a, b", "failed with ZeroDivisionError"),
+                         ("def step(a, b, c, d) return a, b", "are not Python")):
+        with pytest.raises(MethodError, match=words):
+            from_step(wrong)
+
+
 def test_steps_with_different_lines_have_different_digests() -> None:
     steps = [from_step(step) for step in (velocity_first, angle_first, wrapped)]
     assert len({step.digest for step in steps}) == 3

@@ -19,7 +19,7 @@ from pendulum_env.study.audit.cases import cases, with_effect
 from pendulum_env.study.audit.judging import change_of
 from pendulum_env.study.audit.study import COARSE, STEPS, audit
 from pendulum_env.study.audit.swing import METHOD, SAMPLES, held_for, swing
-from pendulum_env.study.audit.verdicts import Audit, Simplification
+from pendulum_env.study.audit.verdicts import Audit, Simplification, Simplified
 from pendulum_env.truth.reference import StudyError
 
 
@@ -33,7 +33,7 @@ def simplify(
     complete: bool = False,
     progress: Progress | bool | None = None,
     backend: Backend = "auto",
-) -> tuple[Scene, Simplification]:
+) -> Simplified:
     """Return a scene without its negligible effects, and the error that this causes over a run.
 
     Effects that the audit finds negligible are removed. Effects that matter but are not in the scene are reported; with
@@ -44,10 +44,10 @@ def simplify(
         duration: length of the run in which the two scenes are compared [s]; by default the scene's usual run.
         complete: True adds the effects that matter and are not in the scene.
 
-    Returns the scene and a :class:`pendulum_env.study.audit.verdicts.Simplification`. Its ``change`` is what the
-    removed effects together change in period or amplitude, measured as for the verdicts. Its ``error`` is the largest
-    difference of the two scenes' angles over the run, relative to the amplitude. A small change of the period adds up,
-    and the motion may be chaotic, so the error may exceed the tolerance over a long run.
+    Returns a pair: the scene, and a :class:`pendulum_env.study.audit.verdicts.Simplification`. Its ``change`` is what
+    the removed effects together change in period or amplitude, measured as for the verdicts. Its ``error`` is the
+    largest difference of the two scenes' angles over the run, relative to the amplitude. A small change of the period
+    adds up, and the motion may be chaotic, so the error may exceed the tolerance over a long run.
 
     Raises as :func:`pendulum_env.audit` does.
     """
@@ -61,14 +61,15 @@ def simplify(
     removed = tuple(name for name in verdict.negligible if name in present)
     plain = full.with_effects(effect for effect in full.effects if effect.name not in removed)
     if not removed:
-        return plain, Simplification(verdict, (), added, length, 0.0, 0.0, True)
+        return Simplified(plain, Simplification(verdict, (), added, length, 0.0, 0.0, True))
     tell(0.9, f"{length:g} s with and without {', '.join(removed)}")
     error, own, reached = _difference(full, plain, verdict, length, backend)
     period = verdict.duration / (OSCILLATIONS + 1)
     whole, rest = (swing(one, verdict.amplitude, period, verdict.steps, backend=backend) for one in (full, plain))
     together = change_of(whole, rest, verdict.amplitude)
-    return plain, Simplification(verdict, removed, added, reached, error, own, error + own <= verdict.tolerance,
-                                 together.size, math.isnan(together.angle))
+    report = Simplification(verdict, removed, added, reached, error, own, error + own <= verdict.tolerance,
+                            together.size, math.isnan(together.angle))
+    return Simplified(plain, report)
 
 
 def _completed(verdict: Audit) -> tuple[Scene, tuple[str, ...]]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.shown import Plotted, html_of, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
@@ -167,6 +168,29 @@ class Simplification(Plotted):
         adds = "" if self.within or not self.swings else "Such changes add up. "
         return (f"Without {', '.join(self.removed)}, {what} by at most {self.change:.2g}: {verdict}. {adds}Over "
                 f"{self.duration:g} s the angle is off by at most {self.error:.2g} of the amplitude.{rest}")
+
+
+class Simplified(NamedTuple):
+    """Result of ``simplify``, which unpacks into the scene and the report.
+
+    Attributes:
+        scene: the scene without its negligible effects.
+        report: the verdicts, and the error that leaving these effects out causes.
+    """
+
+    scene: Scene
+    report: Simplification
+
+    def __repr__(self) -> str:
+        return one_line(self, repr(self.report)[1:-1])
+
+    def _repr_html_(self) -> str:
+        """Return the scene's equation and the report as HTML, which notebooks show."""
+        return html_of(self)
+
+    def plot(self, kind: str | None = None) -> Any:
+        """Draw the report's figure; see :meth:`pendulum_env.common.shown.Plotted.plot`."""
+        return self.report.plot(kind)
 
 
 

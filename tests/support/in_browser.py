@@ -1,0 +1,58 @@
+"""A page in a real browser, Chromium, driven by playwright, with every request to anywhere refused."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+QUIET = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
+
+
+@dataclass
+class Opened:
+    """A file in the browser: playwright's page, what it asked the network for, and its errors."""
+
+    page: Any
+    asked: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def opened(file: Path, **options: Any) -> Iterator[Opened]:
+    """Open a file from disk; ``options`` are those of a browser context, such as ``viewport``.
+
+    Without Chromium or playwright the test counts as skipped. In the end the page must have asked for nothing and have
+    had no errors.
+    """
+    if CHROMIUM is None:
+        pytest.skip("there is no chromium")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=list(QUIET))
+        try:
+            page = browser.new_context(**options).new_page()
+            seen = Opened(page)
+
+            def answer(route: Any) -> None:
+                if route.request.url.split("#")[0].split("?")[0] == file.as_uri():
+                    route.continue_()
+                    return
+                seen.asked.append(route.request.url)
+                route.abort()
+
+            page.route("**/*", answer)
+            page.on("pageerror", lambda error: seen.errors.append(str(error)))
+            page.on("console", lambda line: seen.errors.append(line.text) if line.type == "error" else None)
+            page.goto(file.as_uri())
+            yield seen
+        finally:
+            browser.close()
+    assert seen.asked == []
+    assert seen.errors == []
