@@ -25,12 +25,13 @@ from pendulum_env.cli.record import record
 from pendulum_env.cli.section import section
 from pendulum_env.cli.show import show
 from pendulum_env.cli.stress import stress
+from pendulum_env.cli.web import web
 
 NAME = "lab-pendulum"
 """Name of the program."""
 COMMANDS: dict[str, Callable[..., None]] = {
     "compare": compare, "cost": cost, "demo": demo, "auto": auto, "fit": fit, "exercise": exercise, "show": show,
-    "stress": stress, "effects": effects, "section": section, "code": code, "record": record, "list": list_,
+    "stress": stress, "effects": effects, "section": section, "code": code, "web": web, "record": record, "list": list_,
 }
 """Every command by its name, in the order of the help. A command imports the code that it runs only when it is run."""
 

@@ -72,11 +72,11 @@ def step_in(file: Path) -> OwnStep:
     """Return the step in a Python file as a method; SceneError for a file that cannot be read, MethodError for a step
     that is none."""
     from integrators import from_step
-    from pendulum_env.physics.units import SceneError
+    from pendulum_env.physics.units import SceneError, shown
 
     try:
         text = file.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
-        raise SceneError(f"The step {file} cannot be read: {reason}.") from None
+        raise SceneError(f"The file {shown(str(file))} of the step cannot be read: {reason}.") from None
     return from_step(text)

@@ -43,10 +43,11 @@ HOUSE: dict[str, tuple[str, ...]] = {
                            "pendulum_env.hard_cases"),
     "pendulum_env.testing": ("pendulum_env.common",),
     "pendulum_env.exercise": (*BASE, "pendulum_env.lab", "pendulum_env.render", "pendulum_env.plots"),
+    "pendulum_env.web": (*BASE, "pendulum_env.engine", "pendulum_env.render"),
     "pendulum_env.notebook": (*BASE, *(f"pendulum_env.{room}" for room in (
         "engine", "lab", "study", "hard_cases", "plots"))),
     "pendulum_env.cli": (*PICTURES, *(f"pendulum_env.{room}" for room in (
-        "controllers", "auto", "window", "lab", "envs", "study", "hard_cases", "plots", "exercise"))),
+        "controllers", "auto", "window", "lab", "envs", "study", "hard_cases", "plots", "exercise", "web"))),
 }
 """Room -> the rooms that its modules may import. Modules at the top of pendulum_env are nobody's to import."""
 

@@ -1,0 +1,78 @@
+"""Links of the page: the whole state of a run as the part of an address behind "#", and the run that it describes."""
+
+from __future__ import annotations
+
+import math
+from urllib.parse import parse_qsl, unquote
+
+from pendulum_env.engine.spec import RunSpec
+from pendulum_env.physics.presets import SCENES
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, one_of, shown
+from pendulum_env.web.formulas import explicit, settings_of, with_settings
+
+VERSION = "1"
+"""Version of the form of links; a link of another version is refused."""
+MOST_PENDULUMS = 4
+"""Largest number of pendulums side by side."""
+USUAL_DURATION = 10.0
+"""Length of a run whose link does not say how long it is [s]."""
+NUMBERS = ("angle", "velocity", "time")
+"""Entries of a link that are numbers: the start [rad, rad/s], and the length of the run [s]."""
+
+
+def read_link(text: str, pendulum: int = 1) -> RunSpec:
+    """Return the run that a link of the page describes.
+
+    ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, as long as nobody changed
+    the motor's torque during the run.
+
+    Args:
+        text: the address, or only the part behind "#": ``v=1&scene=lab&methods=rk4:0.01,heun:0.02&angle=0.5&velocity=0``,
+            then ``time`` [s] and numbers of the scene such as ``body.length=0.4`` or ``effects.1.gamma=0.02``, in SI
+            units.
+        pendulum: which of the pendulums side by side, counted from 1.
+
+    Raises SceneError for a link of another version, an unknown entry, scene or number, with the nearest known name, and
+    MethodError for a method that does not fit the scene.
+    """
+    if not isinstance(text, str):
+        raise SceneError(f"A link must be text, not {shown(text)}.")
+    pairs = parse_qsl(text.rpartition("#")[2].replace("+", "%2B"), keep_blank_values=True)
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
+        raise SceneError("The link gives an entry twice.")
+    if entries.pop("v", None) != VERSION:
+        raise SceneError(f"The link does not begin with v={VERSION}; it is of another version, or no link of the page.")
+    scene = explicit(SCENES[one_of(entries.pop("scene", ""), "scene", SCENES)])
+    methods = [part.rpartition(":") for part in unquote(entries.pop("methods", "")).split(",")]
+    if not 1 <= len(methods) <= MOST_PENDULUMS or not all(name for name, _, _ in methods):
+        raise SceneError(f"A link needs methods=, 1 to {MOST_PENDULUMS} methods with their steps, as in rk4:0.01.")
+    if pendulum not in range(1, len(methods) + 1):
+        raise SceneError(f"pendulum must be from 1 to {len(methods)}, as many as the link has, not {shown(pendulum)}.")
+    name, _, step = methods[pendulum - 1]
+    angle, velocity, time = (number_in(entries.pop(entry, str(usual)), entry) for entry, usual in zip(
+        NUMBERS, (scene.run.angle, scene.run.velocity, USUAL_DURATION), strict=True))
+    dt = number_in(step, f"the step of {name}")
+    changed = with_numbers(scene, {entry: number_in(value, entry) for entry, value in entries.items()})
+    return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=time, warn=False)
+
+
+def with_numbers(scene: Scene, numbers: dict[str, float]) -> Scene:
+    """Return a scene with other values of the numbers named; SceneError for an unknown name, with the nearest."""
+    settings = settings_of(scene)
+    known = {setting.name: setting for setting in settings}
+    for name in numbers:
+        one_of(name, "number of the scene", known)
+    return with_settings(scene, settings, [numbers.get(setting.name, setting.value) for setting in settings])
+
+
+def number_in(text: str, name: str) -> float:
+    """Return the finite number that a link's entry gives; SceneError for any other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise SceneError(f"In the link, {name} must be a finite number, not {shown(text)}.")
+    return value

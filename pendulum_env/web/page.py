@@ -1,0 +1,240 @@
+"""The page: one HTML file that computes scenes and methods in the browser, to the bits of Python, and asks for nothing.
+
+It holds the generated programs as JavaScript, deflated, the formulas of their parameters, and a checksum of what each of
+them computes in Python, with which the page compares its own numbers.
+"""
+
+from __future__ import annotations
+
+import base64
+import inspect
+import json
+import math
+import re
+import zlib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, fields
+from html import escape
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from integrators import METHODS, Method, analysis, get
+from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.replacing import replacing
+from pendulum_env.common.version import __version__
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.javascript import javascript, translated
+from pendulum_env.engine.machine import Machine, fitting
+from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.streams import Streams
+from pendulum_env.engine.wrap import half_turns, without_half_turns
+from pendulum_env.physics.equation import equation_mathml, equation_text
+from pendulum_env.physics.presets import PURPOSES, SCENES
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, one_of
+from pendulum_env.render.palette import ENERGY_COLOURS, METHOD_COLOURS, hue
+from pendulum_env.render.theme import THEMES, Theme
+from pendulum_env.web.formulas import Setting, explicit, formulas_of
+from pendulum_env.web.links import MOST_PENDULUMS, VERSION
+
+ASSETS = Path(__file__).with_name("assets")
+"""Folder of the page's layout, styles and scripts."""
+SCRIPTS = ("machine.js", "drawing.js", "plots.js", "lab.js")
+"""Scripts of the page, in the order in which they stand in it."""
+SHOWN_SCENES = ("exercise", "exercise_large", "lab", "vacuum", "driven", "chaotic", "kapitza")
+"""Scenes of the page, unless others are asked for."""
+SHOWN_METHODS = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4", "dop853", "gauss4",
+                 "yoshida6a", "kahan_li8", "discrete_gradient", "taylor")
+"""Methods of the page, unless others are asked for."""
+ACCURATE = ("exact", "taylor", "dop853", "rk4")
+"""Methods of the accurate solution; the first that fits a scene is taken."""
+FIRST = ("forward_euler", "backward_euler", "symplectic_euler")
+"""Methods that the page shows first, in the first scene."""
+CALLS, STEPS = 6, 40
+"""The check of a program: calls, each with another torque, and steps in a call."""
+NUMBER = 1.10001
+"""First of the numbers that mark the places of coefficients while an equation is written."""
+DESCRIBED = {
+    "diverged": "the numbers are no longer finite, or the energy balance is absurd: the step is too long for this method",
+    "slack": "the wire is slack: the bob would fly freely", "step_too_short": "no step is short enough",
+}
+"""Stop reason -> what the page says of it."""
+
+
+@with_bar("web page")
+def write(
+    path: str | PathLike[str], scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None,
+    *, progress: Progress | bool | None = None,
+) -> Path:
+    """Write the page and return its path.
+
+    Args:
+        path: the file, which ends in ".html".
+        scenes: names of presets; None: SHOWN_SCENES.
+        integrators: names of methods; None: SHOWN_METHODS. A scene offers those that fit it.
+        progress: True shows a progress bar, False none; by default a notebook shows one. A function is called with the
+            fraction done and the present activity.
+
+    An older file at the path is replaced only by a complete one. Raises SceneError for unknown scenes or another ending,
+    MethodError for unknown methods, OSError where the file cannot be written.
+    """
+    target = Path(path)
+    if target.suffix != ".html":
+        raise SceneError(f"The page's name must end in .html, not {target.name!r}.")
+    text = page(scenes, integrators, told_by(progress))
+    with replacing(target) as part:
+        part.write_text(text, encoding="utf-8")
+    return target
+
+
+def page(
+    scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None,
+    tell: Progress = lambda done, text: None,
+) -> str:
+    """Return the page's HTML; the arguments are those of :func:`write`."""
+    shown = SHOWN_SCENES if scenes is None else tuple(dict.fromkeys(scenes))
+    methods = list(dict.fromkeys(map(method_named, SHOWN_METHODS if integrators is None else integrators)))
+    if not shown or not methods:
+        raise SceneError("The page needs at least one scene and one method.")
+    places = {name: explicit(SCENES[one_of(name, "scene", SCENES)]) for name in shown}
+    texts: dict[str, int] = {}
+    scene_data = {}
+    for i, (name, scene) in enumerate(places.items()):
+        tell(i / len(places), name)
+        scene_data[name] = scene_of(scene, methods, texts)
+    data = {
+        "version": VERSION, "software": f"LabPendulum {__version__}", "most": MOST_PENDULUMS, "scenes": scene_data,
+        "methods": {method.name: method_of(method) for method in methods},
+        "stops": {code: DESCRIBED.get(name, name) for code, name in STOP_REASONS.items()},
+        "first": [name for name in FIRST if name in {method.name for method in methods}] or [methods[0].name],
+        "check": {"calls": CALLS, "steps": STEPS},
+    }
+    programs = json.dumps(list(texts), ensure_ascii=True)
+    packed = base64.b64encode(zlib.compress(programs.encode(), 9)).decode()
+    read = {name: (ASSETS / name).read_text(encoding="utf-8") for name in ("lab.html", "lab.css", *SCRIPTS)}
+    parts = {
+        "style": f"{variables()}\n{read['lab.css']}",
+        "script": "\n".join([*map(translated, map(inspect.getsource, (half_turns, without_half_turns))),
+                             *(read[name] for name in SCRIPTS)]),
+        "data": json.dumps(data, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"),
+        "programs": packed,
+        "software": escape(data["software"]),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read["lab.html"])
+
+
+def method_named(name: str | Method) -> Method:
+    """Return the method of this name; MethodError for an unknown one, with the nearest."""
+    return name if isinstance(name, Method) else get(name)
+
+
+# --- scenes and methods -----------------------------------------------------------------------------------------------
+
+
+def scene_of(scene: Scene, methods: Sequence[Method], texts: dict[str, int]) -> dict[str, Any]:
+    """Return what the page needs of a scene; new programs are added to ``texts``, text -> its number."""
+    fits = set(fitting(scene))
+    shown = [method for method in methods if method.name in fits]
+    if not shown:
+        raise SceneError(f"None of the methods fits the scene '{scene.name}'; there are {', '.join(sorted(fits))}.")
+    accurate = next(name for name in ACCURATE if name in fits)
+    programs = {}
+    for method in dict.fromkeys([*shown, get(accurate)]):
+        machine = Machine(scene, method, backend="python")
+        text = javascript(program(scene, method, ("energy",), False, False))
+        number = texts.setdefault(text, len(texts))
+        programs[method.name] = {"program": number, "numbers": list(machine.numbers), "names": list(machine.names),
+                                 "parameters": [float(value) for value in machine.parameters], "start": started(machine)[6:], "sum": checksum(machine)}
+    formulas = formulas_of(scene, {name for one in programs.values() for name in one["numbers"]})
+    names = list(formulas.results)
+    kinds = {effect.name: effect.kind for effect in scene.effects}
+    beat = next((effect.beat for effect in scene.effects if effect.beat), "")
+    return {
+        "about": PURPOSES[scene.name],
+        "equation": equation(scene), "programs": programs, "shown": [method.name for method in shown],
+        "accurate": accurate, "settings": [setting(one, kinds) for one in formulas.settings], "names": names,
+        "formulas": formulas.javascript(names), "beat": beat, "motor": any(e.name == "motor" for e in scene.effects),
+        "periodic": scene.periodic, "run": asdict(scene.run), "scene": scene.to_dict(),
+        "radius": scene.body.radius, "reach": scene.body.reach, "suspension": scene.body.suspension,
+        "shape": scene.body.shape,
+    }
+
+
+def setting(one: Setting, kinds: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the page needs of a number that can be set."""
+    least = None if math.isinf(one.least) else one.least
+    return {"name": one.name, "label": one.label.replace("_", " "), "about": one.about, "unit": one.unit.replace("^2", "²").replace("^3", "³"),
+            "value": one.value, "least": least, "exclusive": one.exclusive, "effect": one.effect.replace("_", " "), "kind": kinds.get(one.effect, "")}
+
+
+def method_of(method: Method) -> dict[str, Any]:
+    """Return what the page needs of a method."""
+    try:
+        limit = float(analysis.stability_limit(method))
+    except (ValueError, NotImplementedError):
+        limit = math.inf
+    place = list(METHODS).index(method.name) if method.name in METHODS else 0
+    return {"title": titled(method.name), "order": "exact" if method.order is None else str(method.order), "summary": method.summary,
+            "source": method.source, "limit": limit if math.isfinite(limit) else None, "hue": hue(place)[0]}
+
+
+def titled(name: str) -> str:
+    """Return a method's name as people write it, such as "forward Euler"."""
+    return re.sub("euler|verlet|gauss|taylor|yoshida|kahan|simpson|lobatto|radau", lambda found: found[0].capitalize(),
+                  name.replace("_", " "))
+
+
+def started(machine: Machine) -> list[float]:
+    """Return the state at the start of the scene's usual run, with the random numbers of seed 0."""
+    streams = Streams((0,))
+    drawn = [float(streams.uniform(np.arange(1))[0]) for _ in machine.drawn]
+    run = machine.scene.run
+    return [float(value) for value in machine.state(run.angle, run.velocity, drawn)]
+
+
+def checksum(machine: Machine) -> int:
+    """Return the CRC-32 of the bits of all states in a short run, interpreted in Python: energies and sums included."""
+    state, total = started(machine), 0
+    for call in range(CALLS):
+        rows = np.zeros((STEPS + 1, len(state)))
+        code = machine.entry(state, machine.parameters, torque(call), machine.scene.run.dt, STEPS, 1, math.inf, rows,
+                             [0.0, 0.0, 0.0])
+        total = zlib.crc32(np.vstack([rows, state]).astype("<f8").tobytes() + bytes([int(code)]), total)
+    return total
+
+
+def torque(call: int) -> float:
+    """Return the share of the motor's torque in a call of the check."""
+    return (0.0, 0.5, -1.0, 0.25, 1.0, -0.125)[call]
+
+
+def equation(scene: Scene) -> str:
+    """Return the equation of motion as MathML; elements with ``data-number`` take the values of coefficients."""
+    numbers = {name: NUMBER + 0.00011 * i for i, name in enumerate(scene.coefficients)}
+    text = equation_mathml(equation_text(scene.effects, numbers))
+    for name, value in numbers.items():
+        text = text.replace(f"<mn>{value:.6g}</mn>", f'<mn data-number="{name}"></mn>')
+    return text
+
+
+# --- colours ----------------------------------------------------------------------------------------------------------
+
+
+def variables() -> str:
+    """Return the colours of frames and figures as variables of CSS, for light and dark."""
+    light, dark = (_variables(THEMES[name]) for name in ("light", "dark"))
+    return f":root {{\n{light}\n}}\n@media screen and (prefers-color-scheme: dark) {{\n:root {{\n{dark}\n}}\n}}"
+
+
+def _variables(theme: Theme) -> str:
+    own = {field.name: getattr(theme, field.name) for field in fields(theme)}
+    colours = {name: value for name, value in own.items() if isinstance(value, str) and value.startswith("#")}
+    colours |= {f"energy_{name}": value for name, value in ENERGY_COLOURS.items()}
+    colours |= {f"hue_{i}": theme.accent(value) for i, value in enumerate(METHOD_COLOURS)}
+    return "\n".join(f"  --{name.replace('_', '-')}: {value};" for name, value in colours.items())
+
+
+__all__ = ["SHOWN_METHODS", "SHOWN_SCENES", "page", "write"]

@@ -1,0 +1,51 @@
+"""Tests of links: what they describe, what they refuse."""
+
+from __future__ import annotations
+
+import pytest
+
+from pendulum_env import SCENES, rollout
+from pendulum_env.engine.rollout import run
+from pendulum_env.physics.units import SceneError
+from pendulum_env.web import read_link
+
+LINK = ("file:///lab.html#v=1&scene=lab&methods=rk4:0.01,symplectic_euler:0.02&angle=0.7&velocity=-0.5&time=2"
+        "&body.length=0.5&effects.2.gamma=0.03")
+
+
+@pytest.mark.parametrize(("pendulum", "method", "dt"), [(1, "rk4", 0.01), (2, "symplectic_euler", 0.02)])
+def test_a_link_is_a_run(pendulum: int, method: str, dt: float) -> None:
+    found = run(read_link(LINK, pendulum))
+    drag = SCENES["lab"].coefficients["quadratic_drag_rate"]
+    wanted = rollout("lab", integrator=method, dt=dt, duration=2.0, angle=0.7, velocity=-0.5, length=0.5, gamma=0.03,
+                     c=drag, backend="python")
+    assert found.angle.tobytes() == wanted.angle.tobytes()
+    assert found.energy.tobytes() == wanted.energy.tobytes()
+
+
+def test_what_a_link_leaves_out_is_usual() -> None:
+    spec = read_link("v=1&scene=exercise&methods=heun:0.01")
+    assert spec.start is not None
+    assert (float(spec.start[0]), float(spec.start[1])) == (SCENES["exercise"].run.angle, 0.0)
+
+
+BAD = {
+    "": "does not begin with v=1", "v=2&scene=lab&methods=rk4:0.01": "of another version",
+    "v=1&scene=labb&methods=rk4:0.01": "did you mean lab", "v=1&scene=lab": "needs methods=",
+    "v=1&scene=lab&methods=rk5:0.01": "did you mean", "v=1&scene=lab&methods=rk4:x": "the step of rk4 must be a finite",
+    "v=1&scene=lab&methods=rk4:0.01&angle=nan": "angle must be a finite number, not 'nan'",
+    "v=1&scene=lab&methods=rk4:0.01&body.lenght=1": "did you mean body.length",
+    "v=1&scene=lab&methods=rk4:0.01&body.length=-1": "length", "v=1&scene=lab&methods=rk4:-1": "dt",
+    "v=1&scene=lab&methods=rk4:0.01&angle=1&angle=2": "twice",
+    "v=1&scene=lab&methods=" + ",".join(["rk4:0.01"] * 5): "1 to 4 methods",
+}
+
+
+@pytest.mark.parametrize("link", BAD)
+def test_bad_links_end_in_a_sentence(link: str) -> None:
+    with pytest.raises(ValueError, match=BAD[link]):
+        read_link(link)
+    with pytest.raises(SceneError, match="from 1 to 2"):
+        read_link(LINK, 3)
+    with pytest.raises(SceneError, match="must be text"):
+        read_link(1)  # type: ignore[arg-type]

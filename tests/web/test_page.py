@@ -1,0 +1,264 @@
+"""Tests of the page: what its file holds, and in a real browser what a person does with it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import Here
+from folder_contents import contents
+from in_browser import Opened, opened
+
+from pendulum_env import SCENES
+from pendulum_env.engine.rollout import run
+from pendulum_env.web import page, read_link, write
+from pendulum_env.web.page import SHOWN_METHODS, SHOWN_SCENES
+
+pytestmark = pytest.mark.usefixtures("interpreted")
+
+
+def part(text: str, name: str) -> str:
+    found = re.search(rf'id="{name}">(.*?)</script>', text, flags=re.S)
+    assert found
+    return found[1]
+
+
+# --- the file ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_small_page_holds_what_it_shows() -> None:
+    text = page(["kapitza", "exercise"], ["rk4", "verlet", "velocity_verlet"])
+    data = json.loads(part(text, "data"))
+    programs = json.loads(zlib.decompress(base64.b64decode(part(text, "programs"))))
+    assert list(data["scenes"]) == ["kapitza", "exercise"]
+    assert list(data["methods"]) == ["rk4", "velocity_verlet"]
+    for place in data["scenes"].values():
+        assert set(place["shown"]) == {"rk4", "velocity_verlet"}
+        assert place["accurate"] in place["programs"]
+        for one in place["programs"].values():
+            assert "export function run" in programs[one["program"]]
+    assert not re.search(r'(src|href)="', text)
+    assert "{{" not in text
+    assert "http://" not in re.sub("http://www.w3.org", "", text)
+
+
+BAD = {
+    "scene": (["--scenes", "labb"], "did you mean lab"), "method": (["--integrators", "rk5"], "did you mean"),
+    "ending": (["--out", "x.txt"], "must end in .html"), "folder": (["--out", "none/x.html"], "cannot be written"),
+    "no fit": (["--scenes", "sticky_bearing", "--integrators", "taylor30"], "None of the methods fits"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_ends_in_a_sentence(case: str, tmp_path: Path, run_here: Here) -> None:
+    words, said = BAD[case]
+    (tmp_path / "lab.html").write_text("kept")
+    before = contents(tmp_path)
+    code, _, told = run_here("web", *words)
+    assert code == 2, told
+    assert said in told
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.slow
+def test_the_usual_page_is_small(tmp_path: Path) -> None:
+    assert write(tmp_path / "lab.html").stat().st_size < 600_000
+
+
+# --- in a browser -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write(tmp_path_factory.mktemp("page") / "lab.html")
+
+
+@pytest.fixture
+def lab(file: Path) -> Iterator[Opened]:
+    """The usual page, wide, once it has checked its bits."""
+    with opened(file, viewport={"width": 1400, "height": 1000}) as seen:
+        wait_for_check(seen)
+        yield seen
+
+
+def wait_for_check(seen: Opened) -> str:
+    seen.page.wait_for_function("/checked \\(|differ/.test(document.getElementById('check').textContent)")
+    return str(seen.page.inner_text("#check"))
+
+
+def do(seen: Opened, script: str) -> Any:
+    return seen.page.evaluate(script)
+
+
+@pytest.mark.slow
+def test_the_browsers_bits_are_pythons(lab: Opened) -> None:
+    programs = json.loads(lab.page.inner_html("#data"))["scenes"]
+    assert list(programs) == list(SHOWN_SCENES)
+    count = sum(len(place["programs"]) for place in programs.values())
+    assert lab.page.inner_text("#check") == f"same bits as Python: checked ({count} programs)"
+    assert {name for place in programs.values() for name in place["shown"]} == set(SHOWN_METHODS)
+
+
+@pytest.mark.slow
+def test_one_altered_constant_is_noticed(file: Path, tmp_path: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    packed = part(text, "programs")
+    programs = json.loads(zlib.decompress(base64.b64decode(packed)))
+    place = next(i for i, one in enumerate(programs) if "0.16666666666666666" in one and "rk4" in one)
+    programs[place] = programs[place].replace("0.16666666666666666", "0.16666666666666669", 1)
+    again = base64.b64encode(zlib.compress(json.dumps(programs).encode())).decode()
+    (tmp_path / "lab.html").write_text(text.replace(packed, again), encoding="utf-8")
+    with opened(tmp_path / "lab.html") as seen:
+        said = wait_for_check(seen)
+    assert "differ from Python's" in said
+    assert "with rk4" in said
+
+
+READ = """
+LabPendulum.lab.lanes.map(({ method, dt, machine: { last } }) => [method, dt, last.time, last.angle, last.velocity,
+    last.kinetic_energy, last.potential_energy, last.work, last.heat, last.energy_residual])
+"""
+"""Script that returns the present state of every pendulum."""
+LINKS = (
+    "v=1&scene=lab&methods=rk4:0.01,velocity_verlet:0.05,gauss4:0.1,dop853:0.2&angle=2.5&velocity=-1&body.length=0.41"
+    "&body.mass=0.055&gravity=9.79&effects.1.c=0.0123&effects.2.gamma=0.07",
+    "v=1&scene=kapitza&methods=symplectic_euler:0.001,taylor:0.002&angle=3&velocity=0.1&effects.2.vertical_rate=120.5",
+    "v=1&scene=exercise_large&methods=forward_euler:0.01,kahan_li8:0.02&angle=0.5&velocity=0&effects.1.gamma=0.5",
+    "v=1&scene=chaotic&methods=rk4:0.02,discrete_gradient:0.01&angle=0.2&velocity=0.3&effects.2.drive_torque=1.07",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("link", LINKS)
+def test_a_link_gives_the_same_bits_here_and_there(link: str, file: Path) -> None:
+    with opened(file, reduced_motion="reduce") as seen:
+        do(seen, f"location.hash = {link!r}")
+        seen.page.wait_for_function("LabPendulum.lab.angle !== 0.08726646259971647")
+        do(seen, "(LabPendulum.lab.time = LabPendulum.advance(3)), 0")
+        seen.page.wait_for_function("LabPendulum.advance(3) >= 0 && LabPendulum.lab.lanes.every("
+                                    "(lane) => lane.ended || lane.steps === Math.floor(3 / lane.dt + 1e-9))")
+        shown = do(seen, READ)
+        text = do(seen, "LabPendulum.linkText()")
+    for i, (method, dt, *state) in enumerate(shown, 1):
+        wanted = run(read_link(text, i))
+        ledger = wanted.ledger
+        columns = (wanted.time, wanted.angle, wanted.velocity, ledger.kinetic, ledger.potential, ledger.work, ledger.heat,
+                   ledger.residual)
+        assert wanted.method.name == method
+        assert [float(column[-1]).hex() for column in columns] == [float(number).hex() for number in state], (method, dt)
+
+
+@pytest.mark.slow
+def test_what_a_person_does(lab: Opened) -> None:
+    page = lab.page
+    assert page.inner_text("#play") == "Pause"
+    page.keyboard.press("Space")
+    assert page.inner_text("#play") == "Play"
+    page.keyboard.press("r")
+    page.keyboard.press(".")
+    assert page.inner_text("#clock") == "0.01 s"
+    canvas = page.locator("#pendulums canvas").first
+    box = canvas.bounding_box()
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.42 * box["width"]
+    page.mouse.move(x, y + 50)
+    page.mouse.down()
+    page.mouse.move(x + 80, y)
+    page.mouse.up()
+    assert page.input_value("#angle") == "90"
+    page.fill("#angle", "30")
+    page.press("#angle", "Enter")
+    assert do(lab, "LabPendulum.lab.angle") == pytest.approx(0.5235987755982988, abs=1e-15)
+    page.fill("#angle", "1e9")
+    page.press("#angle", "Enter")
+    assert "from -360 to 360" in page.inner_text("#message")
+    assert page.input_value("#angle") == "30"
+    page.select_option("#scene", "lab")
+    assert page.is_visible("#torque")
+    page.fill("#torque", "0.5")
+    assert do(lab, "LabPendulum.lab.torque") == 0.5
+    page.locator("#lanes select").first.select_option("rk4")
+    assert page.locator("#pendulums figcaption").first.inner_text().startswith("rk4")
+    page.click("#add")
+    assert page.locator("#pendulums canvas").count() == 4
+    assert page.is_disabled("#add")
+    page.locator("#lanes button").first.click()
+    assert page.locator("#pendulums canvas").count() == 3
+    setting = page.locator("#body-settings input[type=number]").first
+    setting.fill("-1")
+    setting.press("Enter")
+    assert "length must be a number above 0" in page.inner_text("#message")
+    assert setting.input_value() == "0.353"
+    page.click("#link")
+    assert page.input_value("#text") == page.url
+    assert read_link(page.url, 1).scene.name == "lab"
+    page.click("#python")
+    code = page.input_value("#text")
+    assert code.count("read_link(link, ") == 3
+    compile(code, "page", "exec")
+    for button in ("#csv", "#png"):
+        with page.expect_download() as got:
+            page.click(button)
+        assert Path(got.value.path()).stat().st_size > 200
+
+
+@pytest.mark.slow
+def test_a_pendulum_that_diverges_leaves_the_others_running(file: Path) -> None:
+    with opened(file, reduced_motion="reduce") as seen:
+        do(seen, "location.hash = 'v=1&scene=vacuum&methods=forward_euler:1.5,rk4:0.01&angle=2&velocity=9'")
+        seen.page.wait_for_function("LabPendulum.lab.lanes.length === 2")
+        seen.page.wait_for_function("LabPendulum.advance(400) && LabPendulum.lab.lanes[1].steps > 20000")
+        assert "forward Euler stopped at" in seen.page.inner_text("#message")
+        states = do(seen, "LabPendulum.lab.lanes.map((lane) => [lane.machine.last.angle, lane.machine.last.velocity])")
+        kept = do(seen, "LabPendulum.lab.lanes[1].history.rows.length")
+    assert all(abs(number) < 1e300 for row in states for number in row)
+    assert kept <= 3001
+
+
+BAD_LINKS = {
+    "v=7&scene=lab": "not of version 1", "v=1&scene=nowhere&methods=rk4:0.01": "no scene 'nowhere'",
+    "v=1&scene=lab&methods=rk5:0.01": "no method 'rk5'", "v=1&scene=lab&methods=rk4:0": "must be above 0",
+    "v=1&scene=lab&methods=rk4:0.01&angle=left": "angle must be a finite number",
+    "v=1&scene=lab&methods=rk4:0.01&body.length=-3": "body.length must be above 0",
+    "v=1&scene=lab&methods=rk4:0.01&colour=1": "no number 'colour'",
+}
+
+
+@pytest.mark.slow
+def test_bad_links_end_in_a_sentence_on_the_page(file: Path) -> None:
+    for link, words in BAD_LINKS.items():
+        with opened(Path(file)) as seen:
+            do(seen, f"location.hash = {link!r}")
+            seen.page.wait_for_function("document.getElementById('message').textContent !== ''")
+            assert words in seen.page.inner_text("#message")
+            assert do(seen, "LabPendulum.lab.lanes.length") == 3
+
+
+SMALLEST = """
+Math.min(...[...document.querySelectorAll("body *")].filter((x) => x.checkVisibility() && x.childNodes.length
+    && [...x.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim())
+    && !x.closest("math, script, style")).map((x) => parseFloat(getComputedStyle(x).fontSize)))
+"""
+"""Script that returns the size of the smallest text of the page [CSS pixels]."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [320, 700, 1024, 2560])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_fits_every_width(width: int, scheme: str, file: Path) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    with opened(file, viewport={"width": width, "height": 800}, color_scheme=scheme, reduced_motion="reduce") as seen:
+        wait_for_check(seen)
+        assert seen.page.inner_text("#play") == "Play"
+        for controls in (False, True):
+            if width < 900:
+                seen.page.click("#tab-controls" if controls else "#tab-plots")
+            assert do(seen, "document.documentElement.scrollWidth <= innerWidth")
+            assert do(seen, SMALLEST) >= 12.0
+            found = axe.Axe().run(seen.page)
+            assert found.violations_count == 0, found.generate_report()
