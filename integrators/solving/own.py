@@ -48,10 +48,11 @@ def from_step(step: StepFunction | str, order: int | None = None) -> OwnStep:
     The method's ``summary`` says which known method the step equals, and its observed order.
 
     Args:
-        step: function ``step(theta, omega, dt, acceleration)`` that returns the new ``(theta, omega)``; or its
-            definition as text; or only its lines as text, which change ``theta`` and ``omega``. It calls ``acceleration(theta, omega)`` for
-            the angular acceleration [rad/s²] at the start of the step, and ``acceleration(theta, omega, dt/2)`` for
-            that at the time dt/2 later. ``acceleration(theta)`` is for scenes without damping. Angles are in radians.
+        step: function ``step(theta, omega, dt, acceleration)`` that returns the new ``(theta, omega)``; or the text of
+            its definition; or the text of its lines alone, which change ``theta`` and ``omega``. It calls
+            ``acceleration(theta, omega)`` for the angular acceleration [rad/s²] at the start of the step, and
+            ``acceleration(theta, omega, dt/2)`` for that at the time dt/2 later. ``acceleration(theta)`` is for scenes
+            without damping. Angles are in radians.
         order: the order that the step should have; None: the observed order.
 
     A step of arithmetic and of functions such as ``np.sin`` is compiled like any other method; one with ``if``,

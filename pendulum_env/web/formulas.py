@@ -2,8 +2,8 @@
 
 Python computes the parameters of a program in the functions of bodies and effects. Here these functions run once with
 numbers that record what is done with them, so that a page can compute the same parameters, in the same order of
-operations and so to the same bits. Formulas that branch, or that call a function of :mod:`math`, are not recorded fully;
-they are recognised by a comparison with Python at changed values, and the numbers that they need stay fixed.
+operations and so to the same bits. Formulas that branch, or that call a function of :mod:`math`, are not recorded
+fully; they are recognised by a comparison with Python at changed values, and the numbers that they need stay fixed.
 """
 
 from __future__ import annotations
@@ -90,7 +90,8 @@ class Formulas:
                 used |= {left, right}
                 lines.insert(0, f"const n{i} = {_text(left)} {symbol} {_text(right)};")
         head = [f"const x{i} = x[{i}];" for i in range(len(self.settings))]
-        return "\n".join([*head, *lines, f"return [{', '.join(_text(self.results.get(name, 0.0)) for name in names)}];"])
+        results = ", ".join(_text(self.results[name]) for name in names)
+        return "\n".join([*head, *lines, f"return [{results}];"])
 
 
 class Recorded(float):
@@ -166,7 +167,8 @@ def explicit(scene: Scene) -> Scene:
 
 def settings_of(scene: Scene) -> tuple[Setting, ...]:
     """Return the numbers of a scene that can be set."""
-    found = [_setting(scene.body, entry, f"body.{entry.name}") for entry in fields(scene.body) if entry.name in SIZES]
+    body: Any = scene.body
+    found = [_setting(body, entry, f"body.{entry.name}") for entry in fields(body) if entry.name in SIZES]
     found += [_setting(scene, entry, "gravity") for entry in fields(scene) if entry.name == "gravity"]
     for i, effect in enumerate(scene.effects):
         for entry in fields(effect):  # type: ignore[arg-type]
@@ -198,7 +200,8 @@ def with_settings(scene: Scene, settings: Sequence[Setting], values: Sequence[fl
             effects[number] = replace(effects[number], **{name: value})  # type: ignore[type-var]
         else:
             more[name] = value
-    return replace(scene, body=replace(scene.body, **body), effects=tuple(effects), **more)
+    shape: Any = scene.body
+    return replace(scene, body=replace(shape, **body), effects=tuple(effects), **more)
 
 
 def formulas_of(scene: Scene, names: Collection[str]) -> Formulas:

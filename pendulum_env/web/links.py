@@ -24,13 +24,13 @@ NUMBERS = ("angle", "velocity", "time")
 def read_link(text: str, pendulum: int = 1) -> RunSpec:
     """Return the run that a link of the page describes.
 
-    ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, as long as nobody changed
-    the motor's torque during the run.
+    ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, unless the motor was used
+    during the run.
 
     Args:
-        text: the address, or only the part behind "#": ``v=1&scene=lab&methods=rk4:0.01,heun:0.02&angle=0.5&velocity=0``,
-            then ``time`` [s] and numbers of the scene such as ``body.length=0.4`` or ``effects.1.gamma=0.02``, in SI
-            units.
+        text: the address, or only the part behind "#", such as ``v=1&scene=lab&methods=rk4:0.01,heun:0.02``, then
+            ``angle`` [rad], ``velocity`` [rad/s], ``time`` [s], and numbers of the scene in SI units, such as
+            ``body.length=0.4`` or ``effects.1.gamma=0.02``.
         pendulum: which of the pendulums side by side, counted from 1.
 
     Raises SceneError for a link of another version, an unknown entry, scene or number, with the nearest known name, and

@@ -1,7 +1,7 @@
 """The page: one HTML file that computes scenes and methods in the browser, to the bits of Python, and asks for nothing.
 
-It holds the generated programs as JavaScript, deflated, the formulas of their parameters, and a checksum of what each of
-them computes in Python, with which the page compares its own numbers.
+It holds the generated programs as JavaScript, deflated, the formulas of their parameters, and a checksum of what each
+of them computes in Python, with which the page compares its own numbers.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from pendulum_env.physics.equation import equation_mathml, equation_text
 from pendulum_env.physics.presets import PURPOSES, SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of
-from pendulum_env.render.palette import ENERGY_COLOURS, METHOD_COLOURS, hue
+from pendulum_env.render.palette import ENERGY_COLOURS, METHOD_COLOURS, hue, place
 from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.web.formulas import Setting, explicit, formulas_of
 from pendulum_env.web.links import MOST_PENDULUMS, VERSION
@@ -58,7 +58,7 @@ CALLS, STEPS = 6, 40
 NUMBER = 1.10001
 """First of the numbers that mark the places of coefficients while an equation is written."""
 DESCRIBED = {
-    "diverged": "the numbers are no longer finite, or the energy balance is absurd: the step is too long for this method",
+    "diverged": "its numbers are no longer finite, or its energy balance is absurd: the step is too long",
     "slack": "the wire is slack: the bob would fly freely", "step_too_short": "no step is short enough",
 }
 """Stop reason -> what the page says of it."""
@@ -78,8 +78,8 @@ def write(
         progress: True shows a progress bar, False none; by default a notebook shows one. A function is called with the
             fraction done and the present activity.
 
-    An older file at the path is replaced only by a complete one. Raises SceneError for unknown scenes or another ending,
-    MethodError for unknown methods, OSError where the file cannot be written.
+    An older file at the path is replaced only by a complete one. Raises SceneError for unknown scenes or another
+    ending, MethodError for unknown methods, OSError where the file cannot be written.
     """
     target = Path(path)
     if target.suffix != ".html":
@@ -99,13 +99,13 @@ def page(
     methods = list(dict.fromkeys(map(method_named, SHOWN_METHODS if integrators is None else integrators)))
     if not shown or not methods:
         raise SceneError("The page needs at least one scene and one method.")
-    places = {name: explicit(SCENES[one_of(name, "scene", SCENES)]) for name in shown}
+    chosen = {name: explicit(SCENES[one_of(name, "scene", SCENES)]) for name in shown}
     texts: dict[str, int] = {}
     scene_data = {}
-    for i, (name, scene) in enumerate(places.items()):
-        tell(i / len(places), name)
+    for i, (name, scene) in enumerate(chosen.items()):
+        tell(i / len(chosen), name)
         scene_data[name] = scene_of(scene, methods, texts)
-    data = {
+    data: dict[str, Any] = {
         "version": VERSION, "software": f"LabPendulum {__version__}", "most": MOST_PENDULUMS, "scenes": scene_data,
         "methods": {method.name: method_of(method) for method in methods},
         "stops": {code: DESCRIBED.get(name, name) for code, name in STOP_REASONS.items()},
@@ -117,7 +117,7 @@ def page(
     read = {name: (ASSETS / name).read_text(encoding="utf-8") for name in ("lab.html", "lab.css", *SCRIPTS)}
     parts = {
         "style": f"{variables()}\n{read['lab.css']}",
-        "script": "\n".join([*map(translated, map(inspect.getsource, (half_turns, without_half_turns))),
+        "script": "\n".join([*(translated(inspect.getsource(one)) for one in (half_turns, without_half_turns)),
                              *(read[name] for name in SCRIPTS)]),
         "data": json.dumps(data, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"),
         "programs": packed,
@@ -143,11 +143,8 @@ def scene_of(scene: Scene, methods: Sequence[Method], texts: dict[str, int]) -> 
     accurate = next(name for name in ACCURATE if name in fits)
     programs = {}
     for method in dict.fromkeys([*shown, get(accurate)]):
-        machine = Machine(scene, method, backend="python")
         text = javascript(program(scene, method, ("energy",), False, False))
-        number = texts.setdefault(text, len(texts))
-        programs[method.name] = {"program": number, "numbers": list(machine.numbers), "names": list(machine.names),
-                                 "parameters": [float(value) for value in machine.parameters], "start": started(machine)[6:], "sum": checksum(machine)}
+        programs[method.name] = {"program": texts.setdefault(text, len(texts)), **run_of(scene, method)}
     formulas = formulas_of(scene, {name for one in programs.values() for name in one["numbers"]})
     names = list(formulas.results)
     kinds = {effect.name: effect.kind for effect in scene.effects}
@@ -163,11 +160,22 @@ def scene_of(scene: Scene, methods: Sequence[Method], texts: dict[str, int]) -> 
     }
 
 
+def run_of(scene: Scene, method: Method) -> dict[str, Any]:
+    """Return what the page needs to run a scene's program with a method, and the checksum of its check."""
+    machine = Machine(scene, method, backend="python")
+    return {
+        "numbers": list(machine.numbers), "parameters": [float(value) for value in machine.parameters],
+        "names": list(machine.names), "start": started(machine)[6:], "sum": checksum(machine),
+    }
+
+
 def setting(one: Setting, kinds: Mapping[str, str]) -> dict[str, Any]:
-    """Return what the page needs of a number that can be set."""
-    least = None if math.isinf(one.least) else one.least
-    return {"name": one.name, "label": one.label.replace("_", " "), "about": one.about, "unit": one.unit.replace("^2", "²").replace("^3", "³"),
-            "value": one.value, "least": least, "exclusive": one.exclusive, "effect": one.effect.replace("_", " "), "kind": kinds.get(one.effect, "")}
+    """Return what the page needs of a number that can be set; ``kinds`` are those of the scene's effects."""
+    return {
+        "name": one.name, "label": one.label.replace("_", " "), "about": one.about, "value": one.value,
+        "unit": one.unit.replace("^2", "²").replace("^3", "³"), "least": None if math.isinf(one.least) else one.least,
+        "exclusive": one.exclusive, "effect": one.effect.replace("_", " "), "kind": kinds.get(one.effect, ""),
+    }
 
 
 def method_of(method: Method) -> dict[str, Any]:
@@ -176,9 +184,11 @@ def method_of(method: Method) -> dict[str, Any]:
         limit = float(analysis.stability_limit(method))
     except (ValueError, NotImplementedError):
         limit = math.inf
-    place = list(METHODS).index(method.name) if method.name in METHODS else 0
-    return {"title": titled(method.name), "order": "exact" if method.order is None else str(method.order), "summary": method.summary,
-            "source": method.source, "limit": limit if math.isfinite(limit) else None, "hue": hue(place)[0]}
+    return {
+        "title": titled(method.name), "order": "exact" if method.order is None else str(method.order),
+        "summary": method.summary, "source": method.source, "limit": limit if math.isfinite(limit) else None,
+        "hue": hue(place(method.name, list(METHODS)))[0],
+    }
 
 
 def titled(name: str) -> str:

@@ -39,6 +39,8 @@ SHORTER = {
         "--basins 9 --transient 5 --steps 50",
     "lab-pendulum section --basins 300 --set gamma=0.2 --set drive_torque=1.66 --set drive_rate=1":
         "--basins 9 --transient 5 --steps 50",
+    "lab-pendulum web --out lab.html": "",
+    "lab-pendulum web --scenes all --integrators all --out everything.html": "--scenes lab --integrators rk4",
     PREPARED: "",
     'lab-pendulum exercise --recording swing.txt --length 0.353 --mass 0.04 --radius 0.0107 --name "Ada Lovelace"': "",
     "lab-pendulum compare --scene scene.json --recording swing.txt": "--integrators rk4 --duration 1",
@@ -54,6 +56,7 @@ SHORTER = {
 """Command -> what is added to it here; a later option wins."""
 ELSEWHERE = {
     ".venv/bin/lab-pendulum demo": "study/test_demo.py",
+    ".venv/bin/lab-pendulum web --out lab.html": "web/test_page.py",
     "lab-pendulum show --integrators forward_euler,symplectic_euler,rk4 --angle 45 --size 1600x900":
         "window/test_show.py",
     'pip install -e ".[docs]"': "project/test_api_pages.py",

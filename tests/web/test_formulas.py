@@ -11,6 +11,7 @@ import pytest
 
 from pendulum_env import SCENES, Scene
 from pendulum_env.engine.machine import Machine, fitting, numbers_of
+from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.web.formulas import explicit, formulas_of, settings_of, with_settings
 
@@ -38,7 +39,7 @@ def test_formulas_give_the_bits_of_python_at_drawn_values(name: str) -> None:
         found = formulas.values(values)
         assert {key: value.hex() for key, value in found.items()} == {key: wanted[key].hex() for key in found}
     left = {one.name for one in settings_of(scene)} - {one.name for one in formulas.settings}
-    assert left <= LEFT_OUT.get(name, left if not type(scene.body).__name__ == "Body" else set())
+    assert left <= LEFT_OUT.get(name, set() if type(scene.body) is Body else left)
 
 
 @pytest.mark.parametrize("name", SCENES)
