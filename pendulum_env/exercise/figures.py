@@ -12,9 +12,10 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from pendulum_env.exercise.motion import OWN, Array, Motion
+from pendulum_env.exercise.recorded import FIRST_SWINGS
 from pendulum_env.exercise.small_angles import ANGLE
 from pendulum_env.exercise.worked import Worked
 from pendulum_env.lab.measures import crossings
@@ -30,16 +31,16 @@ Labels = Mapping[str, str]
 """Texts in figures, by name, in the language of the report."""
 WIDTH = 8.0
 """Width of every figure [inch]; on paper it is 170 mm."""
-STRIPS = 6
-"""Number of strips that a long run is cut into."""
+STRIPS = 10
+"""Largest number of strips that a run is cut into; more do not fit on a page."""
+USUAL_STRIPS = 6
+"""Largest number of strips of a run whose swings need no more."""
 SWINGS = 30.0
 """Largest number of swings in a strip."""
 STRIP = 1.05
 """Height of a strip [inch]."""
 ENDS = 8.0
 """Number of swings at the start and at the end that are shown enlarged."""
-FIRST = 4.0
-"""Number of swings in the enlarged plot of the energy."""
 EQUAL = 6.0
 """Phase plots have equal axes up to this multiple of the release angle; beyond, the smaller orbits would be dots."""
 DOTS = 60.0
@@ -78,9 +79,8 @@ def spans(end: float, swing: float) -> list[Span]:
 
     The strips cover the whole run or, where that would put too many swings on one, its beginning and its end.
     """
-    whole = end / STRIPS
-    if whole <= SWINGS * swing:
-        count = max(1, min(STRIPS, math.ceil(end / (8.0 * swing))))
+    if end <= STRIPS * SWINGS * swing:
+        count = max(1, min(USUAL_STRIPS, math.ceil(end / (8.0 * swing))), math.ceil(end / (SWINGS * swing)))
         edges = np.linspace(0.0, end, count + 1).tolist()
         return list(pairwise(edges))
     part, half = SWINGS * swing, STRIPS // 2
@@ -266,7 +266,12 @@ def damped_energy(worked: Worked, labels: Labels) -> Figure:
     """Draw energy and phase plot of the damped run; the exact orbit without friction is behind it."""
     large = worked.large
     angle, velocity = exact.pendulum(np.linspace(0.0, large.exact, 600), float(large.run.angle[0]), 0.0, large.omega)
-    return energy_and_phase(worked.recorded.damped, large.period, (np.degrees(angle), velocity), labels)
+    drawing = energy_and_phase(worked.recorded.damped, large.period, (np.degrees(angle), velocity), labels)
+    first, fine = drawing.axes[1], worked.recorded.fine
+    low, high = first.get_ylim()
+    first.plot(fine.time, fine.energy, color=INK, linewidth=1.1, linestyle=(0, (4, 2)))
+    first.set(ylim=(min(low, 0.99 * float(fine.energy.min())), high))
+    return drawing
 
 
 def energy_and_phase(run: Motion, period: float, true: tuple[Array, Array], labels: Labels) -> Figure:
@@ -277,10 +282,11 @@ def energy_and_phase(run: Motion, period: float, true: tuple[Array, Array], labe
     drawing = blank((WIDTH, 3.3))
     with drawn():
         whole, first, phase = drawing.subplots(1, 3, width_ratios=(1.0, 1.0, 1.15))
-        for at, end in ((whole, float(run.time[-1])), (first, min(FIRST * period, float(run.time[-1])))):
+        for at, end in ((whole, float(run.time[-1])), (first, min(FIRST_SWINGS * period, float(run.time[-1])))):
             part = within(run.time, (0.0, end))
             at.plot(run.time[part], np.ones(len(run.time[part])), **{**EXACT, "linewidth": 3.0})
             at.plot(run.time[part], run.energy[part], **line(run, 0.7 if at is whole else 1.3))
+            at.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
             low, high = float(run.energy[part].min()), float(run.energy[part].max())
             at.set(xlabel=labels["time"], xlim=(0.0, end), ylim=(low - 0.2 * (high - low), high + 0.2 * (high - low)))
         whole.set_ylabel(labels["energy"], fontsize=9)

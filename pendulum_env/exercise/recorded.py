@@ -28,6 +28,10 @@ FAINT = 0.05
 """Share of its amplitude at which the damped run ends, if that is before two minutes."""
 ROUND = 10.0
 """The damped run ends at a multiple of this time [s]."""
+FIRST_SWINGS = 4.0
+"""Number of swings in the enlarged plot of the energy."""
+FINER = 20
+"""Ratio of the usual step to that with which the energy of these swings is shown without the ripple of the method."""
 COMPARED = 300.0
 """Longest part of a recording that is compared with the simulation [s]."""
 
@@ -119,6 +123,7 @@ class Recorded:
         early, late: damping rate from the first and from the last third of all amplitudes [1/s].
         losses: parts of the loss per half swing; None for too few amplitudes.
         damped: run from 30 degrees with this gamma.
+        fine: its first swings with a step of a FINER-th.
         compared: the comparison with the recording.
     """
 
@@ -130,6 +135,7 @@ class Recorded:
     late: Measurement
     losses: Losses | None
     damped: Motion
+    fine: Motion
     compared: Compared
 
 
@@ -147,11 +153,14 @@ def recorded(given: Given) -> Recorded:
     damping = max(gamma.value, 0.0)
     faint = 2.0 * math.log(1.0 / FAINT) / damping if damping > 0.0 else math.inf
     length = min(DURATION, ROUND * math.ceil(min(faint, DURATION) / ROUND))
+    omega = given.omega.value.value
+    first = min(FIRST_SWINGS * math.tau / omega, length)
     return Recorded(
         tuple(flows(given)), points, readings, gamma,
         envelope_rate(chosen(points, np.arange(third))),
         envelope_rate(chosen(points, np.arange(len(points.time) - third, len(points.time)))),
-        given.sheet.losses, large(given.omega.value.value, ANGLE, length, damping), compared(given, damping),
+        given.sheet.losses, large(omega, ANGLE, length, damping), large(omega, ANGLE, first, damping, dt=STEP / FINER),
+        compared(given, damping),
     )
 
 

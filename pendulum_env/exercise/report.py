@@ -123,7 +123,8 @@ def page(worked: Worked, figures: dict[str, Drawing], name: str, key: bool, fact
     template = environment().get_template(f"{LANGUAGE}/{REPORT}.j2")
     return template.render(
         worked=worked, figures=figures, name=name, key=key, facts=facts, language=LANGUAGE,
-        next_question=lambda: next(numbers), sqrt=math.sqrt, exp=math.exp, log=math.log, sin=math.sin, pi=math.pi,
+        next_question=lambda: next(numbers), sqrt=math.sqrt, exp=math.exp, log=math.log, sin=math.sin,
+        atan=math.atan, pi=math.pi,
     )
 
 

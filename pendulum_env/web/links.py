@@ -24,8 +24,8 @@ NUMBERS = ("angle", "velocity", "time")
 def read_link(text: str, pendulum: int = 1) -> RunSpec:
     """Return the run that a link of the page describes.
 
-    ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, unless the motor was used
-    during the run.
+    ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, unless the motor
+    was used during the run.
 
     Args:
         text: the address, or only the part behind "#", such as ``v=1&scene=lab&methods=rk4:0.01,heun:0.02``, then
