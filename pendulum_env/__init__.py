@@ -67,7 +67,7 @@ _LAZY = {
     "sweep": "pendulum_env.study.sweep",
 }
 """Public names that are imported on first use, and their modules."""
-_ROOMS = ("controllers", "testing")
+_ROOMS = ("controllers", "testing", "web")
 """Public modules that are imported on first use."""
 
 __all__ = [
@@ -98,6 +98,7 @@ __all__ = [
     "stress",
     "sweep",
     "testing",
+    "web",
 ]
 
 

@@ -2,8 +2,31 @@
 
 from __future__ import annotations
 
-from pendulum_env.engine.javascript import javascript
-from pendulum_env.web.links import read_link
+from typing import TYPE_CHECKING, Any
+
+from pendulum_env.engine.code import code
+from pendulum_env.web.links import link_of, read_link
 from pendulum_env.web.page import page, write
 
-__all__ = ["javascript", "page", "read_link", "write"]
+if TYPE_CHECKING:
+    from integrators import Method
+    from pendulum_env.physics.scene import Scene
+    from pendulum_env.web.widget import widget
+
+__all__ = ["javascript", "link_of", "page", "read_link", "widget", "write"]
+
+
+def javascript(scene: str | Scene = "lab", integrator: str | Method = "rk4", **options: Any) -> str:
+    """Return the program of a scene and a method as a JavaScript module; see :func:`pendulum_env.code`.
+
+    ``options`` are ``damping`` and ``diagnostics``.
+    """
+    return code(scene, integrator, "javascript", **options)
+
+
+def __getattr__(name: str) -> Any:
+    if name == "widget":
+        from pendulum_env.web.widget import widget
+
+        return widget
+    raise AttributeError(f"module 'pendulum_env.web' has no attribute '{name}'")

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
 from urllib.parse import parse_qsl, unquote
 
+from integrators import get
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
@@ -56,6 +59,36 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     dt = number_in(step, f"the step of {name}")
     changed = with_numbers(scene, {entry: number_in(value, entry) for entry, value in entries.items()})
     return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=time, warn=False)
+
+
+def link_of(
+    scene: str, integrators: Sequence[str], *, angle: float | None = None, velocity: float | None = None,
+    dt: float | None = None, **numbers: float,
+) -> str:
+    """Return the link, from "v=" on, of a scene with methods and a start.
+
+    Args:
+        scene: name of a preset.
+        integrators: names of one to four methods.
+        angle, velocity, dt: start [rad, rad/s] and step [s]; by default those of the scene's usual run.
+        numbers: numbers of the scene by name, such as ``length=0.4`` or ``gamma=0.02``.
+
+    Raises SceneError and MethodError as :func:`read_link` does.
+    """
+    place = explicit(SCENES[one_of(scene, "scene", SCENES)])
+    usual, settings = place.run, {setting.label: setting for setting in settings_of(place)}
+    step = usual.dt if dt is None else dt
+    entries: dict[str, Any] = {
+        "v": VERSION, "scene": scene, "methods": ",".join(f"{get(name).name}:{step!r}" for name in integrators),
+        "angle": usual.angle if angle is None else float(angle),
+        "velocity": usual.velocity if velocity is None else float(velocity),
+        **{settings[one_of(name, "number of the scene", settings)].name: float(value)
+           for name, value in numbers.items()},
+    }
+    text = "&".join(f"{name}={value}" for name, value in entries.items())
+    for place_of in range(len(integrators)):
+        read_link(text, place_of + 1)
+    return text
 
 
 def with_numbers(scene: Scene, numbers: dict[str, float]) -> Scene:

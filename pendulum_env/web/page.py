@@ -17,7 +17,7 @@ from dataclasses import asdict, fields
 from html import escape
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -53,6 +53,8 @@ ACCURATE = ("exact", "taylor", "dop853", "rk4")
 """Methods of the accurate solution; the first that fits a scene is taken."""
 FIRST = ("forward_euler", "backward_euler", "symplectic_euler")
 """Methods that the page shows first, in the first scene."""
+MOST_READINGS = 3000
+"""Largest number of readings of a recording that the page holds."""
 CALLS, STEPS = 6, 40
 """The check of a program: calls, each with another torque, and steps in a call."""
 NUMBER = 1.10001
@@ -64,10 +66,17 @@ DESCRIBED = {
 """Stop reason -> what the page says of it."""
 
 
+class Series(Protocol):
+    """Arrays of time [s] and angle [rad] of one length."""
+
+    time: Any
+    angle: Any
+
+
 @with_bar("web page")
 def write(
     path: str | PathLike[str], scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None,
-    *, progress: Progress | bool | None = None,
+    *, recording: Series | None = None, progress: Progress | bool | None = None,
 ) -> Path:
     """Write the page and return its path.
 
@@ -75,6 +84,8 @@ def write(
         path: the file, which ends in ".html".
         scenes: names of presets; None: SHOWN_SCENES.
         integrators: names of methods; None: SHOWN_METHODS. A scene offers those that fit it.
+        recording: a :class:`pendulum_env.Recording`, or another object with arrays ``time`` [s] and ``angle`` [rad],
+            which is drawn over the angles.
         progress: True shows a progress bar, False none; by default a notebook shows one. A function is called with the
             fraction done and the present activity.
 
@@ -84,15 +95,15 @@ def write(
     target = Path(path)
     if target.suffix != ".html":
         raise SceneError(f"The page's name must end in .html, not {target.name!r}.")
-    text = page(scenes, integrators, told_by(progress))
+    text = page(scenes, integrators, recording=recording, tell=told_by(progress))
     with replacing(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
 
 
 def page(
-    scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None,
-    tell: Progress = lambda done, text: None,
+    scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None, *,
+    recording: Series | None = None, tell: Progress = lambda done, text: None,
 ) -> str:
     """Return the page's HTML; the arguments are those of :func:`write`."""
     shown = SHOWN_SCENES if scenes is None else tuple(dict.fromkeys(scenes))
@@ -110,6 +121,7 @@ def page(
         "methods": {method.name: method_of(method) for method in methods},
         "stops": {code: DESCRIBED.get(name, name) for code, name in STOP_REASONS.items()},
         "first": [name for name in FIRST if name in {method.name for method in methods}] or [methods[0].name],
+        "recording": None if recording is None else readings(recording),
         "check": {"calls": CALLS, "steps": STEPS},
     }
     programs = json.dumps(list(texts), ensure_ascii=True)
@@ -124,6 +136,13 @@ def page(
         "software": escape(data["software"]),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read["lab.html"])
+
+
+def readings(recording: Series) -> list[list[float]]:
+    """Return times [s] from the first reading on and angles [degrees] of a recording, at most MOST_READINGS of each."""
+    every = max(1, math.ceil(len(recording.time) / MOST_READINGS))
+    time, angle = (np.asarray(values, dtype=float)[::every] for values in (recording.time, recording.angle))
+    return [np.round(time - time[0], 6).tolist(), np.round(np.degrees(angle), 6).tolist()]
 
 
 def method_named(name: str | Method) -> Method:

@@ -7,7 +7,7 @@ import pytest
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine.rollout import run
 from pendulum_env.physics.units import SceneError
-from pendulum_env.web import read_link
+from pendulum_env.web import link_of, read_link
 
 LINK = ("file:///lab.html#v=1&scene=lab&methods=rk4:0.01,symplectic_euler:0.02&angle=0.7&velocity=-0.5&time=2"
         "&body.length=0.5&effects.2.gamma=0.03")
@@ -27,6 +27,17 @@ def test_what_a_link_leaves_out_is_usual() -> None:
     spec = read_link("v=1&scene=exercise&methods=heun:0.01")
     assert spec.start is not None
     assert (float(spec.start[0]), float(spec.start[1])) == (SCENES["exercise"].run.angle, 0.0)
+
+
+def test_a_link_made_in_python() -> None:
+    text = link_of("lab", ["verlet", "rk4"], angle=0.5, dt=0.02, length=0.4, gamma=0.03)
+    spec = read_link(text, 1)
+    assert (spec.method.name, spec.h, spec.scene.body.reach) == ("velocity_verlet", 0.02, 0.4)
+    assert dict(spec.scene.coefficients)["linear_drag_rate"] == 0.03
+    with pytest.raises(SceneError, match="did you mean length"):
+        link_of("lab", ["rk4"], lenght=0.4)
+    with pytest.raises(ValueError, match="1 to 4 methods"):
+        link_of("lab", ["rk4"] * 5)
 
 
 BAD = {

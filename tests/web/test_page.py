@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import sys
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,9 +16,14 @@ from command_line import Here
 from folder_contents import contents
 from in_browser import Opened, opened
 
+import integrators
+import pendulum_env
+from pendulum_env import SCENES
+from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.rollout import run
+from pendulum_env.lab.simulated import simulated_recording
 from pendulum_env.web import page, read_link, write
-from pendulum_env.web.page import SHOWN_METHODS, SHOWN_SCENES
+from pendulum_env.web.page import ASSETS, SHOWN_METHODS, SHOWN_SCENES
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -87,7 +93,7 @@ def lab(file: Path) -> Iterator[Opened]:
 
 
 def wait_for_check(seen: Opened) -> str:
-    seen.page.wait_for_function("/checked \\(|differ/.test(document.getElementById('check').textContent)")
+    seen.page.wait_for_function("/checked \\(|differs/.test(document.getElementById('check').textContent)")
     return str(seen.page.inner_text("#check"))
 
 
@@ -115,7 +121,7 @@ def test_one_altered_constant_is_noticed(file: Path, tmp_path: Path) -> None:
     (tmp_path / "lab.html").write_text(text.replace(packed, again), encoding="utf-8")
     with opened(tmp_path / "lab.html") as seen:
         said = wait_for_check(seen)
-    assert "differ from Python's" in said
+    assert said.startswith("differs from Python: ")
     assert "with rk4" in said
 
 
@@ -261,3 +267,91 @@ def test_the_page_fits_every_width(width: int, scheme: str, file: Path) -> None:
             assert do(seen, SMALLEST) >= 12.0
             found = axe.Axe().run(seen.page)
             assert found.violations_count == 0, found.generate_report()
+
+
+@pytest.mark.slow
+def test_every_scene_with_every_method_has_pythons_bits(tmp_path: Path) -> None:
+    """All programs that fit, in this browser; the whole page stays small."""
+    file = write(tmp_path / "all.html", SCENES, integrators.METHODS)
+    assert file.stat().st_size < 4_000_000
+    count = sum(len(set(fitting(scene)) & set(integrators.METHODS)) for scene in SCENES.values())
+    with opened(file, reduced_motion="reduce") as seen:
+        seen.page.set_default_timeout(300_000)
+        assert wait_for_check(seen) == f"same bits as Python: checked ({count} programs)"
+
+
+@pytest.mark.slow
+def test_an_hour_does_not_fill_the_memory(file: Path) -> None:
+    with opened(file, reduced_motion="reduce") as seen:
+        wait_for_check(seen)
+        sizes = []
+        for hour in (0.5, 1.0):
+            seen.page.wait_for_function(f"LabPendulum.advance({3600 * hour}) && LabPendulum.lab.lanes.every("
+                                        f"(lane) => lane.ended || lane.steps >= {359_999 * hour})", timeout=120_000)
+            seen.page.request_gc()
+            sizes.append(do(seen, "performance.memory.usedJSHeapSize"))
+        assert do(seen, "Math.max(...LabPendulum.lab.lanes.map((lane) => lane.history.rows.length))") <= 3001
+    assert sizes[1] < 1.5 * sizes[0] + 2e6
+
+
+@pytest.mark.slow
+def test_touch_on_a_phone(file: Path) -> None:
+    with opened(file, viewport={"width": 360, "height": 740}, has_touch=True, is_mobile=True,
+                reduced_motion="reduce") as seen:
+        wait_for_check(seen)
+        box = seen.page.locator("#pendulums canvas").first.bounding_box()
+        seen.page.touchscreen.tap(box["x"] + 0.5 * box["width"] + 60, box["y"] + 0.42 * box["width"])
+        assert do(seen, "LabPendulum.lab.angle") == pytest.approx(1.5707963267948966, abs=1e-12)
+        seen.page.tap("#play")
+        seen.page.wait_for_function("LabPendulum.lab.time > 0.3")
+        seen.page.tap("#tab-controls")
+        assert seen.page.is_visible("#scene")
+
+
+# --- in a notebook ----------------------------------------------------------------------------------------------------
+
+HARNESS = """<!DOCTYPE html><html><body><div id="here"></div><script type="module">
+const values = {{values}};
+const model = { get: (name) => values[name], set: (name, value) => { values[name] = value; }, save_changes: () => {
+  globalThis.saved = (globalThis.saved ?? 0) + 1; } };
+globalThis.values = values;
+{{script}}
+globalThis.stop = render({ model, el: document.getElementById("here") });
+</script></body></html>"""
+"""A page that does what a notebook does with a widget."""
+
+
+@pytest.mark.slow
+def test_the_widget_and_python_share_a_link(tmp_path: Path) -> None:
+    widget = pytest.importorskip("pendulum_env.web.widget").widget
+    swing = simulated_recording()
+    made = widget("lab", ["rk4", "forward_euler"], length=0.4, angle=0.5, recording=swing)
+    assert made.spec(2).scene.body.length == 0.4
+    values = json.dumps({"page": made.page, "link": made.link, "height": made.height}).replace("</", "<\\/")
+    script = (ASSETS / "widget.js").read_text(encoding="utf-8").replace("export default { render };", "")
+    (tmp_path / "x.html").write_text(HARNESS.replace("{{script}}", script).replace("{{values}}", values))
+    with opened(tmp_path / "x.html", reduced_motion="reduce") as seen:
+        frame = next(one for one in seen.page.frames if one != seen.page.main_frame)
+        frame.wait_for_function("globalThis.LabPendulum && LabPendulum.lab.lanes.length === 2")
+        assert frame.evaluate("LabPendulum.lab.values[0]") == 0.4
+        frame.fill("#angle", "90")
+        frame.press("#angle", "Enter")
+        seen.page.wait_for_function("values.link.includes('angle=1.57')")
+        assert read_link(do(seen, "values.link"), 1).scene.body.length == 0.4
+        do(seen, "(values.link = values.link.replace('scene=lab', 'scene=vacuum').replace(/&body.*/, '')), 0")
+        frame.wait_for_function("LabPendulum.lab.scene === 'vacuum'")
+        shown = frame.evaluate("JSON.parse(document.getElementById('data').textContent).recording[0].length")
+    assert 100 < shown <= 3000
+
+
+def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    monkeypatch.delitem(sys.modules, "pendulum_env.web.widget", raising=False)
+    with pytest.raises(ImportError, match=r"pip install 'lab-pendulum\[notebook\]'"):
+        pendulum_env.web.widget  # noqa: B018
+
+
+def test_one_program_for_pages_of_your_own() -> None:
+    assert pendulum_env.web.javascript("lab", "rk4") == pendulum_env.code("lab", "rk4", "javascript")
+    with pytest.raises(AttributeError, match="no attribute 'widgets'"):
+        pendulum_env.web.widgets  # noqa: B018

@@ -202,6 +202,11 @@ function plots(colour) {
     colour: lane.colour, points: recent[i].map((row) => [row[0], transform(row, lane)]) }));
   const ghosts = lab.lanes.slice(0, 1).map((lane) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4,
     points: recent[0].map((row) => [row[0], row[5] * DEGREES]) }));
+  if (PAGE.recording) {
+    const [times, degrees] = PAGE.recording;
+    ghosts.push({ colour: colour("ink"), dots: true, points: times.map((t, i) => [t, degrees[i]]).filter(
+      ([t]) => t >= time[0] && t <= time[1]) });
+  }
   const angles = [...ghosts, ...curves(1, (row) => row[1] * DEGREES)];
   drawPlot(byId("plot-angle"), { x: time, y: around(valuesOf(angles), 1), xlabel: "time [s]", ylabel: "angle [°]",
     curves: angles }, colour);
@@ -466,11 +471,12 @@ function say(text) {
 // --- links, code, files --------------------------------------------------------------------------------------------
 
 /** The whole state as the part of an address behind "#". */
-function linkText() {
+function linkText(timed = true) {
   const place = PAGE.scenes[lab.scene];
   const entries = [["v", PAGE.version], ["scene", lab.scene],
     ["methods", lab.lanes.map((lane) => `${lane.method}:${lane.dt}`).join(",")], ["angle", lab.angle],
-    ["velocity", lab.velocity], ["time", Math.max(...lab.lanes.map((lane) => lane.machine.last.time)) || 10]];
+    ["velocity", lab.velocity]];
+  if (timed) entries.push(["time", Math.max(...lab.lanes.map((lane) => lane.machine.last.time)) || 10]);
   place.settings.forEach((setting, i) => {
     if (lab.values[i] !== setting.value) entries.push([setting.name, lab.values[i]]);
   });
@@ -590,7 +596,7 @@ async function check() {
     }
   }
   line.classList.toggle("differs", wrong.length > 0);
-  line.textContent = wrong.length ? `This browser's numbers differ from Python's: ${wrong.slice(0, 8).join(", ")}${wrong.length > 8
+  line.textContent = wrong.length ? `differs from Python: ${wrong.slice(0, 8).join(", ")}${wrong.length > 8
     ? ` and ${wrong.length - 8} more` : ""}.` : `same bits as Python: checked (${all.length} programs)`;
 }
 
@@ -605,7 +611,7 @@ function tab(controls) {
 
 async function begin() {
   await unpack();
-  globalThis.LabPendulum = { lab, linkText, readLink, rebuild, advance, play, Machine };
+  globalThis.LabPendulum = { lab, linkText, readLink, rebuild, advance, play, say, show, Machine };
   for (const [name, place] of Object.entries(PAGE.scenes)) {
     byId("scene").append(element("option", { value: name, textContent: `${name.replaceAll("_", " ")}: ${place.about}` }));
   }
@@ -648,6 +654,10 @@ async function begin() {
   byId("tab-plots").addEventListener("click", () => tab(false));
   byId("tab-controls").addEventListener("click", () => tab(true));
   byId("link").addEventListener("click", () => {
+    if (location.protocol === "about:") { // a page within a notebook has no address
+      showText(`#${linkText()}`);
+      return;
+    }
     history.replaceState(null, "", `#${linkText()}`);
     showText(location.href);
   });
