@@ -51,7 +51,8 @@ class Lane {
     this.section = [];
     this.rate = place.beat ? parametersOf(lab.scene, lab.values)[place.beat] : 0;
     const info = this.machine.last, parameters = parametersOf(lab.scene, lab.values);
-    this.scale = Math.max(Math.abs(info.energy), 0.05 * parameters.scale) * 1.25;
+    const share = place.motor || place.beat ? 2 : 0.05; // driven pendulums soon have more energy than at the start
+    this.scale = Math.max(Math.abs(info.energy), share * parameters.scale) * 1.25;
     this.read(info, this.ghost.last);
   }
 
@@ -182,49 +183,63 @@ const CAPTIONS = {
   distance: "Distance to the accurate solution (logarithmic)",
   section: "Poincaré section: the state once in each period of the drive",
 };
+const TURNS = 3; // frames in which every plot is drawn once
 const LANE_PICTURES = [];
 
 function show(now) {
   const colour = paint();
   for (const [i, lane] of lab.lanes.entries()) drawApparatus(LANE_PICTURES[i], lane, lab.torque, colour);
   byId("clock").textContent = `${lab.time.toFixed(2)} s`;
-  if (now === undefined || now - lab.drawn > 45) {
-    lab.drawn = now ?? lab.drawn;
-    plots(colour);
-  }
+  PLOTS.forEach((name, i) => {
+    if (now === undefined || i % TURNS === lab.drawn % TURNS) PLOTTED[name](colour);
+  });
+  lab.drawn += 1;
 }
 
-function plots(colour) {
+/** The axis of time, and the readings of every pendulum in it. */
+function recent() {
   const start = Math.max(0, lab.time - 20);
-  const recent = lab.lanes.map((lane) => lane.history.rows.filter((row) => row[0] >= start - 0.5));
-  const time = [start, Math.max(lab.time, start + 2)];
-  const curves = (column, transform) => lab.lanes.map((lane, i) => ({
-    colour: lane.colour, points: recent[i].map((row) => [row[0], transform(row, lane)]) }));
-  const ghosts = lab.lanes.slice(0, 1).map((lane) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4,
-    points: recent[0].map((row) => [row[0], row[5] * DEGREES]) }));
-  if (PAGE.recording) {
-    const [times, degrees] = PAGE.recording;
-    ghosts.push({ colour: colour("ink"), dots: true, points: times.map((t, i) => [t, degrees[i]]).filter(
-      ([t]) => t >= time[0] && t <= time[1]) });
-  }
-  const angles = [...ghosts, ...curves(1, (row) => row[1] * DEGREES)];
-  drawPlot(byId("plot-angle"), { x: time, y: around(valuesOf(angles), 1), xlabel: "time [s]", ylabel: "angle [°]",
-    curves: angles }, colour);
-  const errors = curves(4, (row, lane) => logarithm(row[4] / lane.history.rows[0][3]));
-  drawPlot(byId("plot-error"), { x: time, y: decades(errors), log: true, xlabel: "time [s]", ylabel: "relative error",
-    curves: errors }, colour);
-  const distances = curves(5, (row) => logarithm(Math.abs(row[1] - row[5]) * DEGREES));
-  drawPlot(byId("plot-distance"), { x: time, y: decades(distances), log: true, xlabel: "time [s]", ylabel: "[°]",
-    curves: distances }, colour);
-  phase(colour);
-  const driven = lab.lanes.some((lane) => lane.rate);
-  byId("plot-section").parentElement.hidden = !driven;
-  if (driven) {
-    const points = lab.lanes.map((lane) => ({ colour: lane.colour, dots: true, points: lane.section }));
-    drawPlot(byId("plot-section"), { x: [-180, 180], y: around(points.flatMap((one) => one.points.map((p) => p[1])), 0.1),
-      xlabel: "angle [°]", ylabel: "velocity [rad/s]", curves: points }, colour);
-  }
+  return { time: [start, Math.max(lab.time, start + 2)],
+    rows: lab.lanes.map((lane) => lane.history.rows.filter((row) => row[0] >= start - 0.5)) };
 }
+
+/** Draw a quantity of every pendulum, a function of a reading, against time on a logarithmic axis. */
+function drawLogarithm(name, ylabel, quantity, colour) {
+  const { time, rows } = recent();
+  const curves = lab.lanes.map((lane, i) => ({ colour: lane.colour,
+    points: rows[i].map((row) => [row[0], logarithm(quantity(row, lane))]) }));
+  drawPlot(byId(`plot-${name}`), { x: time, y: decades(curves), log: true, xlabel: "time [s]", ylabel, curves }, colour);
+}
+
+const PLOTTED = {
+  angle(colour) {
+    const { time, rows } = recent();
+    const curves = [{ colour: colour("faint-ink"), alpha: 0.45, width: 4, points: rows[0].map((row) => [row[0], row[5] * DEGREES]) }];
+    if (PAGE.recording) {
+      const [times, degrees] = PAGE.recording;
+      curves.push({ colour: colour("ink"), dots: true, points: times.map((t, i) => [t, degrees[i]]).filter(
+        ([t]) => t >= time[0] && t <= time[1]) });
+    }
+    lab.lanes.forEach((lane, i) => curves.push({ colour: lane.colour, points: rows[i].map((row) => [row[0], row[1] * DEGREES]) }));
+    drawPlot(byId("plot-angle"), { x: time, y: around(valuesOf(curves), 1), xlabel: "time [s]", ylabel: "angle [°]", curves },
+      colour);
+  },
+  error(colour) {
+    drawLogarithm("error", "relative error", (row, lane) => row[4] / lane.history.rows[0][3], colour);
+  },
+  phase,
+  distance(colour) {
+    drawLogarithm("distance", "[°]", (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
+  },
+  section(colour) {
+    const driven = lab.lanes.some((lane) => lane.rate);
+    byId("plot-section").parentElement.hidden = !driven;
+    if (!driven) return;
+    const curves = lab.lanes.map((lane) => ({ colour: lane.colour, dots: true, points: lane.section }));
+    drawPlot(byId("plot-section"), { x: [-180, 180], y: around(valuesOf(curves), 0.1), xlabel: "angle [°]",
+      ylabel: "velocity [rad/s]", curves }, colour);
+  },
+};
 
 /** Draw the phase portrait, in turns of 360 degrees if a pendulum goes over the top. */
 function phase(colour) {
