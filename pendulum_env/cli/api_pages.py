@@ -55,6 +55,7 @@ PAGES = (
     "pendulum_env.study.audit.verdicts",
     "pendulum_env.tasks",
     "pendulum_env.testing",
+    "pendulum_env.web",
     "integrators",
     "integrators.analysis",
     "integrators.steps.compensated",

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from pendulum_env.engine.code import code
 from pendulum_env.web.links import link_of, read_link
+from pendulum_env.web.notebook import widget
 from pendulum_env.web.page import page, write
 
 if TYPE_CHECKING:
     from integrators import Method
     from pendulum_env.physics.scene import Scene
-    from pendulum_env.web.widget import widget
 
 __all__ = ["javascript", "link_of", "page", "read_link", "widget", "write"]
 
@@ -23,10 +23,3 @@ def javascript(scene: str | Scene = "lab", integrator: str | Method = "rk4", **o
     """
     return code(scene, integrator, "javascript", **options)
 
-
-def __getattr__(name: str) -> Any:
-    if name == "widget":
-        from pendulum_env.web.widget import widget
-
-        return widget
-    raise AttributeError(f"module 'pendulum_env.web' has no attribute '{name}'")

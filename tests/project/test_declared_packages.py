@@ -22,8 +22,9 @@ from pendulum_env.cli import app
 DECLARED = set(re.findall(r'^    "([\w-]+)', CORE, flags=re.M))
 MODULES = {"pygame": "pygame-ce"}
 """Name of a module -> name of its package, where they differ by more than a dash."""
-OPTIONAL = {"distributed", "jinja2", "markupsafe", "mpmath", "pdoc"}
-"""Modules that a user installs for one feature, which names the package where it is missing; markupsafe is jinja2's."""
+OPTIONAL = {"anywidget", "distributed", "jinja2", "markupsafe", "mpmath", "pdoc", "traitlets"}
+"""Modules that a user installs for one feature, which names the package where it is missing; markupsafe is jinja2's,
+traitlets anywidget's."""
 
 
 def test_every_imported_package_is_declared_and_every_declared_one_is_used() -> None:

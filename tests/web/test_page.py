@@ -15,6 +15,7 @@ import pytest
 from command_line import Here
 from folder_contents import contents
 from in_browser import Opened, opened
+from in_firefox import evaluated
 
 import integrators
 import pendulum_env
@@ -108,6 +109,13 @@ def test_the_browsers_bits_are_pythons(lab: Opened) -> None:
     count = sum(len(place["programs"]) for place in programs.values())
     assert lab.page.inner_text("#check") == f"same bits as Python: checked ({count} programs)"
     assert {name for place in programs.values() for name in place["shown"]} == set(SHOWN_METHODS)
+
+
+@pytest.mark.slow
+def test_firefoxs_bits_are_pythons(file: Path, tmp_path: Path) -> None:
+    script = "document.getElementById('check').textContent"
+    said = evaluated(file, script, tmp_path, r"checked \(|differs")
+    assert said.startswith("same bits as Python: checked (")
 
 
 @pytest.mark.slow
@@ -323,9 +331,9 @@ globalThis.stop = render({ model, el: document.getElementById("here") });
 
 @pytest.mark.slow
 def test_the_widget_and_python_share_a_link(tmp_path: Path) -> None:
-    widget = pytest.importorskip("pendulum_env.web.widget").widget
+    pytest.importorskip("anywidget")
     swing = simulated_recording()
-    made = widget("lab", ["rk4", "forward_euler"], length=0.4, angle=0.5, recording=swing)
+    made = pendulum_env.web.widget("lab", ["rk4", "forward_euler"], length=0.4, angle=0.5, recording=swing)
     assert made.spec(2).scene.body.length == 0.4
     values = json.dumps({"page": made.page, "link": made.link, "height": made.height}).replace("</", "<\\/")
     script = (ASSETS / "widget.js").read_text(encoding="utf-8").replace("export default { render };", "")
@@ -346,12 +354,10 @@ def test_the_widget_and_python_share_a_link(tmp_path: Path) -> None:
 
 def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "anywidget", None)
-    monkeypatch.delitem(sys.modules, "pendulum_env.web.widget", raising=False)
+    monkeypatch.delitem(sys.modules, "pendulum_env.web.lab_widget", raising=False)
     with pytest.raises(ImportError, match=r"pip install 'lab-pendulum\[notebook\]'"):
-        pendulum_env.web.widget  # noqa: B018
+        pendulum_env.web.widget()
 
 
 def test_one_program_for_pages_of_your_own() -> None:
     assert pendulum_env.web.javascript("lab", "rk4") == pendulum_env.code("lab", "rk4", "javascript")
-    with pytest.raises(AttributeError, match="no attribute 'widgets'"):
-        pendulum_env.web.widgets  # noqa: B018

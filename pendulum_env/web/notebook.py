@@ -3,37 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-try:
-    import anywidget
-    import traitlets
-except ImportError:
-    raise ImportError("The widget needs anywidget: pip install 'lab-pendulum[notebook]'.") from None
+from typing import TYPE_CHECKING, Any
 
 from integrators import Method
-from pendulum_env.engine.spec import RunSpec
-from pendulum_env.web.links import link_of, read_link
-from pendulum_env.web.page import ASSETS, SHOWN_METHODS, SHOWN_SCENES, page
+from pendulum_env.web.links import link_of
+from pendulum_env.web.page import SHOWN_METHODS, SHOWN_SCENES, page
 
-
-class LabWidget(anywidget.AnyWidget):
-    """The page in a notebook; :func:`pendulum_env.web.widget` makes it.
-
-    Attributes:
-        link: the present scene, numbers, methods and start, as in the page's links. Assign another link to change the
-            page; what a person changes in the page changes the link.
-        height: height of the page [CSS pixels].
-    """
-
-    _esm = ASSETS / "widget.js"
-    page = traitlets.Unicode().tag(sync=True)
-    link = traitlets.Unicode().tag(sync=True)
-    height = traitlets.Int(900).tag(sync=True)
-
-    def spec(self, pendulum: int = 1) -> RunSpec:
-        """Return the run of one of the pendulums, counted from 1, as :func:`pendulum_env.web.read_link` does."""
-        return read_link(self.link, pendulum)
+if TYPE_CHECKING:
+    from pendulum_env.web.lab_widget import LabWidget
 
 
 def widget(
@@ -50,8 +27,15 @@ def widget(
         start: ``angle`` [rad], ``velocity`` [rad/s], ``dt`` [s], and numbers of the scene such as ``length`` or
             ``gamma``.
 
+    Its ``link`` is the present state of the page, and changes it when assigned; ``spec(n)`` is the run of the n-th
+    pendulum.
+
     Raises ImportError without anywidget, SceneError and MethodError for what does not exist.
     """
+    try:
+        from pendulum_env.web.lab_widget import LabWidget
+    except ImportError:
+        raise ImportError("The widget needs anywidget: pip install 'lab-pendulum[notebook]'.") from None
     names = [method if isinstance(method, str) else method.name for method in integrators]
     text = link_of(scene, names, **start)
     made = page([scene, *SHOWN_SCENES], [*names, *SHOWN_METHODS], recording=recording)
