@@ -20,20 +20,21 @@ MOST_PENDULUMS = 4
 """Largest number of pendulums side by side."""
 USUAL_DURATION = 10.0
 """Length of a run whose link does not say how long it is [s]."""
-NUMBERS = ("angle", "velocity", "time")
-"""Entries of a link that are numbers: the start [rad, rad/s], and the length of the run [s]."""
+NUMBERS = ("angle", "velocity", "time", "control")
+"""Entries of a link that are numbers: the start [rad, rad/s], the length of the run [s], and the share of the motor's
+torque."""
 
 
 def read_link(text: str, pendulum: int = 1) -> RunSpec:
     """Return the run that a link of the page describes.
 
-    ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, unless the motor
-    was used during the run.
+    ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, unless the motor's
+    torque was changed during the run.
 
     Args:
         text: the address, or only the part behind "#", such as ``v=1&scene=lab&methods=rk4:0.01,heun:0.02``, then
-            ``angle`` [rad], ``velocity`` [rad/s], ``time`` [s], and numbers of the scene in SI units, such as
-            ``body.length=0.4`` or ``effects.1.gamma=0.02``.
+            ``angle`` [rad], ``velocity`` [rad/s], ``time`` [s], ``control`` (share of the motor's
+            torque), and numbers of the scene in SI units, such as ``body.length=0.4`` or ``effects.1.gamma=0.02``.
         pendulum: which of the pendulums side by side, counted from 1.
 
     Raises SceneError for a link of another version, an unknown entry, scene or number, with the nearest known name, and
@@ -54,11 +55,12 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     if pendulum not in range(1, len(methods) + 1):
         raise SceneError(f"pendulum must be from 1 to {len(methods)}, as many as the link has, not {shown(pendulum)}.")
     name, _, step = methods[pendulum - 1]
-    angle, velocity, time = (number_in(entries.pop(entry, str(usual)), entry) for entry, usual in zip(
-        NUMBERS, (scene.run.angle, scene.run.velocity, USUAL_DURATION), strict=True))
+    angle, velocity, time, control = (number_in(entries.pop(entry, str(usual)), entry) for entry, usual in zip(
+        NUMBERS, (scene.run.angle, scene.run.velocity, USUAL_DURATION, 0.0), strict=True))
     dt = number_in(step, f"the step of {name}")
     changed = with_numbers(scene, {entry: number_in(value, entry) for entry, value in entries.items()})
-    return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=time, warn=False)
+    return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=time, control=control,
+                      warn=False)
 
 
 def link_of(

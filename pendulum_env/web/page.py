@@ -29,6 +29,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.javascript import javascript, translated
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.engine.shape import STOP_REASONS
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.equation import equation_mathml, equation_text
@@ -105,7 +106,10 @@ def page(
     scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None, *,
     recording: Series | None = None, tell: Progress = lambda done, text: None,
 ) -> str:
-    """Return the page's HTML; the arguments are those of :func:`write`."""
+    """Return the page's HTML; the arguments are those of :func:`write`.
+
+    Raises SceneError for unknown scenes, MethodError for unknown methods.
+    """
     shown = SHOWN_SCENES if scenes is None else tuple(dict.fromkeys(scenes))
     methods = list(dict.fromkeys(map(method_named, SHOWN_METHODS if integrators is None else integrators)))
     if not shown or not methods:
@@ -181,7 +185,7 @@ def scene_of(scene: Scene, methods: Sequence[Method], texts: dict[str, int]) -> 
 
 def run_of(scene: Scene, method: Method) -> dict[str, Any]:
     """Return what the page needs to run a scene's program with a method, and the checksum of its check."""
-    machine = Machine(scene, method, backend="python")
+    machine = RunSpec.of(scene, method, backend="python", warn=False).machine()
     return {
         "numbers": list(machine.numbers), "parameters": [float(value) for value in machine.parameters],
         "names": list(machine.names), "start": started(machine)[6:], "sum": checksum(machine),

@@ -31,8 +31,9 @@ function geometry(width) {
 /** Draw one pendulum: `lane` has machine, ghost, colour and scale. */
 function drawApparatus(canvas, lane, torque, colour) {
   const { context: c, width, height } = fitted(canvas, 1.18);
-  const { x, y, length } = geometry(width);
+  const rest = geometry(width), { length } = rest;
   const now = lane.machine.last;
+  const [x, y] = [rest.x + lane.shaken("horizontal", now.time) * length, rest.y - lane.shaken("vertical", now.time) * length];
   c.lineCap = "round";
   c.fillStyle = colour("dial");
   c.strokeStyle = colour("dial-edge");
@@ -46,7 +47,9 @@ function drawApparatus(canvas, lane, torque, colour) {
   c.beginPath();
   c.moveTo(0.06 * width, 0.84 * width);
   c.lineTo(0.06 * width, 0.06 * width);
-  c.moveTo(0.06 * width, y);
+  c.moveTo(0.06 * width, rest.y);
+  c.lineTo(rest.x, rest.y);
+  c.moveTo(rest.x, rest.y);
   c.lineTo(x, y);
   c.stroke();
   c.fillStyle = colour("faint-ink");

@@ -5,6 +5,8 @@ const BUDGET = 8; // milliseconds of computing in a frame
 const DEGREES = 180 / Math.PI;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const LEAST_STEP = 1e-4, MOST_STEP = 2; // of the sliders [s]
+const SHORTEST = 0.000001, LONGEST = 10; // steps that can be typed [s]
+const SMALL = 20; // largest start angle at which nothing is said of small angles [degrees]
 const byId = (id) => document.getElementById(id);
 
 const lab = {
@@ -51,6 +53,9 @@ class Lane {
     this.section = [];
     this.rate = place.beat ? parametersOf(lab.scene, lab.values)[place.beat] : 0;
     const info = this.machine.last, parameters = parametersOf(lab.scene, lab.values);
+    // what errors of the energy are compared with: the energy at the start or, from rest, m g L
+    const first = Math.abs(info.energy);
+    this.reference = first > 1e-6 * parameters.scale ? first : parameters.scale || 1;
     const share = place.motor || place.beat ? 2 : 0.05; // driven pendulums soon have more energy than at the start
     this.scale = Math.max(Math.abs(info.energy), share * parameters.scale) * 1.25;
     this.read(info, this.ghost.last);
@@ -58,6 +63,16 @@ class Lane {
 
   get name() {
     return PAGE.methods[this.method].title;
+  }
+
+  /** The displacement of the pivot by a drive, "horizontal" or "vertical", over the length. */
+  shaken(way, time) {
+    const find = (what) => {
+      const at = PAGE.scenes[lab.scene].settings.findIndex((setting) => setting.label === `${way} ${what}`);
+      return at < 0 ? 0 : lab.values[at];
+    };
+    const amplitude = find("amplitude");
+    return amplitude && (amplitude / this.reach) * Math.cos(find("rate") * time + find("phase"));
   }
 
   /** Store a reading. */
@@ -119,7 +134,8 @@ function wrapped(angle) {
 
 function restart() {
   lab.time = 0;
-  byId("message").textContent = "";
+  const small = !PAGE.scenes[lab.scene].periodic && Math.abs(lab.angle) * DEGREES > SMALL;
+  byId("message").textContent = small ? "This scene's force grows with the angle itself, which is right for small angles only." : "";
   for (const lane of lab.lanes) {
     lane.passed = undefined;
     lane.previous = undefined;
@@ -152,7 +168,9 @@ function frame(now) {
   const passed = Math.min((now - last) / 1000, 0.1);
   last = now;
   if (lab.playing && !document.hidden) {
-    lab.time = advance(lab.time + passed * lab.speed);
+    const wanted = lab.time + passed * lab.speed;
+    lab.time = advance(wanted);
+    lab.late = lab.time < wanted - 1e-9;
     show(now);
   }
   requestAnimationFrame(frame);
@@ -178,22 +196,28 @@ function play(wanted) {
 const PLOTS = ["angle", "error", "phase", "distance", "section"];
 const CAPTIONS = {
   angle: "Angle against time; the accurate solution is pale",
-  error: "Error in the energy balance over the energy at the start (logarithmic)",
-  phase: "Phase portrait, with the separatrix (dashed) and the accurate orbit (pale)",
-  distance: "Distance to the accurate solution (logarithmic)",
+  error: "Residual, the error in the energy balance, over the energy at the start (from rest: over m g L)",
+  phase: "Phase portrait; the accurate orbit is pale",
+  distance: "Distance of the angle from the accurate solution",
   section: "Poincaré section: the state once in each period of the drive",
 };
 const TURNS = 3; // frames in which every plot is drawn once
+const REACH = 36; // distance from a bob within which it is grabbed [CSS pixels]
 const LANE_PICTURES = [];
 
 function show(now) {
   const colour = paint();
   for (const [i, lane] of lab.lanes.entries()) drawApparatus(LANE_PICTURES[i], lane, lab.torque, colour);
-  byId("clock").textContent = `${lab.time.toFixed(2)} s`;
+  byId("clock").textContent = `${(Math.floor(100 * lab.time + 1e-6) / 100).toFixed(2)} s${lab.late ? ", slower than asked" : ""}`;
   PLOTS.forEach((name, i) => {
     if (now === undefined || i % TURNS === lab.drawn % TURNS) PLOTTED[name](colour);
   });
   lab.drawn += 1;
+}
+
+/** The number of the pendulum with the shortest step, whose readings of the accurate solution are the densest. */
+function finest() {
+  return lab.lanes.reduce((best, lane, i) => (lane.dt < lab.lanes[best].dt ? i : best), 0);
 }
 
 /** The axis of time, and the readings of every pendulum in it. */
@@ -214,7 +238,8 @@ function drawLogarithm(name, ylabel, quantity, colour) {
 const PLOTTED = {
   angle(colour) {
     const { time, rows } = recent();
-    const curves = [{ colour: colour("faint-ink"), alpha: 0.45, width: 4, points: rows[0].map((row) => [row[0], row[5] * DEGREES]) }];
+    const curves = [{ colour: colour("faint-ink"), alpha: 0.45, width: 4,
+      points: rows[finest()].map((row) => [row[0], row[5] * DEGREES]) }];
     if (PAGE.recording) {
       const [times, degrees] = PAGE.recording;
       curves.push({ colour: colour("ink"), dots: true, points: times.map((t, i) => [t, degrees[i]]).filter(
@@ -225,18 +250,21 @@ const PLOTTED = {
       colour);
   },
   error(colour) {
-    drawLogarithm("error", "relative error", (row, lane) => row[4] / lane.history.rows[0][3], colour);
+    drawLogarithm("error", "relative error", (row, lane) => row[4] / lane.reference, colour);
   },
   phase,
   distance(colour) {
-    drawLogarithm("distance", "[°]", (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
+    drawLogarithm("distance", "distance [°]", (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
   },
   section(colour) {
     const driven = lab.lanes.some((lane) => lane.rate);
     byId("plot-section").parentElement.hidden = !driven;
     if (!driven) return;
-    const curves = lab.lanes.map((lane) => ({ colour: lane.colour, dots: true, points: lane.section }));
-    drawPlot(byId("plot-section"), { x: [-180, 180], y: around(valuesOf(curves), 0.1), xlabel: "angle [°]",
+    const all = lab.lanes.flatMap((lane) => lane.section);
+    const top = all.filter(([angle]) => Math.abs(angle) > 90).length > 0.5 * all.length; // then about the top
+    const curves = lab.lanes.map((lane) => ({ colour: lane.colour, dots: true,
+      points: lane.section.map(([angle, v]) => [top && angle < 0 ? angle + 360 : angle, v]) }));
+    drawPlot(byId("plot-section"), { x: top ? [0, 360] : [-180, 180], y: around(valuesOf(curves), 0.1), xlabel: "angle [°]",
       ylabel: "velocity [rad/s]", curves }, colour);
   },
 };
@@ -257,7 +285,7 @@ function phase(colour) {
     return points;
   };
   const curves = lab.lanes.map((lane, i) => ({ colour: lane.colour, points: path(rows[i], 1, 2) }));
-  const ghost = { colour: colour("faint-ink"), alpha: 0.45, width: 4, points: path(rows[0], 5, 6) };
+  const ghost = { colour: colour("faint-ink"), alpha: 0.45, width: 4, points: path(rows[finest()], 5, 6) };
   const x = over ? [-180, 180] : around(valuesOf([ghost, ...curves], 0), 2);
   const y = around(valuesOf([ghost, ...curves]), 0.02);
   const { gravity_rate: rate } = parametersOf(lab.scene, lab.values);
@@ -270,6 +298,8 @@ function phase(colour) {
       edge.push([NaN, NaN]);
     }
   }
+  const caption = `${CAPTIONS.phase}${edge.length ? ", the separatrix dashed" : ""}`;
+  byId("plot-phase").parentElement.firstChild.textContent = caption;
   const dots = lab.lanes.map((lane) => ({ colour: lane.colour, dots: true, width: 5, points: [
     [(over ? wrapped(lane.machine.last.angle) : lane.machine.last.angle) * DEGREES, lane.machine.last.velocity]] }));
   drawPlot(byId("plot-phase"), { x, y, xlabel: "angle [°]", ylabel: "velocity [rad/s]", curves: [ghost,
@@ -364,7 +394,7 @@ function fill() {
   for (const one of byId("equation").querySelectorAll("[data-number]")) {
     one.textContent = short6(parameters[one.dataset.number]);
   }
-  byId("angle").value = String(Number((lab.angle * DEGREES).toPrecision(12)));
+  byId("angle").value = String(Number((lab.angle * DEGREES).toPrecision(7)));
   byId("velocity").value = String(lab.velocity);
 }
 
@@ -390,6 +420,7 @@ function settingControl(setting, i) {
     }
     lab.values[i] = value;
     box.value = String(value);
+    slider.setAttribute("aria-valuetext", `${value}${unit}`);
     fill();
     restart();
   };
@@ -413,6 +444,10 @@ function lanePicture(lane) {
     restart();
   };
   canvas.addEventListener("pointerdown", (event) => {
+    const box = canvas.getBoundingClientRect(), { x, y, length } = geometry(box.width), { angle } = lane.machine.last;
+    const away = Math.hypot(event.clientX - box.left - x - length * Math.sin(angle), event.clientY - box.top - y - length * Math.cos(angle));
+    if (away > REACH) return;
+    event.preventDefault();
     canvas.setPointerCapture(event.pointerId);
     [dragged, played] = [true, lab.playing];
     play(false);
@@ -449,8 +484,8 @@ function laneControl(lane, i) {
   const box = element("input", { type: "number", step: "any", inputmode: "decimal", value: String(lane.dt),
     "aria-label": `step of pendulum ${i + 1} in seconds` });
   const take = (dt) => {
-    if (!(dt > 0) || !Number.isFinite(dt)) {
-      say("A step must be a number above 0, in seconds.");
+    if (!(dt >= SHORTEST && dt <= LONGEST)) {
+      say(`A step must be a number of seconds from ${SHORTEST} to ${LONGEST}.`);
       box.value = String(lane.dt);
       return;
     }
@@ -491,6 +526,7 @@ function linkText(timed = true) {
   const entries = [["v", PAGE.version], ["scene", lab.scene],
     ["methods", lab.lanes.map((lane) => `${lane.method}:${lane.dt}`).join(",")], ["angle", lab.angle],
     ["velocity", lab.velocity]];
+  if (lab.torque) entries.push(["control", lab.torque]);
   if (timed) entries.push(["time", Math.max(...lab.lanes.map((lane) => lane.machine.last.time)) || 10]);
   place.settings.forEach((setting, i) => {
     if (lab.values[i] !== setting.value) entries.push([setting.name, lab.values[i]]);
@@ -514,10 +550,11 @@ function readLink(text) {
     if (entries.get("v") !== PAGE.version) throw new Error(`it is not of version ${PAGE.version}`);
     const place = PAGE.scenes[entries.get("scene")];
     if (!place) throw new Error(`this page has no scene '${entries.get("scene")}'; it has ${Object.keys(PAGE.scenes).join(", ")}`);
-    const lanes = (entries.get("methods") ?? "").split(",").map((part) => {
+    if (!entries.get("methods")) throw new Error("it names no methods, as methods=rk4:0.01");
+    const lanes = entries.get("methods").split(",").map((part) => {
       const at = part.lastIndexOf(":"), name = part.slice(0, at), dt = Number(part.slice(at + 1));
       if (!place.shown.includes(name)) throw new Error(`no method '${name}' for this scene on this page`);
-      if (!(dt > 0) || !Number.isFinite(dt)) throw new Error(`the step of ${name} must be above 0`);
+      if (!(dt >= SHORTEST && dt <= LONGEST)) throw new Error(`the step of ${name} must be from ${SHORTEST} to ${LONGEST} s`);
       return new Lane(name, dt);
     });
     if (lanes.length > PAGE.most) throw new Error(`it has more than ${PAGE.most} pendulums`);
@@ -528,10 +565,13 @@ function readLink(text) {
       }
       return value;
     });
-    const known = new Set(["v", "scene", "methods", "angle", "velocity", "time", ...place.settings.map((s) => s.name)]);
+    const known = new Set(["v", "scene", "methods", "angle", "velocity", "time", "control", ...place.settings.map((s) => s.name)]);
     for (const name of entries.keys()) if (!known.has(name)) throw new Error(`the scene has no number '${name}'`);
     const [angle, velocity] = [number("angle", place.run.angle), number("velocity", place.run.velocity)];
-    Object.assign(lab, { scene: entries.get("scene"), lanes, values, angle, velocity });
+    const torque = number("control", 0);
+    if (!(Math.abs(torque) <= 1) || (torque && !place.motor)) throw new Error("control must be from -1 to 1, in a scene with a motor");
+    Object.assign(lab, { scene: entries.get("scene"), lanes, values, angle, velocity, torque });
+    byId("torque").value = String(torque);
     return "";
   } catch (error) {
     return `The link cannot be used: ${error.message}.`;
@@ -566,25 +606,36 @@ function showText(text) {
   navigator.clipboard?.writeText(text).catch(() => {});
 }
 
-/** All pendulums and plots as one picture. */
+/** All pendulums and plots as one picture, with their captions and the link. */
 function picture() {
-  const parts = [...LANE_PICTURES, ...PLOTS.map((name) => byId(`plot-${name}`)).filter((one) => !one.parentElement.hidden)];
-  const across = Math.min(3, parts.length), cell = Math.max(...parts.map((one) => one.width));
-  const rows = [];
-  for (let i = 0; i < parts.length; i += across) rows.push(parts.slice(i, i + across));
-  const heights = rows.map((row) => Math.max(...row.map((one) => one.height)));
-  const whole = element("canvas", { width: across * cell, height: heights.reduce((a, b) => a + b, 0) + 40 });
-  const c = whole.getContext("2d");
-  c.fillStyle = paint()("paper");
-  c.fillRect(0, 0, whole.width, whole.height);
-  let top = 0;
-  rows.forEach((row, r) => {
-    row.forEach((one, i) => c.drawImage(one, i * cell, top));
-    top += heights[r];
+  const dense = Math.min(globalThis.devicePixelRatio || 1, 2), [across, gap, line] = [3, 16 * dense, 22 * dense];
+  const parts = [...lab.lanes.map((lane, i) => [LANE_PICTURES[i], `${lane.name}, step ${lane.dt} s`]),
+    ...PLOTS.map((name) => byId(`plot-${name}`)).filter((one) => !one.parentElement.hidden).map(
+      (one) => [one, one.parentElement.firstChild.textContent])];
+  const rows = [parts.slice(0, lab.lanes.length)];
+  for (let i = lab.lanes.length; i < parts.length; i += across) rows.push(parts.slice(i, i + across));
+  const width = across * 460 * dense;
+  const cells = rows.map((row) => {
+    const cell = (width - gap * (row.length + 1)) / Math.max(row.length, across);
+    return { row, cell, height: Math.max(...row.map(([one]) => (one.height / one.width) * cell)) };
   });
-  c.fillStyle = paint()("ink");
-  c.font = "20px system-ui, sans-serif";
-  c.fillText(`${PAGE.software} · ${linkText()}`, 10, whole.height - 12, whole.width - 20);
+  const whole = element("canvas", { width, height: cells.reduce((sum, { height }) => sum + height + line + gap, 3 * line) });
+  const c = whole.getContext("2d"), colour = paint();
+  c.fillStyle = colour("paper");
+  c.fillRect(0, 0, whole.width, whole.height);
+  c.fillStyle = colour("ink");
+  c.font = `${14 * dense}px system-ui, sans-serif`;
+  c.fillText(`${lab.scene}: ${PAGE.scenes[lab.scene].about}`, gap, line, width - 2 * gap);
+  let top = 1.5 * line;
+  for (const { row, cell, height } of cells) {
+    row.forEach(([one, words], i) => {
+      const left = gap + i * (cell + gap);
+      c.fillText(words, left, top + 0.7 * line, cell);
+      c.drawImage(one, left, top + line, cell, (one.height / one.width) * cell);
+    });
+    top += height + line + gap;
+  }
+  c.fillText(`${PAGE.software} · ${linkText()}`, gap, whole.height - 0.5 * line, width - 2 * gap);
   return whole;
 }
 
@@ -622,6 +673,7 @@ function tab(controls) {
   byId("tab-plots").setAttribute("aria-pressed", String(!controls));
   byId("tab-controls").setAttribute("aria-pressed", String(controls));
   show();
+  byId(controls ? "controls" : "plots").scrollIntoView();
 }
 
 async function begin() {

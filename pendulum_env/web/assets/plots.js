@@ -1,6 +1,6 @@
 // Plots on canvases, with all pendulums in the colours of their bobs.
 
-const MARGIN = { left: 58, right: 8, top: 6, bottom: 32 };
+const MARGIN = { left: 68, right: 8, top: 6, bottom: 32 };
 
 /** Round steps for the ticks of an axis from low to high. */
 function ticks(low, high, most) {
