@@ -20,7 +20,7 @@ from playwright.sync_api import sync_playwright
 from pendulum_env import SCENES
 from pendulum_env.engine.machine import Machine
 from pendulum_env.web import write
-from pendulum_env.web.page import SHOWN_METHODS
+from pendulum_env.web.document import SHOWN_METHODS
 
 STEPS, PIECE, REPEATS, FRAMES = 200_000, 500, 5, 300
 STEPPED = """

@@ -30,7 +30,7 @@ def web(
     """
     import integrators as package
     from pendulum_env.physics.presets import SCENES
-    from pendulum_env.web.page import write
+    from pendulum_env.web.document import write
 
     chosen = list(SCENES) if scenes == ALL else None if scenes is None else split(scenes)
     methods = list(package.METHODS) if integrators == ALL else None if integrators is None else split(integrators)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.engine.code import code
+from pendulum_env.web.document import page, write
 from pendulum_env.web.links import link_of, read_link
 from pendulum_env.web.notebook import widget
-from pendulum_env.web.page import page, write
 
 if TYPE_CHECKING:
     from integrators import Method

@@ -6,8 +6,8 @@ import anywidget
 import traitlets
 
 from pendulum_env.engine.spec import RunSpec
+from pendulum_env.web.document import ASSETS
 from pendulum_env.web.links import read_link
-from pendulum_env.web.page import ASSETS
 
 
 class LabWidget(anywidget.AnyWidget):

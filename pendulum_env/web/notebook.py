@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from integrators import Method
+from pendulum_env.web.document import SHOWN_METHODS, SHOWN_SCENES, page
 from pendulum_env.web.links import link_of
-from pendulum_env.web.page import SHOWN_METHODS, SHOWN_SCENES, page
 
 if TYPE_CHECKING:
     from pendulum_env.web.lab_widget import LabWidget
