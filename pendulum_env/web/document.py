@@ -96,9 +96,8 @@ def write(
     target = Path(path)
     if target.suffix != ".html":
         raise SceneError(f"The page's name must end in .html, not {target.name!r}.")
-    text = page(scenes, integrators, recording=recording, tell=told_by(progress))
     with replacing(target) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(page(scenes, integrators, recording=recording, tell=told_by(progress)), encoding="utf-8")
     return target
 
 
