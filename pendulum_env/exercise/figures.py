@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
@@ -39,10 +39,12 @@ SWINGS = 30.0
 """Largest number of swings in a strip."""
 STRIP = 1.05
 """Height of a strip [inch]."""
+LOWEST = 2.6
+"""Least height of all strips together [inch]."""
 ENDS = 8.0
 """Number of swings at the start and at the end that are shown enlarged."""
-EQUAL = 6.0
-"""Phase plots have equal axes up to this multiple of the release angle; beyond, the smaller orbits would be dots."""
+WIDEST = 6.0
+"""Phase plots at small angles reach up to this multiple of the exact orbit, which would be a dot in larger ones."""
 DOTS = 60.0
 """Largest number of readings drawn per period."""
 SIGN = OKABE_ITO["vermillion"]
@@ -90,7 +92,7 @@ def spans(end: float, swing: float) -> list[Span]:
 
 def strips(parts: Sequence[Span], reach: float, below: str, labels: Labels) -> tuple[Figure, list[Axes]]:
     """Return a figure with one strip for each span of time; angles up to ``reach`` [degrees] fit into it."""
-    drawing = blank((WIDTH, 0.5 + STRIP * len(parts)))
+    drawing = blank((WIDTH, 0.5 + max(STRIP * len(parts), LOWEST)))
     with drawn():
         rows = list(drawing.subplots(len(parts), 1, squeeze=False)[:, 0])
         for at, span in zip(rows, parts, strict=True):
@@ -169,6 +171,7 @@ def forward_phase(worked: Worked, labels: Labels) -> Figure:
     with drawn():
         at = drawing.subplots()
         orbit(at, worked.small.forward, true_ellipse(worked.small.omega, ANGLE), labels)
+        reach_of([at], [worked.small.forward], worked.small.omega)
         above(at)
     return drawing
 
@@ -231,12 +234,18 @@ def eulers(worked: Worked, labels: Labels) -> Figure:
             plain(at)
         grid[0, 0].set_ylabel(labels["energy"])
         grid[1, 0].set_ylabel(labels["velocity"])
-        wide = 1.1 * max(math.degrees(np.max(np.abs(run.angle))) for run in small.runs.values())
-        high = 1.1 * max(float(np.max(np.abs(run.velocity))) for run in small.runs.values())
-        if wide < EQUAL * math.degrees(ANGLE):
-            for low in grid[1]:
-                low.set(xlim=(-wide, wide), ylim=(-high, high))
+        reach_of(grid[1], list(small.runs.values()), small.omega)
     return drawing
+
+
+def reach_of(axes: Iterable[Axes], runs: Sequence[Motion], omega: float) -> None:
+    """Give phase plots at small angles equal axes that hold all runs or, if one is too large, the exact orbit WIDEST
+    times.
+    """
+    wide = min(1.1 * max(math.degrees(np.max(np.abs(run.angle))) for run in runs), WIDEST * math.degrees(ANGLE))
+    high = min(1.1 * max(float(np.max(np.abs(run.velocity))) for run in runs), WIDEST * omega * ANGLE)
+    for at in axes:
+        at.set(xlim=(-wide, wide), ylim=(-high, high))
 
 
 def large_strips(worked: Worked, labels: Labels) -> Figure:

@@ -61,7 +61,8 @@ CALLS, STEPS = 6, 40
 NUMBER = 1.10001
 """First of the numbers that mark the places of coefficients while an equation is written."""
 DESCRIBED = {
-    "diverged": "its numbers are no longer finite, or its energy balance is absurd: the step is too long",
+    "diverged": "its numbers are no longer finite, an implicit step had no solution, or its energy balance is absurd: "
+                "the step is too long",
     "slack": "the wire is slack: the bob would fly freely", "step_too_short": "no step is short enough",
 }
 """Stop reason -> what the page says of it."""
