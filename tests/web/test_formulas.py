@@ -11,17 +11,16 @@ import pytest
 
 from pendulum_env import SCENES, Scene
 from pendulum_env.engine.machine import Machine, fitting, numbers_of
-from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.web.formulas import explicit, formulas_of, settings_of, with_settings
 
-LEFT_OUT = {
+LEFT_OUT: dict[str, set[str]] = {
+    "exercise": set(), "exercise_large": set(), "vacuum": set(), "driven": set(), "chaotic": set(), "kapitza": set(),
     "clock_bob": {"gravity", "body.length", "body.mass"},  # inertia of a ball with squares; buoyancy
     "water": {"body.length"},  # Stokes' law and the added mass take powers
-    "lab": {"effects.3.lag"}, "lab_rod": {"effects.4.lag"}, "sticky_bearing": {"effects.3.lag"},  # 0: another program
-    "moon": {"effects.2.lag"}, "windy": {"effects.5.lag"},
+    "lab": {"effects.3.lag"},  # 0; another value needs another program
 }
-"""Preset -> settings whose formulas are not recorded, with the reason; in every other preset all are."""
+"""Some presets -> settings whose formulas are not recorded, with the reason."""
 
 
 def names_of(scene: Scene) -> list[str]:
@@ -39,7 +38,7 @@ def test_formulas_give_the_bits_of_python_at_drawn_values(name: str) -> None:
         found = formulas.values(values)
         assert {key: value.hex() for key, value in found.items()} == {key: wanted[key].hex() for key in found}
     left = {one.name for one in settings_of(scene)} - {one.name for one in formulas.settings}
-    assert left <= LEFT_OUT.get(name, set() if type(scene.body) is Body else left)
+    assert left == LEFT_OUT.get(name, left)
 
 
 @pytest.mark.parametrize("name", SCENES)
