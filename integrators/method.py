@@ -21,6 +21,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from fractions import Fraction
+from numbers import Real
 from typing import Any, ClassVar
 
 from integrators import html
@@ -79,6 +80,12 @@ def simple(x: Fraction) -> Fraction:
     return near if abs(near - x) < ROUNDED else x
 
 
+def unrounded(x: Fraction) -> Fraction:
+    """Return the fraction with a small denominator whose double is x, if there is one, else x."""
+    near = x.limit_denominator(10**6)
+    return near if float(near) == float(x) else x
+
+
 def _short(x: Fraction) -> str:
     """Return a coefficient as a fraction or, if that is long, as a decimal number; "" for 0."""
     return "" if x == 0 else str(x) if x.denominator < 10**4 else f"{float(x):.6g}"
@@ -115,6 +122,10 @@ class Method:
     """Names of the attributes that hold coefficients; they become exact fractions, see :func:`rational`."""
 
     def __post_init__(self) -> None:
+        if isinstance(self.order, bool) or not isinstance(self.order, Real) or not (
+                self.order == math.inf or (self.order >= 1 and self.order == int(self.order))):
+            raise MethodError(f"{self.name}: order must be a whole number of at least 1, or math.inf, not "
+                              f"{shown(self.order)}.")
         for name in self.coefficients:
             object.__setattr__(self, name, rational(getattr(self, name), f"{self.name}: {name}"))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, System, rational, simple
+from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, System, rational, simple, unrounded
 from integrators.steps.arrays import stages_step
 from integrators.steps.continuous import Extension
 from integrators.steps.newton import one_stage, simultaneous
@@ -69,6 +69,12 @@ class RungeKutta(Method):
         if self.dense is not None:
             b, a = (rational(rows, f"{self.name}: dense") for rows in (self.dense.b, self.dense.a))
             object.__setattr__(self, "dense", replace(self.dense, b=b, a=a))
+        if not all(isinstance(row, tuple) for row in (self.b, self.a, *(self.a if isinstance(self.a, tuple) else ()))):
+            raise MethodError(f"{self.name}: a must be rows of numbers, and b a row of numbers, as in "
+                              "a=((0, 0), ('1/2', 0)), b=(0, 1).")
+        if sum(self.b) != 1 and sum(map(unrounded, self.b)) == 1:  # floats such as 1/6 are rounded
+            object.__setattr__(self, "b", tuple(map(unrounded, self.b)))
+            object.__setattr__(self, "a", tuple(tuple(map(unrounded, row)) for row in self.a))
         object.__setattr__(self, "c", tuple(sum(row, Fraction(0)) for row in self.a))
         stages = len(self.b)
         if len(self.a) != stages or any(len(row) != stages for row in self.a):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,6 +57,7 @@ def fit(
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.lab.fitting.fit import fit as run
+    from pendulum_env.lab.recording import RecordingError
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.physics.units import SceneError, number
@@ -78,13 +79,15 @@ def fit(
     output_folder(out)
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
-        best = run(data, effects, scene=scene, free=names, progress=lambda done, text: progress(0.9 * done, text),
-                   **known)
+        try:
+            best = run(data, effects, scene=scene, free=names, progress=lambda done, text: progress(0.9 * done, text),
+                       **known)
+        except (SceneError, RecordingError):
+            tell_of(warned)
+            raise
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
-    for warning in warned:
-        if issubclass(warning.category, UserWarning) and str(warning.message) != best.grade.text:
-            say(f"Warning: {warning.message}")
+    tell_of(warned, best.grade.text)
     if best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
         if best.grade.usable:
@@ -100,6 +103,13 @@ def fit(
     reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
     print_text("To compare the recording with other methods, run:")
     print(to_lay_over(best, place, paths[-1], reading))
+
+
+def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> None:
+    """Print every warning of a fit but the text ``besides``, which is printed elsewhere."""
+    for warning in warned:
+        if issubclass(warning.category, UserWarning) and str(warning.message) != besides:
+            say(f"Warning: {warning.message}")
 
 
 def _known(options: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from integrators import Method, MethodError
 from integrators.solving.dense import DenseOutput
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.physics.energy import Ledger
+from pendulum_env.physics.exact.flight import Flight, flight
 from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]
@@ -89,6 +90,35 @@ class Rollout(Plotted):
         if self.dense is None:
             raise MethodError("This rollout has no dense output; pass dense=True to rollout.")
         return self.dense(time)
+
+    @property
+    def ending(self) -> str:
+        """Sentence on why and where a single run ended early; "" if it did not, and for a batch.
+
+        For a wire that went slack it says where the wire would catch the bob again, see :attr:`flight`.
+        """
+        if not self.stop_reason or not isinstance(self.stop_reason, str):
+            return ""
+        where = f"at {float(self.stop_time):.4g} s"
+        if self.stop_reason != "slack":
+            return f"The run ended {where}: {self.stop_reason}."
+        said = f"The wire goes slack {where}, at {math.degrees(float(self.angle[-1])):.4g}°."
+        after = self.flight
+        if after is None:
+            return said
+        return (f"{said} Flying freely, without air, the bob would be caught by the wire {after.time:.4g} s later, at "
+                f"{math.degrees(after.angle):.4g}°, with a jerk of {after.speed:.3g} m/s. The run ends before.")
+
+    @property
+    def flight(self) -> Flight | None:
+        """Free flight of a bob whose wire went slack, in vacuum, until the wire catches it with a jerk; else None.
+
+        See :func:`pendulum_env.physics.exact.flight`. Neither the flight nor what follows the jerk is simulated. It is
+        None for a pivot that moves.
+        """
+        if self.stop_reason != "slack" or any(any(effect.sway) for effect in self.scene.effects):
+            return None
+        return flight(self.scene.body.reach, self.scene.gravity, float(self.angle[-1]), float(self.velocity[-1]))
 
     @property
     def energy(self) -> Array:

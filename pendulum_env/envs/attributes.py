@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from integrators import METHODS, Method
+from pendulum_env.common.checks import MEANT
 from pendulum_env.common.shown import Displayed
 from pendulum_env.physics.bodies import BODIES, body_data
 from pendulum_env.physics.body import RigidBody
@@ -23,6 +24,10 @@ from pendulum_env.physics.units import SceneError, shown
 
 FORMAT = 3
 """Number of the form in which environments are pickled; raised by one whenever their attributes change."""
+
+
+STATE = ("angle", "velocity", "theta", "state")
+"""Names that people assign to change the present state; not attributes of environments."""
 
 
 class Fixed:
@@ -50,13 +55,34 @@ class Fixed:
                              f'new environment with {self.maker}("LabPendulum-v0", {self.name}={shown(value)}).')
 
 
+class Absent:
+    """Name of STATE or MEANT, which environments do not have, and which cannot be assigned: it would do nothing."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, environment: Any, kind: type | None = None) -> Any:
+        if environment is None:
+            return self
+        raise AttributeError(f"{type(environment).__name__} has no attribute {self.name!r}.")
+
+    def __set__(self, environment: Any, value: Any) -> None:
+        hint = ("reset(options={'angle': 0.1, 'velocity': 0.0}) starts from another state [rad, rad/s]."
+                if self.name in STATE else MEANT[self.name])
+        raise AttributeError(f"{self.name} cannot be assigned, as environments have no such attribute: {hint}")
+
+
 def fix(environment: type, more: Iterable[str]) -> None:
-    """Make all keywords of an environment's class, all parameters of scenes and ``more`` attributes :class:`Fixed`."""
+    """Make all keywords of an environment's class, all parameters of scenes and ``more`` attributes :class:`Fixed`.
+
+    Names that are no attributes, of STATE and MEANT, become :class:`Absent`.
+    """
     own = set(signature(environment).parameters) - {"parameters", "num_envs", "autoreset_mode"}
     sizes = {entry.name for part in (*BODIES.values(), Medium, *EFFECTS.values())
              for entry in dataclasses.fields(part)}
-    for name in (own | sizes | {"gravity", "body", "medium", "effects", "run", *more}) - {"name"}:
-        attribute = Fixed()
+    fixed = (own | sizes | {"gravity", "body", "medium", "effects", "run", *more}) - {"name"}
+    for name in fixed | {*STATE, *MEANT}:
+        attribute: Fixed | Absent = Fixed() if name in fixed else Absent()
         attribute.__set_name__(environment, name)
         setattr(environment, name, attribute)
 

@@ -18,7 +18,7 @@ from pendulum_env.engine.each import frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.pieces import FEW
-from pendulum_env.engine.shape import DIVERGED, LOST, SPEED_LIMIT, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
 from pendulum_env.envs.saved import checked_random, checked_state
@@ -126,12 +126,13 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
     - `task`: "swing_up" (the default), "balance" or "free"; a scene without a motor needs "free".
     - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
-    - `speed_penalty`: number that is subtracted from the reward in the step in which `speed_limit` ends the episode, 0
-      by default. With a low limit, `swing_up` rewards giving up: its rewards are negative, and an episode that ends
-      early collects fewer of them. In `lab` with `speed_limit=8`, full torque along the velocity ends after 78 steps
-      with a return of -462, while :class:`pendulum_env.controllers.SwingUp` earns -555 in 500 steps without this limit
-      (means of seeds 0 to 9). `speed_penalty=1000` makes the -462 a -1462. A bob that swings up passes the bottom at
-      2 omega0, 10.5 rad/s in `lab`, so choose a limit above that.
+    - `speed_penalty`: number that is subtracted from the reward in the step in which `speed_limit` ends the episode, or
+      diverging numbers or a step that is too short, 0 by default. With a low limit, `swing_up` rewards giving up: its
+      rewards are negative, and an episode that ends early collects fewer of them. In `lab` with `speed_limit=8`, full
+      torque along the velocity ends after 78 steps with a return of -462, while
+      :class:`pendulum_env.controllers.SwingUp` earns -555 in 500 steps without this limit (means of seeds 0 to 9).
+      `speed_penalty=1000` makes the -462 a -1462. A bob that swings up passes the bottom at 2 omega0, 10.5 rad/s in
+      `lab`, so choose a limit above that.
     - `velocity_bound`: bound of the velocity in the observation space [rad/s], `inf` for none; by default the largest
       float32, for which Gymnasium's wrappers `RescaleObservation` and `DiscretizeObservation` cannot be used: give a
       bound for them. The observed velocity is cut to the bound, the motion is not.
@@ -293,7 +294,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if code:
             info["stop_reason"] = STOP_REASONS[code]
             self._explain(code, values)
-            if code == SPEED_LIMIT:
+            if code != LOST:
                 reward -= self._penalty
         return observation, reward, code != 0, False, info
 

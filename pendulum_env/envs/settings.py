@@ -114,7 +114,10 @@ def spaces_of(bound: Any) -> tuple[float, Any, Any]:
     """
     most = UNBOUNDED if bound is None else bound
     if not (isinstance(most, float) and most == math.inf):
-        most = number(most, "velocity_bound", above=0.0, unit="rad/s")
+        try:
+            most = number(most, "velocity_bound", above=0.0, unit="rad/s")
+        except SceneError as error:
+            raise SceneError(f"{str(error).rstrip('.')}; inf is for no bound.") from None
     most = most if most <= UNBOUNDED else math.inf
     high = np.array([1.0, 1.0, most], dtype=np.float32)
     return most, spaces.Box(-high, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)

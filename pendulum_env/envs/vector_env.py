@@ -16,7 +16,7 @@ from pendulum_env.common.shown import one_line
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import check_diagnostics
-from pendulum_env.engine.shape import SPEED_LIMIT, STOP_REASONS
+from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
 from pendulum_env.engine.threads import MOST_THREADS
@@ -237,7 +237,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             over = np.flatnonzero(results.terminated | results.truncated)
             if self._penalty:
                 stopped = over[results.terminated[over]]
-                results.reward[stopped[self._batch.status(stopped) == SPEED_LIMIT]] -= self._penalty
+                results.reward[stopped[self._batch.status(stopped) != LOST]] -= self._penalty
             reasons = self._reasons(over[results.terminated[over]], action)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 extra = self._final(over, results, reasons)

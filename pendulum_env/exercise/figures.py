@@ -37,6 +37,8 @@ USUAL_STRIPS = 6
 """Largest number of strips of a run whose swings need no more."""
 SWINGS = 30.0
 """Largest number of swings in a strip."""
+USUAL_SWINGS = 8.0
+"""Number of swings in a strip of a short run."""
 STRIP = 1.05
 """Height of a strip [inch]."""
 LOWEST = 2.6
@@ -82,7 +84,7 @@ def spans(end: float, swing: float) -> list[Span]:
     The strips cover the whole run or, where that would put too many swings on one, its beginning and its end.
     """
     if end <= STRIPS * SWINGS * swing:
-        count = max(1, min(USUAL_STRIPS, math.ceil(end / (8.0 * swing))), math.ceil(end / (SWINGS * swing)))
+        count = max(1, min(USUAL_STRIPS, math.ceil(end / (USUAL_SWINGS * swing))), math.ceil(end / (SWINGS * swing)))
         edges = np.linspace(0.0, end, count + 1).tolist()
         return list(pairwise(edges))
     part, half = SWINGS * swing, STRIPS // 2

@@ -20,7 +20,7 @@ from pendulum_env.common.mathml import mathml
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.replacing import replacing
-from pendulum_env.exercise.figures import FIGURES, WIDTH, frequency
+from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency
 from pendulum_env.exercise.values import digits, fixed, values
 from pendulum_env.exercise.worked import Worked
 from pendulum_env.physics.units import SceneError, line
@@ -124,7 +124,7 @@ def page(worked: Worked, figures: dict[str, Drawing], name: str, key: bool, fact
     return template.render(
         worked=worked, figures=figures, name=name, key=key, facts=facts, language=LANGUAGE,
         next_question=lambda: next(numbers), sqrt=math.sqrt, exp=math.exp, log=math.log, sin=math.sin,
-        atan=math.atan, pi=math.pi,
+        atan=math.atan, pi=math.pi, whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
     )
 
 

@@ -15,17 +15,15 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.engine.machine import ANGLE, VELOCITY, Machine
-from pendulum_env.engine.starts import fewest_substeps
-from pendulum_env.hard_cases.case import ACCURATE, WRONG, Case, Finding, Try, always, resolved, sooner
-from pendulum_env.hard_cases.fast_drive import PUSHED, answered, pushed
+from pendulum_env.hard_cases.case import ACCURATE, WRONG, Case, Finding, Try, always, sooner
+from pendulum_env.hard_cases.fast_drive import PUSHED, pushed, torqued
+from pendulum_env.hard_cases.predicted import expected, held, steps_and_error
 from pendulum_env.tasks.action import ActionError, torque_share
 
 Array = NDArray[np.float64]
 GROUP = "actions"
-PHASE, STEPS, START = 0.1, 150, 0.2
+PHASE, STEPS, START = 2.0, 40, 0.2
 """omega0 times the control step, number of control steps of a run, and initial angle [rad]."""
-HALF_SWING = 16
-"""Control steps in half a period of the resonant bang-bang control."""
 
 
 class Agent(Protocol):
@@ -50,11 +48,17 @@ Start = Callable[[Method, float], Agent]
 """``start(method, phase)`` returns an Agent at rest at START, with control steps of ``phase`` = omega0 dt."""
 
 
+def hold(method: Method, phase: float) -> int:
+    """Return the number of integration steps of a method in a control step of ``phase`` = omega0 dt."""
+    name = next((name for name, (_, other) in ACTIONS.items() if other == phase), "random actions")
+    return steps_and_error(name, MOTIONS[name], method)[0]
+
+
 class Motored:
     """Agent that advances a pendulum with a motor by one control step per action, without Gymnasium."""
 
     def __init__(self, method: Method, phase: float) -> None:
-        self.hold = max(8, fewest_substeps(method, PUSHED))
+        self.hold = hold(method, phase)
         self._machine = Machine(PUSHED, method, backend=sooner(method, self.hold * STEPS))
         self._state = self._machine.state(START, 0.0)
         self._h = phase / PUSHED.omega0 / self.hold
@@ -68,17 +72,15 @@ class Motored:
         return float(self._state[ANGLE]), float(self._state[VELOCITY]) / PUSHED.omega0
 
 
-def followed(shares: Array, phase: float, start: Start = Motored) -> Try:
-    """Return a function that judges a method by its motion under given actions, against the closed form.
-
-    ``shares`` are the actions, and ``phase`` is omega0 times the control step.
-    """
+def followed(name: str, start: Start = Motored) -> Try:
+    """Return a function that judges a method by its motion under the actions of a case, against the closed form."""
+    shares, phase = ACTIONS[name]
 
     def attempt(method: Method) -> Finding:
         agent = start(method, phase)
         rows = np.array([(START, 0.0), *(agent.act(np.array([share], dtype=np.float32)) for share in shares)])
         truth = np.stack(pushed(np.clip(shares, -1.0, 1.0), phase, START))
-        return answered(method, rows.T, truth, phase, agent.hold)
+        return held(name, MOTIONS[name], method, (rows.T - truth) / MOTIONS[name].largest)
 
     return attempt
 
@@ -95,11 +97,11 @@ def random_shares() -> Array:
 
 
 def resonant_shares() -> Array:
-    """Return actions of full torque that change sign after every half period of the pendulum.
+    """Return actions of full torque that change sign after every control step, which is half a period of the pendulum.
 
     The amplitude of the swing grows by 2 ANSWER in each half period.
     """
-    return np.where(np.arange(STEPS) // HALF_SWING % 2, 1.0, -1.0)
+    return np.where(np.arange(STEPS) % 2, 1.0, -1.0)
 
 
 def refused(action: Any, start: Start = Motored) -> Try:
@@ -140,14 +142,19 @@ def clipped(action: Any, bound: float, start: Start = Motored) -> Try:
     return attempt
 
 
+ACTIONS = {"random actions": (random_shares(), PHASE), "bang-bang": (resonant_shares(), math.pi)}
+"""Name of a case -> its actions, and omega0 times the control step."""
+MOTIONS = {name: torqued(np.clip(shares, -1.0, 1.0), phase, START, 64) for name, (shares, phase) in ACTIONS.items()}
+"""Motions with predicted errors."""
+
+
 def attempts(start: Start = Motored) -> dict[str, Try]:
     """Return, by name of the hard case, the function that judges a method under valid or invalid actions.
 
     ``start`` creates the agent that takes the control steps.
     """
     return {
-        "random actions": followed(random_shares(), PHASE, start),
-        "bang-bang": followed(resonant_shares(), math.pi / HALF_SWING, start),
+        **{name: followed(name, start) for name in ACTIONS},
         "NaN": refused(np.array([math.nan]), start),
         "infinity": refused(np.array([math.inf], dtype=np.float32), start),
         "minus infinity": refused(np.array([-math.inf]), start),
@@ -156,7 +163,7 @@ def attempts(start: Start = Motored) -> dict[str, Try]:
     }
 
 
-_CLOSED = "a rotation about the equilibrium angle in each control step; the tolerance is (omega0 h)^p omega0 t"
+_CLOSED = "a rotation about the equilibrium angle in each control step; the error is that of the method's formula"
 _ROTATIONS = "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)"
 _BOX = "the action space Box(-1, 1) and its clipping, as documented for gym.make"
 _REFUSED = "ActionError, then exactly the motion without this action"
@@ -175,7 +182,9 @@ _TEXTS = {
 }
 
 CASES = tuple(
-    Case(name, GROUP, *_TEXTS[name], PUSHED, resolved if _TEXTS[name][2] == _ROTATIONS else always(ACCURATE), attempt)
+    Case(name, GROUP, *_TEXTS[name], PUSHED,
+         expected(name, MOTIONS[name]) if name in MOTIONS else always(ACCURATE), attempt,
+         motion=name if name in MOTIONS else "")
     for name, attempt in attempts().items()
 )
 KNOWN: dict[tuple[str, str], str] = {}

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from integrators import Method, MethodError
+from integrators import METHODS, Method, MethodError
 from integrators.method import NEEDS
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import offers
@@ -76,6 +76,7 @@ class Case:
             only if the scene does not meet a need of the method.
         attempt: test function, which runs a method that fits the scene and returns a Finding.
         long: True if the case takes more than a few seconds with most methods.
+        motion: name of the motion in ``predictions.json`` whose error the case expects; "" if it tests no accuracy.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Case:
     may: Rule
     attempt: Try
     long: bool = False
+    motion: str = ""
 
     def tried(self, method: Method) -> Finding:
         """Run a method in this hard case and return its result; an exception counts as WRONG."""
@@ -113,6 +115,14 @@ class Case:
         """Return True if an outcome is allowed for a method in this case, or is a refusal because of an unmet need."""
         unmet = finding.outcome == REFUSED and not method.needs <= offers(self.scene)
         return unmet or finding.outcome in self.may(method)
+
+
+def named(method: Method) -> Method:
+    """Return the package's method of a method's name, from which bounds are computed; itself if the name is its own.
+
+    So a wrong step that runs under the name of another method does not set its own bounds.
+    """
+    return METHODS.get(method.name, method)
 
 
 def always(*outcomes: str) -> Rule:

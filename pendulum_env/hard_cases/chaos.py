@@ -35,6 +35,7 @@ from pendulum_env.hard_cases.case import (
     sooner,
     stopped,
 )
+from pendulum_env.hard_cases.predicted import Motion, followed, unmet
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Truth
@@ -223,8 +224,12 @@ def _periods(method: Method, most: float = math.inf) -> int:
 def _apart(method: Method) -> Finding:
     """Judge a method by the derivative of the motion by its starting angle, from two nearby starts.
 
-    Only the periods for which the motion is predictable with the method count.
+    Only the periods for which the motion is predictable with the method count. After the first one the error of the
+    motion itself must be that of the method's formula.
     """
+    formula = first_period(method)
+    if formula.outcome not in (ACCURATE, STABLE):
+        return formula
     periods = _periods(method, 2e3)
     if not periods:
         return Finding(STABLE, note=TOO_CRUDE)
@@ -245,10 +250,14 @@ def _apart(method: Method) -> Finding:
 def _horizon(method: Method) -> Finding:
     """Judge a method by the angle after each period of the drive, while the motion is predictable.
 
-    It is predictable while the method's amplified error is below KNOWN_TO. After that only the speed is checked, which
+    After the first period the error must be that of the method's formula. The motion is predictable while the method's
+    amplified error is below KNOWN_TO. After that only the speed is checked, which
     stays below q (1 + g) because |v|' <= -|v|/q + 1 + g.
     """
     periods = _periods(method)
+    formula = first_period(method)
+    if formula.outcome not in (ACCURATE, STABLE):
+        return formula
     advance, state = Stroboscope(STRENGTH, method, len(AMPLIFIED)), np.array([0.2, 0.0])
     note = f"predictable for {periods} periods" if periods else TOO_CRUDE
     worst = Finding(ACCURATE if periods else STABLE, 0.0, 1.0, note)
@@ -263,6 +272,15 @@ def _horizon(method: Method) -> Finding:
                            worst.note)
             worst = max(worst, finding, key=lambda one: one.error / one.tolerance)
     return worst
+
+
+HORIZON = "an honest horizon"
+MOTIONS = {HORIZON: Motion("driven at 1.5", 0.2, 0.0, PERIOD, growth=AMPLIFIED[0], pace=PACE, most=512,
+                           lacks=unmet(SCENE))}
+"""Motion with a predicted error: the first period of the drive."""
+first_period = followed(driven(STRENGTH), HORIZON, MOTIONS[HORIZON], lambda _: (
+    np.array([0.2, MOTION.angle[0]]), np.array([0.0, MOTION.velocity[0]])))
+"""Function that judges a method by its run over the first period of the drive."""
 
 
 def _claimed(method: Method) -> Finding:
@@ -286,7 +304,8 @@ def _claimed(method: Method) -> Finding:
 def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule, *, strength: float = STRENGTH,
           long: bool = False) -> Case:
     """Return a hard case of the chaotic driven pendulum."""
-    return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long)
+    motion = HORIZON if attempt in (_horizon, _apart) else ""
+    return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long, motion)
 
 
 MATRICES = "40-digit Taylor series of the motion and its first variation; see pendulum_env.truth.chaos"
@@ -310,9 +329,11 @@ CASES = (
     ),
     _case("neighbours part",
           "The derivatives of the motion by its start grow a thousandfold within ten periods of the drive.",
-          "the derivative by the starting angle after each period", _apart, MATRICES, known(_first, KNOWN_TO, STABLE)),
-    _case("an honest horizon", "Every error grows until the motion is unpredictable, sooner for less accurate methods.",
-          "the motion in 40 digits while the method's amplified error is below 0.3 rad; then |v| <= q (1 + g)",
+          "the derivative by the starting angle after each period; the error of the motion is that of the formula",
+          _apart, MATRICES, known(_first, KNOWN_TO, STABLE)),
+    _case(HORIZON, "Every error grows until the motion is unpredictable, sooner for less accurate methods.",
+          "the motion in 40 digits while the method's amplified error is below 0.3 rad; then |v| <= q (1 + g); the "
+          "error after the first period is that of the method's formula",
           _horizon, MATRICES, known(_first, KNOWN_TO, STABLE)),
     _case("no claims beyond the horizon",
           "An error estimate from two runs could be small by chance although both runs are wrong.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -24,10 +25,10 @@ from pendulum_env.hard_cases.case import (
     always,
     graded,
     ran,
-    resolved,
     stopped,
 )
 from pendulum_env.hard_cases.magnitudes import rounding
+from pendulum_env.hard_cases.predicted import Motion, expected, held, ran_motion
 from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
@@ -358,8 +359,11 @@ def _impossible(scene: Scene) -> Try:
 
 WOUND, BEYOND = 6283185.6, 0.2928204131505457
 """Initial angle [rad], and its exact distance from a million turns [rad]."""
-SPEED, FINE, ROUNDS = 3.0, 0.02, 500
-"""Initial velocity [omega0], omega0 h, and number of steps."""
+SPEED = 3.0
+"""Initial velocity [omega0]."""
+MILLION = "a start with a million turns"
+MOTIONS = {MILLION: Motion("pendulum", BEYOND, SPEED, 10.0, marks=10, growth=10.0, largest=30.0, pace=SPEED, most=64)}
+"""Motions with predicted errors, without the turns."""
 TURNING = Scene("a million turns at the start", Body(length=1.0, mass=1.0), gravity=EARTH, effects=(Gravity(),))
 
 
@@ -368,8 +372,8 @@ def _wound(method: Method) -> Finding:
 
     It must equal the rotation from the same angle without the turns, and be right.
     """
-    runs = [ran(TURNING, method, dt=FINE / RATE, steps=ROUNDS, angle=angle, velocity=SPEED * RATE)
-            for angle in (WOUND, BEYOND)]
+    motion = MOTIONS[MILLION]
+    runs = [ran_motion(TURNING, MILLION, replace(motion, angle=angle), method) for angle in (WOUND, BEYOND)]
     for run in runs:
         ended = stopped(run)
         if ended is not None:
@@ -382,8 +386,8 @@ def _wound(method: Method) -> Finding:
     apart = float(np.max(np.maximum(lost, np.abs(far.velocity - near.velocity) / RATE)))
     if not apart <= carried:
         return Finding(WRONG, apart, carried, "it depends on the turns at its start")
-    error = np.maximum(np.abs(near.angle - angle), np.abs(far.velocity - velocity) / RATE)
-    return graded(error, order_bound(method, SPEED * FINE, turned * (1.0 + 0.5 * turned)) + carried)
+    error = np.maximum(np.abs(near.angle - angle), np.abs(far.velocity - velocity) / RATE / motion.pace)
+    return held(MILLION, motion, method, error / motion.largest)
 
 
 # --- the cases ------------------------------------------------------------------------------------------------------
@@ -396,9 +400,10 @@ COULOMB = "Coulomb 1785: at rest, friction balances all other torques up to its 
 RANGE = "the range of double precision (IEEE 754)"
 
 
-def _case(name: str, scene: Scene, why: str, truth: str, source: str, attempt: Try, may: Rule = ALWAYS) -> Case:
+def _case(name: str, scene: Scene, why: str, truth: str, source: str, attempt: Try, may: Rule = ALWAYS,
+          motion: str = "") -> Case:
     """Return a hard case of the group of extremes."""
-    return Case(name, GROUP, why, truth, source, scene, may, attempt)
+    return Case(name, GROUP, why, truth, source, scene, may, attempt, motion=motion)
 
 
 SIZES = (
@@ -461,7 +466,8 @@ CASES = (
               "reported divergence with the last finite state", RANGE, _impossible(scene), always(DIVERGED))
         for name, scene in IMPOSSIBLE
     ),
-    _case("a start with a million turns", TURNING,
+    _case(MILLION, TURNING,
           "An angle of a million turns has digits down to 1e-9 rad, and its turns must be taken off exactly.",
-          "the velocity to (omega0 h)^p and rounding, the angle to its last digit", ELLIPTIC, _wound, resolved),
+          "the error is that of the method's formula, the angle has all digits", ELLIPTIC, _wound,
+          expected(MILLION, MOTIONS[MILLION]), MILLION),
 )

@@ -10,21 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from pendulum_env.engine.machine import ANGLE, INDEX, VELOCITY, Machine
-from pendulum_env.hard_cases.case import (
-    ACCURATE,
-    DIVERGED,
-    STABLE,
-    Case,
-    Finding,
-    Try,
-    graded,
-    judged,
-    ran,
-    resolved,
-    sooner,
-    stopped,
-)
+from pendulum_env.hard_cases.case import Case, Finding, Try, judged, ran, resolved, stopped
+from pendulum_env.hard_cases.predicted import Motion, expected, followed, unmet
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     Gravity,
@@ -53,8 +40,8 @@ LOWER, UPPER = 0.07078795806129157, 0.45821858211327277
 
 They solve a_0(2 b/L) = -4 ratio² = b_1(2 b/L) with Mathieu's characteristic values a_0 and b_1.
 """
-PERIODS, PER_PERIOD, TILT = 8, 100, 1e-6
-"""Periods of the run, steps per period, and initial tilt [rad]."""
+PERIODS, TILT = 8, 1e-6
+"""Periods of the run, and initial tilt [rad]."""
 TERMS = 20_000
 """Terms of Hill's determinant on either side; the error decreases as TERMS**-3."""
 
@@ -89,33 +76,30 @@ def returns(share: float) -> Array:
     return np.array(tilts)
 
 
+def edge(share: float) -> str:
+    """Return the name of the case of Kapitza's upright pendulum with the pivot amplitude b/L = ``share``."""
+    name, limit = ("lower", LOWER) if share < 0.2 else ("upper", UPPER)
+    where = "at" if share == limit else f"{abs(share / limit - 1.0):.0%} {'below' if share < limit else 'above'}"
+    return f"upright, {where} the {name} edge"
+
+
+def shaken(share: float) -> Scene:
+    """Return the scene of Kapitza's pendulum with the pivot amplitude b/L = ``share``."""
+    return Scene("a pivot shaken fast", Body(length=1.0, mass=1.0), gravity=(SLOWNESS * SHAKEN) ** 2,
+                 effects=(Gravity(), VerticalDrive(vertical_amplitude=share, vertical_rate=SHAKEN)))
+
+
 def _kapitza(share: float) -> Case:
     """Return the case of Kapitza's upright pendulum with the pivot amplitude b/L = ``share``."""
-    scene = Scene("a pivot shaken fast", Body(length=1.0, mass=1.0), gravity=(SLOWNESS * SHAKEN) ** 2,
-                  effects=(Gravity(), VerticalDrive(vertical_amplitude=share, vertical_rate=SHAKEN)))
-
-    def attempt(method: Method) -> Finding:
-        start, phase = math.pi - TILT, 2.0 * math.pi / PER_PERIOD
-        run = ran(scene, method, dt=phase / SHAKEN, steps=PERIODS * PER_PERIOD, every=PER_PERIOD, angle=start,
-                  velocity=0.0)
-        ended = stopped(run)
-        if ended is not None:
-            return ended
-        tilt, truth = (math.pi - run.angle) / (math.pi - start), returns(share)
-        most = float(np.max(np.abs(truth)))
-        allowed = (order_bound(method, phase, 2.0 * math.pi * PERIODS**2) + 1e-8) * most
-        lost = "" if np.max(np.abs(tilt)) <= 10.0 * most else "it moves more than ten times as far from the top"
-        return judged(run, tilt - truth, allowed, lost)
-
-    edge, limit = ("lower", LOWER) if share < 0.2 else ("upper", UPPER)
-    where = "at" if share == limit else f"{abs(share / limit - 1.0):.0%} {'below' if share < limit else 'above'}"
+    name, scene = edge(share), shaken(share)
     return Case(
-        f"upright, {where} the {edge} edge", GROUP,
+        name, GROUP,
         "Close to the limit of stability errors grow as the square of the time and may make a stable motion grow.",
         "the tilt after each period of the pivot is Chebyshev's T_n of half the trace of Mathieu's equation; the "
-        "tolerance is 2 pi n² (Omega h)^p, at most a tenth; stable: at most ten times the true tilt",
+        "error is that of the method's formula",
         "Hill 1886, Acta Math. 8, 1; Whittaker & Watson 1927, 19.42; edges: McLachlan 1947; DLMF 28.17",
-        scene, lambda method: frozenset({ACCURATE} if method.order > 2 else {ACCURATE, STABLE}), attempt)
+        scene, expected(name, MOTIONS[name]),
+        followed(scene, name, MOTIONS[name], lambda time: (math.pi - TILT * returns(share), time)), motion=name)
 
 
 # --- a motor that changes sign each step ----------------------------------------------------------------------------
@@ -124,10 +108,6 @@ ANSWER = 0.05
 """Full torque over m g L, which is the equilibrium angle under full torque [rad]."""
 PUSHED = Scene("small angles with a motor", Body(length=1.0, mass=1.0), gravity=9.81,
                effects=(SmallAngleGravity(), Motor(max_torque=ANSWER * 9.81)))
-HOLD = 8
-"""Steps per control step; multistep methods may need more."""
-
-
 def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Array]:
     """Return the exact angle [rad] and velocity/omega0 of small swings after each control step, under given torques.
 
@@ -146,49 +126,31 @@ def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Arra
     return states[:, 0], states[:, 1]
 
 
-def driven(method: Method, shares: Array, phase: float, start: float, hold: int) -> tuple[Array, Array, int]:
-    """Return angle [rad] and velocity/omega0 after each control step of a method's run, and the stop code.
+def swung(shares: Array, phase: float, start: float) -> tuple[Array, Array]:
+    """Return the angle [rad] and velocity [rad/s] of :func:`pushed`."""
+    angle, speed = pushed(shares, phase, start)
+    return angle, speed * PUSHED.omega0
 
-    ``hold`` is the number of steps per control step. The stop code is 0 for a complete run. After an early stop the
-    first array is empty and the second holds the number of the step at which the run stopped.
+
+def torqued(shares: Array, phase: float, start: float, most: int) -> Motion:
+    """Return the motion of a small swing under fractions of the full torque, with 1 to ``most`` steps for each.
+
+    ``phase`` is omega0 times the time of one torque; the motion starts at rest at ``start`` [rad].
     """
-    machine = Machine(PUSHED, method, backend=sooner(method, hold * len(shares)))
-    state, omega0 = machine.state(start, 0.0), PUSHED.omega0
-    rows = [(start, 0.0)]
-    for share in shares:
-        code = machine.advance(state, float(share), phase / omega0 / hold, hold)
-        rows.append((float(state[ANGLE]), float(state[VELOCITY]) / omega0))
-        if code:
-            return np.array([]), np.array([float(state[INDEX])]), code
-    states = np.array(rows)
-    return states[:, 0], states[:, 1], 0
+    return Motion("linear", start, 0.0, phase * len(shares), marks=len(shares), torques=tuple(ANSWER * shares),
+                  largest=start + ANSWER, most=most, lacks=unmet(PUSHED))
 
 
-def against_pushed(method: Method, shares: Array, phase: float, start: float, hold: int) -> Finding:
-    """Judge a method's motion under piecewise constant torque against the closed form."""
-    angle, speed, code = driven(method, shares, phase, start, hold)
-    if code:
-        return Finding(DIVERGED, stop_time=float(speed[0]) * phase / PUSHED.omega0 / hold)
-    return answered(method, np.stack([angle, speed]), np.stack(pushed(shares, phase, start)), phase, hold)
+FLIPS = np.where(np.arange(60) % 2, -1.0, 1.0)
+"""Full torque that changes its sign at each control step."""
+CONTROLLED, COARSE = 2.0, 0.5
+"""omega0 times the control step, with as many steps as a method needs, and with a single one."""
 
 
-def answered(method: Method, states: Array, truth: Array, phase: float, hold: int) -> Finding:
-    """Judge angles and velocities/omega0 after control steps against the reference ``truth``.
-
-    The relative tolerance is (omega0 h)^p omega0 t for a method of order p.
-    """
-    size = float(np.max(np.hypot(*truth))) + ANSWER
-    allowed = size * order_bound(method, phase / hold, phase * (truth.shape[1] - 1)) + 1e-12
-    return graded(states - truth, allowed, "it grows" if np.max(np.abs(states)) > 10.0 * size else "")
-
-
-def _flipping(hold: int) -> Try:
-    """Return a function that judges a method under full torque that changes sign at each control step.
-
-    There are 200 control steps of omega0 dt = 0.1, of ``hold`` steps each.
-    """
-    shares = np.where(np.arange(200) % 2, -1.0, 1.0)
-    return lambda method: against_pushed(method, shares, 0.1, 0.3, hold)
+def _flipping(name: str) -> Try:
+    """Return a function that judges a method under full torque that changes sign at each control step."""
+    phase = MOTIONS[name].time / len(FLIPS)
+    return followed(PUSHED, name, MOTIONS[name], lambda _: swung(FLIPS, phase, 0.3))
 
 
 # --- gusts ----------------------------------------------------------------------------------------------------------
@@ -268,17 +230,26 @@ def _gusts(method: Method) -> Finding:
 
 SHARES = (0.9 * LOWER, LOWER, 1.1 * LOWER, 0.97 * UPPER, UPPER, 1.03 * UPPER)
 """Amplitudes b/L of the pivot on both sides of the stability edges."""
+EVERY_STEP, EVERY_CONTROL = "torque changing sign each step", "torque changing sign each control step"
+MOTIONS = {
+    **{edge(share): Motion(edge(share), math.pi - TILT, 0.0, 2.0 * math.pi / SHAKEN * PERIODS, marks=PERIODS,
+                           growth=5e4, largest=TILT, pace=SHAKEN, goal=1e-4, angles=True, sensitive=True,
+                           lacks=unmet(shaken(share))) for share in SHARES},
+    EVERY_CONTROL: torqued(FLIPS, CONTROLLED, 0.3, 64),
+    EVERY_STEP: torqued(FLIPS, COARSE, 0.3, 1),
+}
+"""Motions with predicted errors."""
 ROTATIONS = "rotations about the equilibrium angle (Landau & Lifshitz 1976, section 22)"
 
 CASES = (
     *(_kapitza(share) for share in SHARES),
-    Case("torque changing sign each control step", GROUP, "The force jumps at each control step, and its mean is "
-         "nearly zero.", "a rotation for each control step; the tolerance is (omega0 h)^p omega0 t", ROTATIONS, PUSHED,
-         resolved, _flipping(HOLD)),
-    Case("torque changing sign each step", GROUP,
+    Case(EVERY_CONTROL, GROUP, "The force jumps at each control step, and its mean is nearly zero.",
+         "a rotation for each control step; the error is that of the method's formula", ROTATIONS, PUSHED,
+         expected(EVERY_CONTROL, MOTIONS[EVERY_CONTROL]), _flipping(EVERY_CONTROL), motion=EVERY_CONTROL),
+    Case(EVERY_STEP, GROUP,
          "The force jumps at each step, so that forces of earlier steps say nothing about the next step.",
-         "a rotation for each step; the tolerance is (omega0 h)^p omega0 t", ROTATIONS, PUSHED, resolved,
-         _flipping(1)),
+         "a rotation for each step; the error is that of the method's formula", ROTATIONS, PUSHED,
+         expected(EVERY_STEP, MOTIONS[EVERY_STEP]), _flipping(EVERY_STEP), motion=EVERY_STEP),
     Case("gusts", GROUP,
          "Gusts change the wind speed at random at each control step and not between, so that the force jumps.",
          "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the tolerance is "

@@ -8,16 +8,17 @@ or a smallest number, become visible.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
-    STABLE,
     WRONG,
     Case,
     Finding,
@@ -25,16 +26,18 @@ from pendulum_env.hard_cases.case import (
     Try,
     always,
     graded,
-    known,
     ran,
     stopped,
 )
+from pendulum_env.hard_cases.predicted import Motion, expected, held, ran_motion, steps_and_error
 from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, Motor, PeriodicTorque, SmallAngleGravity
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.steps import error_constant, rounding_factor
+from pendulum_env.truth.piecewise import smooth
+from pendulum_env.truth.steps import rounding_factor
 
+Array = NDArray[np.float64]
 GROUP = "magnitudes"
 KNOWN: dict[tuple[str, str], str] = {}
 """(case, method) -> reason of a known failure, and what the method does instead."""
@@ -43,10 +46,8 @@ PRODUCT, STEPS = 0.1, 200
 """omega0 h, and number of steps."""
 ULPS = 50.0
 """Rounding error allowed per step, in ulps; most of it comes from the rounding of the frequency."""
-POLE = 1.7
-"""Distance in imaginary time to a pole of the motion from 2 rad with 0.3 omega0, K'(k), k**2 = 0.7306 [1/omega0]."""
-KNOWN_TO = 1.0
-"""Largest error [rad] for which the bound from a method's order is meaningful."""
+TIME, MARKS, PACE = 20.0, 20, 1.7
+"""Duration of the swings times omega0, marks in it, and largest velocity over omega0."""
 SHARE = 0.05
 """Torque of the motor in units of m g L."""
 
@@ -67,8 +68,8 @@ def _pendulum(length: float = 1.0, mass: float = 1.0, gravity: float = 9.81, pow
 
 def _swing(scene: Scene, method: Method) -> Rollout:
     """Run a method on a scaled pendulum from 2 rad with the velocity 0.3 omega0, under full motor control."""
-    return ran(scene, method, dt=PRODUCT / scene.omega0, steps=STEPS, angle=2.0, velocity=0.3 * scene.omega0,
-               control=1.0)
+    powered = len(scene.effects) > 1
+    return ran_motion(scene, UNIT[powered], MOTIONS[UNIT[powered]], method, control=1.0)
 
 
 @cache
@@ -77,42 +78,44 @@ def unit_run(method: Method, powered: bool) -> Rollout:
     return _swing(_pendulum(powered=powered), method)
 
 
-def _error(method: Method) -> float:
-    """Return a bound of a method's angle error on the pendulum of 1 m and 1 kg [rad].
+@cache
+def _pushed() -> tuple[Array, Array]:
+    """Return the exact angle and velocity at the marks of the pendulum of 1 m and 1 kg under the motor's torque."""
+    scene = _pendulum()
+    state, gap = (2.0, 0.3 * scene.omega0), TIME / MARKS / scene.omega0
+    rows = [state]
+    for k in range(MARKS):
+        state = smooth(lambda _t, q, _v: scene.omega0**2 * (SHARE - math.sin(q)), state, k * gap, (k + 1) * gap)
+        rows.append(state)
+    angle, velocity = np.array(rows).T
+    return angle, velocity
 
-    The velocity, 2 k cn, has poles at the distance POLE from the bottom, so the n-th derivative of the angle is
-    2 (n - 1)!/POLE**n there. An energy error also changes the frequency, so the phase error grows with time squared.
-    """
-    order = 0.0
-    if math.isfinite(method.order):
-        step = error_constant(method) * 2.0 * math.factorial(method.order) * (PRODUCT / POLE) ** (method.order + 1)
-        order = step * STEPS * (1.0 + PRODUCT * STEPS)
-    return order + rounding(method) * STEPS * PRODUCT
 
-
-def _right(method: Method) -> Finding:
-    """Judge a method's run on the pendulum of 1 m and 1 kg against the closed form (elliptic functions)."""
-    scene, run = _pendulum(), unit_run(method, False)
+@cache
+def unit_finding(method: Method, powered: bool) -> Finding:
+    """Judge a method's run on the pendulum of 1 m and 1 kg against the closed form, under a torque by integration."""
+    scene, run = _pendulum(), unit_run(method, powered)
     ended = stopped(run)
     if ended is not None:
         return ended
-    truth, _ = exact.pendulum(run.time, 2.0, 0.3 * scene.omega0, scene.omega0)
-    wrong = "its error is larger than its order allows" if _error(method) <= KNOWN_TO else ""
-    return graded(run.angle - truth, min(_error(method), KNOWN_TO), wrong)
+    angle, velocity = _pushed() if powered else exact.pendulum(run.time, 2.0, 0.3 * scene.omega0, scene.omega0)
+    error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity) / scene.omega0 / PACE)
+    motion = MOTIONS[UNIT[powered]]
+    return held(UNIT[powered], motion, method, error / motion.largest)
 
 
 def _similar(scene: Scene) -> Try:
     """Return a function that judges a method by its run on a pendulum of very small or large size.
 
-    In dimensionless units this run must equal that on the pendulum of 1 m and 1 kg.
+    In dimensionless units this run must equal that on the pendulum of 1 m and 1 kg, which must be right.
     """
 
     def attempt(method: Method) -> Finding:
-        run = _swing(scene, method)
-        unit = unit_run(method, len(scene.effects) > 1)
+        powered = len(scene.effects) > 1
+        run, unit, right = _swing(scene, method), unit_run(method, powered), unit_finding(method, powered)
         ended = stopped(run)
-        if ended is not None:
-            return ended
+        if ended is not None or right.outcome == WRONG:
+            return ended or right
         scale, rate = (np.array([s.gravity * s.weight_moment for s in (scene, unit.scene)]),
                        np.array([scene.omega0, unit.scene.omega0]))
         difference = max(
@@ -121,8 +124,7 @@ def _similar(scene: Scene) -> Try:
             float(np.max(np.abs(run.energy / scale[0] - unit.energy / scale[1]))),
             float(np.max(np.abs(run.energy_residual / scale[0] - unit.energy_residual / scale[1]))),
         )
-        return graded(difference, rounding(method) * STEPS * PRODUCT,
-                      "the motion depends on the unit of length, mass or time")
+        return graded(difference, rounding(method) * TIME, "the motion depends on the unit of length, mass or time")
 
     return attempt
 
@@ -150,17 +152,21 @@ def _small(scene: Scene, angle: float) -> Try:
 
     The square of the angle is negligible or underflows.
     """
+    motion = MOTIONS[SMALL]
 
     def attempt(method: Method) -> Finding:
-        run = ran(scene, method, dt=PRODUCT / scene.omega0, steps=STEPS, angle=angle, velocity=0.0)
+        run = ran_motion(scene, SMALL, replace(motion, angle=angle), method)
         ended = stopped(run)
         if ended is not None:
             return ended
-        error = run.angle / angle - np.cos(PRODUCT * np.arange(STEPS + 1))
-        order = 0.0 if math.isinf(method.order) else PRODUCT**method.order * PRODUCT * STEPS
+        phase = scene.omega0 * run.time
+        error = np.maximum(np.abs(run.angle / angle - np.cos(phase)),
+                           np.abs(run.velocity / angle / scene.omega0 + np.sin(phase)))
         # Each addition to angle and velocity rounds to a multiple of 2**-1074.
-        grain = 2.0**-1074 / angle * max(1.0, scene.omega0, 1.0 / scene.omega0) * STEPS * 20.0
-        return graded(error, order + grain + rounding(method) * STEPS * PRODUCT, "it differs from angle cos(omega0 t)")
+        count, _ = steps_and_error(SMALL, motion, method)
+        grain = 2.0**-1074 / angle * max(1.0, scene.omega0, 1.0 / scene.omega0) * count * motion.marks * 20.0
+        grain *= rounding_factor(method)
+        return held(SMALL, motion, method, error, grain)
 
     return attempt
 
@@ -198,31 +204,47 @@ ANGLES = (1e-9, 1e-100, 1e-200, 1e-300, 1e-308, 1e-310, 1e-315)
 """Amplitudes of tiny swings [rad]; from the third on their squares underflow, the last two are subnormal."""
 
 
+RIGHT = "right at 1 m and 1 kg"
+SMALL = "a tiny swing"
+UNIT = {False: RIGHT, True: f"{RIGHT}, with a motor"}
+"""Without or with a motor -> name of the motion at 1 m and 1 kg."""
+MOTIONS = {
+    **{UNIT[powered]: Motion("pendulum pushed by 0.05" if powered else "pendulum", 2.0, 0.3, TIME, marks=MARKS,
+                             growth=20.0, largest=2.0, pace=PACE, most=64) for powered in UNIT},
+    SMALL: Motion("linear", 1.0, 0.0, TIME, marks=4, goal=1e-3, most=128, sensitive=True),
+}
+"""Motions with predicted errors; that of a tiny swing is in units of its angle."""
+
+
 def _case(name: str, scene: Scene, why: str, truth: str, source: str, attempt: Try,
-          may: Rule = ALWAYS) -> Case:
+          may: Rule = ALWAYS, motion: str = "") -> Case:
     """Return a hard case of the group of magnitudes."""
-    return Case(name, GROUP, why, truth, source, scene, may, attempt)
+    return Case(name, GROUP, why, truth, source, scene, may, attempt, motion=motion)
 
 
 CASES = (
     *(
         _case(name, scene, "Absolute tolerances or smallest numbers in the code would be wrong at such sizes.",
-              "angle, velocity/omega0 and energy/(m g L) equal those of the pendulum of 1 m and 1 kg, to rounding",
-              "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", _similar(scene))
+              "angle, velocity/omega0 and energy/(m g L) equal those of the pendulum of 1 m and 1 kg, to rounding, "
+              "whose error is that of the method's formula",
+              "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", _similar(scene),
+              motion=UNIT[len(scene.effects) > 1])
         for name, scene in SIMILAR
     ),
-    _case("right at 1 m and 1 kg", _pendulum(),
+    _case(RIGHT, _pendulum(),
           "The pendulums of all other sizes are compared with this run, so that it must be right.",
-          "Jacobi's elliptic functions, to the error of the method's order near a pole of theirs",
-          "Whittaker & Watson 1927, 44", _right,
-          known(_error, KNOWN_TO, ACCURATE, STABLE)),
+          "Jacobi's elliptic functions; the error is that of the method's formula",
+          "Whittaker & Watson 1927, 44", lambda method: unit_finding(method, False), expected(RIGHT, MOTIONS[RIGHT]),
+          RIGHT),
     _case("no gravity", FREE,
           "Without gravity there is no natural frequency, and the pendulum turns 160 times in a step.",
           "theta = theta0 + v t, with v and the energy constant", "Newton's first law", _free),
     *(
         _case(f"{angle:g} rad, {scene.effects[0].name}", scene,
               "The swing is so small that the squared angle, and finally the angle itself, underflows to 0.",
-              "angle cos(omega0 t)", "the linear pendulum; sin(x) = x to x**3/6", _small(scene, angle))
+              "angle cos(omega0 t); the error is that of the method's formula",
+              "the linear pendulum; sin(x) = x to x**3/6", _small(scene, angle),
+              expected(SMALL, MOTIONS[SMALL]), SMALL)
         for scene in (TINY, LINEAR) for angle in ANGLES
     ),
     _case("a drive of lost phase", LATE,

@@ -20,8 +20,6 @@ ELLIPTIC = "Jacobi's elliptic functions from the exact float (Whittaker & Watson
 STEP = 1e-3
 """Step of the upright pendulum [s]."""
 SCENE = SCENES["vacuum"]
-SLOW, FINE = 1e-8, 1e-11
-"""Errors that methods are to reach, relative to the tilt: in most cases, and where small faults must show."""
 OFFSETS = tuple(10.0**-k for k in range(3, 13))
 """Initial tilts from the top [rad]."""
 FALL = 11.0
@@ -32,15 +30,15 @@ CLOSE = 4.3775
 
 def _released(offset: float) -> Motion:
     """Return the motion from rest ``offset`` [rad] from the top until the tilt is about 0.1 rad."""
-    return Motion("pendulum", math.pi - offset, 0.0, math.acosh(0.1 / offset), growth=4.0, from_top=True,
-                  goal=FINE if offset == OFFSETS[0] else SLOW)
+    return Motion("pendulum", math.pi - offset, 0.0, math.acosh(0.1 / offset), growth=30.0, from_top=True,
+                  sensitive=True)
 
 
 MOTIONS = {
     **{f"release {offset:.0e} rad from the top": _released(offset) for offset in OFFSETS},
-    "float(pi)": Motion("pendulum", math.pi, 0.0, FALL * SCENE.omega0, growth=4.0, from_top=True, goal=SLOW),
-    "the separatrix": Motion("pendulum", 0.0, 2.0, CLOSE, marks=4, growth=math.exp(CLOSE), pace=2.0, goal=FINE,
-                             most=256),
+    "float(pi)": Motion("pendulum", math.pi, 0.0, FALL * SCENE.omega0, growth=30.0, from_top=True, sensitive=True),
+    "the separatrix": Motion("pendulum", 0.0, 2.0, CLOSE, marks=4, growth=math.exp(CLOSE), pace=2.0, most=256,
+                             sensitive=True),
 }
 """Motions with predicted errors."""
 
@@ -70,7 +68,7 @@ def _case(name: str, why: str, truth: str, attempt: Try | None = None, source: s
         motion, form = MOTIONS[name], _gudermannian if source != ELLIPTIC else _elliptic
         attempt = followed(scene, name, motion, lambda time: form(motion, time))
         rule = expected(name, motion)
-    return Case(name, GROUP, why, truth, source, scene, rule, attempt)
+    return Case(name, GROUP, why, truth, source, scene, rule, attempt, motion=name if name in MOTIONS else "")
 
 
 CASES = (

@@ -17,17 +17,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from integrators import Method
+from integrators.method import NEEDS
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, offers
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.engine.starts import ENOUGH
-from pendulum_env.hard_cases.case import ACCURATE, STABLE, WRONG, Finding, ran, stopped
+from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, STABLE, WRONG, Finding, ran, sooner, stopped
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.steps import order_bound, rounding_factor
 
+Array = NDArray[np.float64]
 FILE = Path(__file__).with_name("predictions.json")
 OFF = 0.02
 """Share of the predicted error by which an error may differ from it, besides rounding."""
+TOO_LARGE = 100.0
+"""Predicted error, relative to the motion, beyond which a run grows and may stop early."""
 SMALL = 0.3
 """Largest allowed error, relative to the motion, of a run that counts as accurate."""
 ULPS = 4.0
@@ -52,6 +58,8 @@ class Motion:
         lacks: needs of methods that the motion does not meet, such as "velocity_free" under drag.
         torques: constant torque until each mark, in units of m g L, where methods start anew; () for none.
         back: True if the velocity is reversed at the middle.
+        angles: True if only angles are compared.
+        sensitive: True if coarse steps of methods with a history would amplify rounding.
     """
 
     equation: str
@@ -63,20 +71,27 @@ class Motion:
     from_top: bool = False
     largest: float = 1.0
     pace: float = 1.0
-    goal: float = 1e-9
-    fewest: int = 8
+    goal: float = 1e-6
+    fewest: int = 1
     most: int = 512
     lacks: frozenset[str] = frozenset()
     torques: tuple[float, ...] = ()
     back: bool = False
+    angles: bool = False
+    sensitive: bool = False
 
     def size(self, end: float) -> float:
         """Return the angle [rad] to which errors are relative, with the exact angle at the end."""
         return abs(math.pi - end) if self.from_top else self.largest
 
     def least(self, method: Method) -> int:
-        """Return the fewest steps per mark of a method; a multistep method needs some times its history."""
-        return self.fewest if self.most == 1 else max(self.fewest, ENOUGH * method.past)
+        """Return the fewest steps per mark of a method; a multistep method needs some times its history.
+
+        It needs them in the whole motion or, where torques change or the motion is ``sensitive``, for each mark.
+        """
+        each = bool(self.torques) or self.sensitive
+        past = ENOUGH * method.past if each else math.ceil(ENOUGH * method.past / self.marks)
+        return self.fewest if self.most == 1 else max(self.fewest, past)
 
     def fits(self, method: Method) -> bool:
         """Return True if the motion is predicted for a method: it meets its needs, and the error is not zero."""
@@ -109,6 +124,11 @@ def _known(name: str, method: Method) -> bool:
     return method.name in _stored().get(name, {})
 
 
+def foretold(name: str, method: Method) -> bool:
+    """Return True if the file has a prediction for a method in a motion of this name, and not one of growth."""
+    return _known(name, method) and _stored()[name][method.name][1] < TOO_LARGE
+
+
 def rounding(name: str, motion: Motion, method: Method) -> float:
     """Return the rounding error allowed for a method in a motion, relative to the motion's size."""
     count, _ = steps_and_error(name, motion, method)
@@ -122,20 +142,29 @@ def allowed(name: str, motion: Motion, method: Method) -> float:
 
 
 def expected(name: str, motion: Motion) -> Callable[[Method], frozenset[str]]:
-    """Return the rule of a motion: ACCURATE where the allowed error is small, else STABLE."""
-    return lambda method: frozenset({ACCURATE if allowed(name, motion, method) <= SMALL else STABLE})
+    """Return the rule of a motion: ACCURATE where the allowed error is small, else STABLE.
+
+    A run whose allowed error is larger than the motion may diverge, too.
+    """
+
+    def may(method: Method) -> frozenset[str]:
+        most = allowed(name, motion, method)
+        return frozenset({ACCURATE} if most <= SMALL else {STABLE} if most <= 1.0 else {STABLE, DIVERGED})
+
+    return may
 
 
-def held(name: str, motion: Motion, method: Method, error: Any) -> Finding:
+def held(name: str, motion: Motion, method: Method, error: Any, grain: float = 0.0) -> Finding:
     """Judge errors, relative to the motion's size: WRONG if the largest one is not the predicted error.
 
-    A run whose error is as predicted is ACCURATE if that is small, else STABLE.
+    A run whose error is as predicted is ACCURATE if that is small, else STABLE. ``grain`` is a rounding error that is
+    allowed beside the usual one.
     """
-    most, largest = allowed(name, motion, method), float(np.max(np.abs(error)))
+    most, largest = allowed(name, motion, method) + grain, float(np.max(np.abs(error)))
     if not largest <= most:
         return Finding(WRONG, largest, most, "its error exceeds that of its formula in exact arithmetic")
     _, implied = steps_and_error(name, motion, method)
-    if _known(name, method) and largest < (1.0 - OFF) * implied - rounding(name, motion, method):
+    if _known(name, method) and largest < (1.0 - OFF) * implied - rounding(name, motion, method) - grain:
         return Finding(WRONG, largest, implied, "its error is smaller than that of its formula in exact arithmetic")
     return Finding(ACCURATE if most <= SMALL else STABLE, largest, most)
 
@@ -148,18 +177,56 @@ def ran_motion(scene: Scene, name: str, motion: Motion, method: Method, **option
                velocity=motion.velocity * scene.omega0, **options)
 
 
+def unmet(scene: Scene) -> frozenset[str]:
+    """Return the needs of methods that a scene does not meet, for ``Motion.lacks``."""
+    return frozenset(NEEDS) - offers(scene)
+
+
+def driven(scene: Scene, name: str, motion: Motion, method: Method) -> tuple[Array, Array] | Finding:
+    """Run a method under the torques of a motion; return angle [rad] and velocity [rad/s] at the start and the marks.
+
+    A run that stops early is returned as a Finding.
+    """
+    count, _ = steps_and_error(name, motion, method)
+    h = motion.time / motion.marks / count / scene.omega0
+    machine = Machine(scene, method, backend=sooner(method, count * motion.marks))
+    full = next(effect.max_torque for effect in scene.effects if effect.controlled)  # type: ignore[attr-defined]
+    share = scene.gravity * scene.weight_moment / full
+    state = machine.state(motion.angle, motion.velocity * scene.omega0)
+    rows = [(motion.angle, motion.velocity * scene.omega0)]
+    for torque in motion.torques:
+        if machine.advance(state, torque * share, h, count):
+            return Finding(DIVERGED, stop_time=float(state[INDEX]) * h)
+        rows.append((float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])))
+    angle, velocity = np.array(rows).T
+    return angle, velocity
+
+
 def followed(
     scene: Scene, name: str, motion: Motion, truth: Callable[[Any], Sequence[Any]],
 ) -> Callable[[Method], Finding]:
-    """Return a function that judges a method in a motion against ``truth``: angle and velocity at times [s]."""
+    """Return a function that judges a method in a motion against ``truth``.
+
+    That is a function of the times of the marks [s], zero first, that returns angles and velocities [rad/s] there.
+    """
 
     def attempt(method: Method) -> Finding:
-        run = ran_motion(scene, name, motion, method)
-        ended = stopped(run)
-        if ended is not None:
-            return ended
-        angle, velocity = truth(run.time)
-        error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity) / scene.omega0 / motion.pace)
-        return held(name, motion, method, error / motion.size(float(angle[-1])))
+        if motion.torques:
+            found = driven(scene, name, motion, method)
+            if isinstance(found, Finding):
+                return found
+            angle, velocity = found
+            time = np.arange(motion.marks + 1) * (motion.time / motion.marks / scene.omega0)
+        else:
+            run = ran_motion(scene, name, motion, method)
+            ended = stopped(run)
+            if ended is not None:
+                return ended
+            time, angle, velocity = run.time, run.angle, run.velocity
+        true = truth(time)
+        error = np.abs(angle - true[0])
+        if not motion.angles:
+            error = np.maximum(error, np.abs(velocity - true[1]) / scene.omega0 / motion.pace)
+        return held(name, motion, method, error / motion.size(float(true[0][-1])))
 
     return attempt

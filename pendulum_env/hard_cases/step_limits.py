@@ -20,9 +20,11 @@ from pendulum_env.hard_cases.case import (
     Rule,
     Try,
     judged,
+    named,
     ran,
     stopped,
 )
+from pendulum_env.hard_cases.predicted import Motion, foretold, held, unmet
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.presets import SCENES
@@ -43,6 +45,13 @@ GONE = 0.5 * math.log(ABSURD * (2.0 / START**2 + 1.0) + 1.0)
 HIDDEN = 12.0
 """Log of the largest ratio of the motion to its growing part at the start, such as a parasitic solution."""
 
+PRODUCTS = (0.5, 1.0, 1.5, 1.99, 2.01, 3.0, 5.0, 10.0, 20.0)
+"""omega0 h in the small-angle scene."""
+PERIODS = 200.0 * math.pi
+"""omega0 h of a step of 100 periods."""
+FORETOLD = 20
+"""Number of steps whose errors are predicted, from the first one on."""
+
 PUBLISHED = ("|eigenvalue| of the step on the oscillator (Hairer & Wanner 1996, IV.2 and V.1; Hairer, Lubich & Wanner "
              "2006, I.5.2)")
 STANDARD_MAP = "Greene 1979, J. Math. Phys. 20, 1183; Meiss 1992, Rev. Mod. Phys. 64, 795"
@@ -53,9 +62,21 @@ EXACTLY = "Gonzalez 1996, theorem 2.2, for the energy; Jacobi's elliptic functio
 # --- small angles ---------------------------------------------------------------------------------------------------
 
 
+def small(product: float) -> str:
+    """Return the name of the case in the small-angle scene with steps of ``product`` = omega0 h."""
+    return f"{'a step of 100 periods' if product == PERIODS else f'omega0 h = {product:g}'}, small angles"
+
+
+MOTIONS = {
+    small(product): Motion("linear", 1.0, 0.0, product * FORETOLD, marks=FORETOLD, growth=10.0, most=1,
+                           lacks=unmet(LINEAR)) for product in PRODUCTS
+}
+"""Motions with predicted errors, in units of the initial angle."""
+
+
 def growth(method: Method, product: float) -> float:
     """Return the logarithm of an oscillation's growth by a method in STEPS steps of ``product`` = omega0 h."""
-    radius = spectral_radius(method, product)
+    radius = spectral_radius(named(method), product)
     return STEPS * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
@@ -65,7 +86,7 @@ def spread(method: Method, product: float) -> float:
     By the step's matrix M with the eigenvectors V and the spectral radius rho, ``|M**n| <= cond(V) rho**n``. The factor
     is cond(V), or 2 for multistep methods, whose eigenvectors are longer than the state.
     """
-    matrix = amplification(method, product)
+    matrix = amplification(named(method), product)
     return float(np.linalg.cond(np.linalg.eig(matrix)[1])) if len(matrix) == 2 else 2.0
 
 
@@ -77,7 +98,7 @@ def in_time(method: Method, product: float, count: int) -> bool:
     equal moduli.
     """
     rate = growth(method, product) / STEPS
-    matrix = amplification(method, product) if rate < math.inf else np.zeros(0)
+    matrix = amplification(named(method), product) if rate < math.inf else np.zeros(0)
     if len(matrix) != 2:
         return True
     wide = math.log(spread(method, product))
@@ -105,9 +126,10 @@ def _linear_rule(product: float) -> Rule:
 def _linear(product: float) -> Try:
     """Return a function that judges a method in the small-angle scene, in steps of ``product`` = omega0 h.
 
-    The tolerance is (omega0 h)^p times the phase, at most a tenth of the amplitude; the growth is bounded by the
-    eigenvalues of the step.
+    The largest error of the first steps must be that of the method's formula, and the growth is bounded by the
+    eigenvalues of the step. The tolerance is (omega0 h)^p times the phase, at most a tenth of the amplitude.
     """
+    name = small(product)
 
     def attempt(method: Method) -> Finding:
         run = ran(LINEAR, method, dt=product / LINEAR.omega0, steps=STEPS)
@@ -124,6 +146,11 @@ def _linear(product: float) -> Try:
         own = min(0.1, product**method.order * product * STEPS) if product < 1.0 else 0.1
         rounding = UNIT * (4.0 + float(phase[-1]))
         error = np.abs(run.angle / START - np.cos(phase))
+        if foretold(name, method):
+            speed = np.abs(run.velocity / START / LINEAR.omega0 + np.sin(phase))
+            formula = held(name, MOTIONS[name], method, np.maximum(error, speed)[: FORETOLD + 1])
+            if formula.outcome == WRONG:
+                return formula
         return judged(run, error, rounding if method.exact else own + rounding, wrong)
 
     return attempt
@@ -164,7 +191,7 @@ def _unlike(method: Method, product: float, angle: float, velocity: float) -> st
     """
     h, omega0 = product / FULL.omega0, FULL.omega0
     run = ran(FULL, method, dt=h, steps=FIRST, angle=angle, velocity=velocity)
-    own = own_steps(method, Equation(), angle, velocity / omega0, product, len(run.time) - 1)
+    own = own_steps(named(method), Equation(), angle, velocity / omega0, product, len(run.time) - 1)
     missed = own.missed(run.angle, run.velocity / omega0) if own is not None else 0.0
     if missed:
         return f"its first steps differ from its table by {missed:.3g}"
@@ -199,7 +226,7 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         run = ran(FULL, method, dt=h, steps=steps, every=every, angle=angle, velocity=start_velocity)
         ended = stopped(run)
         if ended is not None:
-            early = too_early(method, angle, start_velocity / omega0, product, round(float(run.time[-1]) / h))
+            early = too_early(named(method), angle, start_velocity / omega0, product, round(float(run.time[-1]) / h))
             return replace(ended, outcome=WRONG, note=early) if early else ended
         if method.keeps_energy:
             drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
@@ -220,13 +247,9 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
 # --- the cases ------------------------------------------------------------------------------------------------------
 
 WHY = "The step is near or beyond the method's stability limit; growth must be reported as divergence."
-PRODUCTS = (0.5, 1.0, 1.5, 1.99, 2.01, 3.0, 5.0, 10.0, 20.0)
-"""omega0 h in the small-angle scene."""
-PERIODS = 200.0 * math.pi
-"""omega0 h of a step of 100 periods."""
-
 NO_GROWTH = (
-    "theta0 cos(omega0 t), of constant amplitude. Accurate: within (omega0 h)^p of the phase and a tenth of theta0. "
+    "theta0 cos(omega0 t), of constant amplitude; the error is that of the method's formula. "
+    "Accurate: within (omega0 h)^p of the phase and a tenth of theta0. "
     "Stable: bounded if no eigenvalue exceeds 1, else growth no faster than the eigenvalues. Diverged: the run stops "
     "at the step at which its energy becomes absurd"
 )
@@ -241,11 +264,11 @@ BELOW = math.sqrt(GREENE) * 0.994
 """omega0 h just below the value at which the last invariant circle breaks."""
 
 
-def _small(name: str, product: float) -> Case:
+def _small(product: float) -> Case:
     """Return a hard case of the small-angle scene with steps of ``product`` = omega0 h."""
     place = replace(LINEAR)
-    return Case(f"{name}, small angles", GROUP, WHY, NO_GROWTH, PUBLISHED, place, _linear_rule(product),
-                _linear(product))
+    return Case(small(product), GROUP, WHY, NO_GROWTH, PUBLISHED, place, _linear_rule(product),
+                _linear(product), motion=small(product) if product in PRODUCTS else "")
 
 
 def _large(name: str, truth: str, source: str, rule: Rule, attempt: Try, long: bool = False) -> Case:
@@ -254,8 +277,7 @@ def _large(name: str, truth: str, source: str, rule: Rule, attempt: Try, long: b
 
 
 CASES = (
-    *(_small(f"omega0 h = {product:g}", product) for product in PRODUCTS),
-    _small("a step of 100 periods", PERIODS),
+    *(_small(product) for product in (*PRODUCTS, PERIODS)),
     _large("omega0 h = 0.98", CIRCLE, f"{STANDARD_MAP}; {EXACTLY}", _full_rule(STABLE),
            _full(BELOW, 3.0, 2.0 * math.pi)),
     _large("omega0 h = 0.98 for a million steps", CIRCLE, f"{STANDARD_MAP}; {EXACTLY}", _full_rule(STABLE),

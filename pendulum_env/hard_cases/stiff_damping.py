@@ -28,8 +28,10 @@ from pendulum_env.hard_cases.case import (
     Rule,
     Try,
     judged,
+    named,
     ran,
 )
+from pendulum_env.hard_cases.predicted import Motion, foretold, held, unmet
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.energy import ABSURD
@@ -62,7 +64,7 @@ def backwards(method: Method) -> bool:
 
 def growth(method: Method, product: float, gamma_h: float, steps: int) -> float:
     """Return the logarithm of a method's growth of the damped oscillator's amplitude in ``steps`` steps."""
-    radius = spectral_radius(method, product, gamma_h)
+    radius = spectral_radius(named(method), product, gamma_h)
     return steps * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
@@ -101,6 +103,23 @@ def _linear_rule(gamma_h: float) -> Rule:
     return may
 
 
+def layered(gamma_h: float) -> str:
+    """Return the name of the case of linear drag with this ``gamma h``."""
+    return f"linear drag, gamma h = {gamma_h:g}"
+
+
+def _layer(gamma_h: float) -> Motion:
+    """Return the motion under linear drag with this ``gamma h``; errors are relative to the way in the fast layer."""
+    scene = linear_scene(gamma_h)
+    far, rate = ANGLE + FAST * STEP / gamma_h, scene.omega0
+    return Motion(f"linear drag of {gamma_h:g}", ANGLE, FAST / rate, rate * STEP * STEPS, marks=STEPS, largest=far,
+                  pace=FAST / rate / far, most=1, lacks=unmet(scene))
+
+
+MOTIONS = {layered(gamma_h): _layer(gamma_h) for gamma_h in (1.5, 10.0)}
+"""Motions with predicted errors."""
+
+
 def _flight(run: Rollout, angle: float) -> str:
     """Return the reason why a motion with the initial velocity FAST is impossible under drag; "" if it is possible."""
     if np.max(np.abs(run.velocity)) > 1.01 * FAST:
@@ -114,7 +133,7 @@ def _linear(gamma_h: float) -> Try:
 
     The run is compared with the exact damped oscillator and with the steps that the method's table implies.
     """
-    scene = linear_scene(gamma_h)
+    scene, name = linear_scene(gamma_h), layered(gamma_h)
 
     def attempt(method: Method) -> Finding:
         run = ran(scene, method, dt=STEP, steps=STEPS, angle=ANGLE, velocity=FAST)
@@ -123,9 +142,13 @@ def _linear(gamma_h: float) -> Try:
         error = np.maximum(np.abs(far), np.abs(run.velocity - velocity) / FAST)
         if method.exact:
             return judged(run, error, 1e-12, "it is not exact")
+        if foretold(name, method):
+            formula = held(name, MOTIONS[name], method, error)
+            if formula.outcome == WRONG:
+                return formula
         finding = judged(run, error[LAYER:] if len(error) > LAYER else error, SHARE, _flight(run, ANGLE))
         problem = Equation((scene.omega0 * STEP) ** 2, gamma_h, small=True)
-        return checked(finding, lambda: table_mismatch(method, problem, run.angle, run.velocity * STEP))
+        return checked(finding, lambda: table_mismatch(named(method), problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -171,7 +194,7 @@ def _alone(load: float) -> Try:
         own = 1e-13 * (1 + len(method.sub_flows)) if "split" in method.needs else SHARE
         finding = judged(run, run.velocity / velocity - 1.0, own, _flight(run, 0.0))
         problem = Equation(0.0, load / (FAST * STEP), 2)
-        return checked(finding, lambda: table_mismatch(method, problem, run.angle, run.velocity * STEP))
+        return checked(finding, lambda: table_mismatch(named(method), problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -194,7 +217,7 @@ def _under_gravity(load: float) -> Try:
         truth = falling_truth(load).angle[: len(run.angle)]
         finding = judged(run, run.angle - truth, SHARE, _flight(run, 0.0))
         problem = Equation((scene.omega0 * STEP) ** 2, load / (FAST * STEP), 2)
-        return checked(finding, lambda: table_mismatch(method, problem, run.angle, run.velocity * STEP))
+        return checked(finding, lambda: table_mismatch(named(method), problem, run.angle, run.velocity * STEP))
 
     return attempt
 
@@ -279,7 +302,8 @@ def _case(name: str, why: str, truth: str, source: str, scene: Scene, may: Rule,
     def of_fitting(method: Method) -> frozenset[str]:
         return may(method) if method.needs <= offered else frozenset({REFUSED})
 
-    return Case(name, GROUP, why, truth, source, scene, of_fitting, attempt)
+    motion = name if name in MOTIONS else ""
+    return Case(name, GROUP, why, truth, source, scene, of_fitting, attempt, motion=motion)
 
 
 LINEAR_LOADS, LOADS = (1.5, 10.0, 1e3, 1e6), (10.0, 1e3, 1e6)
@@ -289,7 +313,7 @@ CREEPS = ((1e2, 400), (1e4, 200))
 
 CASES = (
     *(
-        _case(f"linear drag, gamma h = {load:g}", FASTER,
+        _case(layered(load), FASTER,
               f"the damped oscillator. Accurate, required of L-stable methods: within 1 % after {LAYER} steps. {RIGID}",
               LANDAU, linear_scene(load), _linear_rule(load), _linear(load))
         for load in LINEAR_LOADS

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, VELOCITY, Machine
 from pendulum_env.hard_cases.case import (
     DIVERGED,
     WRONG,
@@ -23,7 +23,7 @@ from pendulum_env.hard_cases.case import (
     stopped,
 )
 from pendulum_env.hard_cases.fast_drive import GUST, GUST_TIME, gust_path
-from pendulum_env.hard_cases.long_runs import weight
+from pendulum_env.hard_cases.predicted import Motion, expected, followed, unmet
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     CoulombFriction,
@@ -38,7 +38,7 @@ from pendulum_env.physics.effects import (
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.piecewise import smooth
-from pendulum_env.truth.steps import order_bound, rounding_factor
+from pendulum_env.truth.steps import order_bound
 
 Array = NDArray[np.float64]
 GROUP = "switching"
@@ -55,7 +55,7 @@ BODY = Body(length=1.0, mass=1.0)
 
 STRENGTH, DRAG = 2.0, 0.1
 """Largest torque over m g L, and coefficient of quadratic drag [1/rad]."""
-PHASE, STEPS, START = 0.05, 300, 0.5
+PHASE, STEPS, START = 0.2, 60, 0.5
 """omega0 h, number of steps, and initial angle [rad]."""
 THROWN = Scene("a motor of 2 m g L", BODY, gravity=EARTH,
                effects=(Gravity(), QuadraticDrag(c=DRAG), Motor(max_torque=STRENGTH * EARTH)))
@@ -83,24 +83,30 @@ def thrown(drag: float) -> tuple[Array, Array]:
     return angle, velocity / RATE
 
 
-def _thrown(scene: Scene, drag: float, method: Method) -> Finding:
-    """Judge a method under a torque that has another size and sign in each step."""
-    machine = Machine(scene, method, backend=sooner(method, STEPS))
-    state, rows = machine.state(START, 0.0), [(START, 0.0)]
-    for share in shares(STEPS):
-        if machine.advance(state, float(share), PHASE / RATE, 1):
-            return Finding(DIVERGED, stop_time=float(state[INDEX]) * PHASE / RATE)
-        rows.append((float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY]) / RATE))
-    truth = np.stack(thrown(drag))
-    size = float(np.max(np.abs(truth)))
-    # Gravity changes at the rate of the velocity. Drag has a kink at each zero of the velocity, which stays in the
-    # history of a method for some steps.
-    pace = max(1.0, float(np.max(np.abs(truth[1])))) * PHASE
-    order = min(weight(method, method.order) * order_bound(method, pace, PHASE * STEPS), 0.1)
-    kinks = min((1 + method.past) * drag * pace ** min(method.order, 3) * PHASE * STEPS, 0.1)
-    error = np.abs(np.array(rows).T - truth)
-    return graded(error, size * max(order, kinks) + 1e-11 * rounding_factor(method),
-                  "it grows" if np.max(error) > 10.0 * size else "")
+RANDOM = {"full gravity": (FREE_OF_DRAG, 0.0), "quadratic drag": (THROWN, DRAG)}
+"""Scenes under random torques by name, with their coefficient of drag."""
+MOTIONS = {
+    f"a random torque in each step, {name}": Motion(
+        "pendulum" if drag == 0.0 else "quadratic drag of 0.1", START, 0.0, PHASE * STEPS, marks=STEPS, growth=1e3,
+        largest=10.0, pace=3.0, most=1, torques=tuple(STRENGTH * shares(STEPS)), lacks=unmet(scene))
+    for name, (scene, drag) in RANDOM.items()
+}
+"""Motions with predicted errors."""
+
+
+def _thrown(name: str) -> Case:
+    """Return the case of a torque that has another size and sign in each step; ``name`` is a key of RANDOM."""
+    scene, drag = RANDOM[name]
+    full = f"a random torque in each step, {name}"
+
+    def truth(_time: Array) -> tuple[Array, Array]:
+        angle, velocity = thrown(drag)
+        return angle, velocity * RATE
+
+    return Case(full, GROUP,
+                "A torque of up to 2 m g L jumps at each step, so that forces of earlier steps say nothing about the "
+                "next.", "numerical integration of each step; the error is that of the method's formula", PIECES,
+                scene, expected(full, MOTIONS[full]), followed(scene, full, MOTIONS[full], truth), motion=full)
 
 
 # --- a wind that reverses -------------------------------------------------------------------------------------------
@@ -238,15 +244,7 @@ PIECES = "scipy's DOP853 at 3e-14 in each step (Hairer, Norsett & Wanner 1993, I
 COULOMB = "Coulomb 1785; the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)"
 
 CASES = (
-    *(
-        Case(f"a random torque in each step, {name}", GROUP,
-             "A torque of up to 2 m g L jumps at each step, so that forces of earlier steps say nothing about the "
-             "next.",
-             "numerical integration of each step; the tolerance is (k h)^p omega0 t of the largest angle with the "
-             "largest angular velocity k, p at most 3 for the share of drag", PIECES,
-             scene, resolved, partial(_thrown, scene, drag))
-        for name, scene, drag in (("full gravity", FREE_OF_DRAG, 0.0), ("quadratic drag", THROWN, DRAG))
-    ),
+    *(_thrown(name) for name in RANDOM),
     Case("a wind that reverses", GROUP,
          "The wind changes its sign every few control steps, and with it the slip, where drag has a kink.",
          "numerical integration of each control step, with gusts computed independently; the tolerance is (k h)^p "

@@ -121,7 +121,7 @@ def rollout(run: Any) -> Iterator[str]:
         ("end", f"{run.time[-1]:g} s: {start(float(run.angle[-1]), float(run.velocity[-1]))}"),
         ("step", f"{step}; {len(run.time)} times recorded"),
         ("largest energy residual", f"{np.nanmax(np.abs(residual)):.3g} J" if known else ""),
-        ("ended early", str(run.stop_reason)),
+        ("ended early", run.ending),
     ))
 
 

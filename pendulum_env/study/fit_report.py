@@ -55,6 +55,8 @@ def goodness(found: Fit) -> str:
     """
     runs, degrees = found.runs, math.degrees
     order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
+        "the signs change more often than in random order, as rounding can make them; a misfit makes them change less "
+        "often" if runs.z > 0.0 else
         "neighbouring readings are rounded alike, which makes such a pattern"
         if found.rounded_alike and found.rms < EXCESS * found.noise else
         "the residual has a pattern, which this model does not explain")

@@ -158,6 +158,8 @@ def true_motion(scene: Scene, angle: float, velocity: float, time: Array) -> Tru
     run = rollout(scene, integrator=STEPPED, angle=angle, velocity=velocity, dt=step, every=parts,
                   duration=float(time[-1]), diagnostics=(), warn=False)
     reached = min(len(run.time), len(time)) - (1 if run.stop_reason else 0)
+    if not reached:
+        return _unknown(time, f"none: {run.ending}")
     angles, speeds = np.full((2, len(time)), math.nan)
     angles[:reached], speeds[:reached] = run.angle[:reached], run.velocity[:reached]
     marks = np.unique(np.linspace(0, reached - 1, min(MARKS, reached)).astype(int))

@@ -38,7 +38,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of
 from pendulum_env.render.palette import ENERGY_COLOURS, METHOD_COLOURS, hue, place
 from pendulum_env.render.theme import THEMES, Theme
-from pendulum_env.web.formulas import Setting, explicit, formulas_of
+from pendulum_env.web.formulas import NumberSetting, explicit, formulas_of
 from pendulum_env.web.links import MOST_PENDULUMS, VERSION
 
 ASSETS = Path(__file__).with_name("assets")
@@ -56,8 +56,8 @@ FIRST = ("forward_euler", "backward_euler", "symplectic_euler")
 """Methods that the page shows first, in the first scene."""
 MOST_READINGS = 3000
 """Largest number of readings of a recording that the page holds."""
-CALLS, STEPS = 6, 40
-"""The check of a program: calls, each with another torque, and steps in a call."""
+TORQUES, STEPS = (0.0, 0.5, -1.0, 0.25, 1.0, -0.125), 40
+"""The check of a program: shares of the motor's torque, a call of its function each, and steps in a call."""
 NUMBER = 1.10001
 """First of the numbers that mark the places of coefficients while an equation is written."""
 DESCRIBED = {
@@ -68,7 +68,7 @@ DESCRIBED = {
 """Stop reason -> what the page says of it."""
 
 
-class Series(Protocol):
+class TimedAngles(Protocol):
     """Arrays of time [s] and angle [rad] of one length."""
 
     time: Any
@@ -78,7 +78,7 @@ class Series(Protocol):
 @with_bar("web page")
 def write(
     path: str | PathLike[str], scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None,
-    *, recording: Series | None = None, progress: Progress | bool | None = None,
+    *, recording: TimedAngles | None = None, progress: Progress | bool | None = None,
 ) -> Path:
     """Write the page and return its path.
 
@@ -104,7 +104,7 @@ def write(
 
 def page(
     scenes: Iterable[str] | None = None, integrators: Iterable[str | Method] | None = None, *,
-    recording: Series | None = None, tell: Progress = lambda done, text: None,
+    recording: TimedAngles | None = None, tell: Progress = lambda done, text: None,
 ) -> str:
     """Return the page's HTML; the arguments are those of :func:`write`.
 
@@ -126,7 +126,7 @@ def page(
         "stops": {code: DESCRIBED.get(name, name) for code, name in STOP_REASONS.items()},
         "first": [name for name in FIRST if name in {method.name for method in methods}] or [methods[0].name],
         "recording": None if recording is None else readings(recording),
-        "check": {"calls": CALLS, "steps": STEPS},
+        "check": {"torques": TORQUES, "steps": STEPS},
     }
     programs = json.dumps(list(texts), ensure_ascii=True)
     packed = base64.b64encode(zlib.compress(programs.encode(), 9)).decode()
@@ -142,7 +142,7 @@ def page(
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read["lab.html"])
 
 
-def readings(recording: Series) -> list[list[float]]:
+def readings(recording: TimedAngles) -> list[list[float]]:
     """Return times [s] from the first reading on and angles [degrees] of a recording, at most MOST_READINGS of each."""
     every = max(1, math.ceil(len(recording.time) / MOST_READINGS))
     time, angle = (np.asarray(values, dtype=float)[::every] for values in (recording.time, recording.angle))
@@ -177,9 +177,9 @@ def scene_of(scene: Scene, methods: Sequence[Method], texts: dict[str, int]) -> 
         "equation": equation(scene), "programs": programs, "shown": [method.name for method in shown],
         "accurate": accurate, "settings": [setting(one, kinds) for one in formulas.settings], "names": names,
         "formulas": formulas.javascript(names), "beat": beat, "motor": any(e.name == "motor" for e in scene.effects),
-        "periodic": scene.periodic, "run": asdict(scene.run), "scene": scene.to_dict(),
+        "periodic": scene.periodic, "run": asdict(scene.run),
         "radius": scene.body.radius, "reach": scene.body.reach, "suspension": scene.body.suspension,
-        "shape": scene.body.shape,
+        "outline": scene.body.outline,
     }
 
 
@@ -192,7 +192,7 @@ def run_of(scene: Scene, method: Method) -> dict[str, Any]:
     }
 
 
-def setting(one: Setting, kinds: Mapping[str, str]) -> dict[str, Any]:
+def setting(one: NumberSetting, kinds: Mapping[str, str]) -> dict[str, Any]:
     """Return what the page needs of a number that can be set; ``kinds`` are those of the scene's effects."""
     return {
         "name": one.name, "label": one.label.replace("_", " "), "about": one.about, "value": one.value,
@@ -231,17 +231,12 @@ def started(machine: Machine) -> list[float]:
 def checksum(machine: Machine) -> int:
     """Return the CRC-32 of the bits of all states in a short run, interpreted in Python: energies and sums included."""
     state, total = started(machine), 0
-    for call in range(CALLS):
+    for torque in TORQUES:
         rows = np.zeros((STEPS + 1, len(state)))
-        code = machine.entry(state, machine.parameters, torque(call), machine.scene.run.dt, STEPS, 1, math.inf, rows,
+        code = machine.entry(state, machine.parameters, torque, machine.scene.run.dt, STEPS, 1, math.inf, rows,
                              [0.0, 0.0, 0.0])
         total = zlib.crc32(np.vstack([rows, state]).astype("<f8").tobytes() + bytes([int(code)]), total)
     return total
-
-
-def torque(call: int) -> float:
-    """Return the share of the motor's torque in a call of the check."""
-    return (0.0, 0.5, -1.0, 0.25, 1.0, -0.125)[call]
 
 
 def equation(scene: Scene) -> str:

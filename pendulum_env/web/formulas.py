@@ -24,7 +24,7 @@ Values = Mapping[str, float]
 OPERATIONS: Mapping[str, Callable[[float, float], float]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
 }
-"""Recorded operations; JavaScript and Python round them alike."""
+"""RecordedNumber operations; JavaScript and Python round them alike."""
 TRIALS = 24
 """Number of drawn sets of values at which recorded formulas are compared with Python."""
 FACTORS = (0.5, 2.0)
@@ -34,7 +34,7 @@ SIZES = ("length", "mass")
 
 
 @dataclass(frozen=True)
-class Setting:
+class NumberSetting:
     """A number of a scene that can be set.
 
     Attributes:
@@ -69,7 +69,7 @@ class Formulas:
         results: names of the parameters -> a number or such a text.
     """
 
-    settings: tuple[Setting, ...]
+    settings: tuple[NumberSetting, ...]
     lines: tuple[tuple[str, Any, Any], ...]
     results: Mapping[str, Any]
 
@@ -94,55 +94,46 @@ class Formulas:
         return "\n".join([*head, *lines, f"return [{results}];"])
 
 
-class Recorded(float):
-    """A number with its name, whose sums, differences, products and quotients are recorded in a list."""
+def _recording(symbol: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
+    """Return a method of :class:`RecordedNumber`, such as ``__add__``, that records an operation of two numbers."""
+    return lambda self, other: self.record(symbol, *((other, self) if swapped else (self, other)))
+
+
+class RecordedNumber(float):
+    """A number with its name, whose sums, differences, products and quotients are recorded in a list.
+
+    It has its value, unlike :class:`integrators.steps.tracing.Traced`, as the functions of bodies and effects compare
+    their numbers.
+    """
 
     name: str
     lines: list[tuple[str, Any, Any]]
 
     @classmethod
-    def of(cls, value: float, name: str, lines: list[tuple[str, Any, Any]]) -> Recorded:
+    def of(cls, value: float, name: str, lines: list[tuple[str, Any, Any]]) -> RecordedNumber:
         """Return a number with a name, which records its operations in ``lines``."""
         made = cls(value)
         made.name, made.lines = name, lines
         return made
 
-    def _record(self, symbol: str, left: Any, right: Any) -> Recorded:
+    def record(self, symbol: str, left: Any, right: Any) -> RecordedNumber:
+        """Return the result of an operation, of which this number is an operand, and record it."""
         value = OPERATIONS[symbol](float(left), float(right))
         self.lines.append((symbol, _name(left), _name(right)))
-        return Recorded.of(value, f"n{len(self.lines) - 1}", self.lines)
+        return RecordedNumber.of(value, f"n{len(self.lines) - 1}", self.lines)
 
-    def __add__(self, other: float) -> Recorded:
-        return self._record("+", self, other)
+    __add__, __radd__ = _recording("+"), _recording("+", swapped=True)
+    __sub__, __rsub__ = _recording("-"), _recording("-", swapped=True)
+    __mul__, __rmul__ = _recording("*"), _recording("*", swapped=True)
+    __truediv__, __rtruediv__ = _recording("/"), _recording("/", swapped=True)
 
-    def __radd__(self, other: float) -> Recorded:
-        return self._record("+", other, self)
-
-    def __sub__(self, other: float) -> Recorded:
-        return self._record("-", self, other)
-
-    def __rsub__(self, other: float) -> Recorded:
-        return self._record("-", other, self)
-
-    def __mul__(self, other: float) -> Recorded:
-        return self._record("*", self, other)
-
-    def __rmul__(self, other: float) -> Recorded:
-        return self._record("*", other, self)
-
-    def __truediv__(self, other: float) -> Recorded:
-        return self._record("/", self, other)
-
-    def __rtruediv__(self, other: float) -> Recorded:
-        return self._record("/", other, self)
-
-    def __neg__(self) -> Recorded:
-        return self._record("-", -0.0, self)
+    def __neg__(self) -> RecordedNumber:
+        return self.record("-", -0.0, self)
 
 
 def _name(value: Any) -> Any:
     """Return the name of a recorded number, or a plain number itself."""
-    return value.name if isinstance(value, Recorded) else float(value)
+    return value.name if isinstance(value, RecordedNumber) else float(value)
 
 
 def _text(operand: Any) -> str:
@@ -165,7 +156,7 @@ def explicit(scene: Scene) -> Scene:
     return replace(scene, effects=tuple(effects))
 
 
-def settings_of(scene: Scene) -> tuple[Setting, ...]:
+def settings_of(scene: Scene) -> tuple[NumberSetting, ...]:
     """Return the numbers of a scene that can be set."""
     body: Any = scene.body
     found = [_setting(body, entry, f"body.{entry.name}") for entry in fields(body) if entry.name in SIZES]
@@ -177,16 +168,16 @@ def settings_of(scene: Scene) -> tuple[Setting, ...]:
     return tuple(found)
 
 
-def _setting(part: Any, entry: Any, name: str, effect: str = "") -> Setting:
+def _setting(part: Any, entry: Any, name: str, effect: str = "") -> NumberSetting:
     about = entry.metadata
     bounds = about["check"].keywords
     above, least = bounds["above"], bounds["least"]
     lowest = above if above is not None else least if least is not None else float("-inf")
-    return Setting(name, entry.name, about.get("doc", ""), about.get("unit", ""), getattr(part, entry.name), lowest,
-                   above is not None, effect)
+    return NumberSetting(name, entry.name, about.get("doc", ""), about.get("unit", ""), getattr(part, entry.name),
+                         lowest, above is not None, effect)
 
 
-def with_settings(scene: Scene, settings: Sequence[Setting], values: Sequence[float]) -> Scene:
+def with_settings(scene: Scene, settings: Sequence[NumberSetting], values: Sequence[float]) -> Scene:
     """Return a scene with other values of its settings; raises SceneError for values that it cannot have."""
     body: dict[str, Any] = {}
     more: dict[str, Any] = {}
@@ -218,7 +209,7 @@ def formulas_of(scene: Scene, names: Collection[str]) -> Formulas:
         settings = tuple(setting for setting in settings if setting is not wrong)
 
 
-def _recorded(scene: Scene, settings: tuple[Setting, ...], names: Collection[str]) -> Formulas:
+def _recorded(scene: Scene, settings: tuple[NumberSetting, ...], names: Collection[str]) -> Formulas:
     """Return the formulas that the functions of a scene's body and effects record."""
     lines: list[tuple[str, Any, Any]] = []
     other = copy.copy(scene)
@@ -228,14 +219,14 @@ def _recorded(scene: Scene, settings: tuple[Setting, ...], names: Collection[str
     parts |= {f"effects.{i}": copy.copy(effect) for i, effect in enumerate(scene.effects)}
     for i, setting in enumerate(settings):
         place, _, name = setting.name.rpartition(".")
-        object.__setattr__(parts[place], name, Recorded.of(setting.value, f"x{i}", lines))
+        object.__setattr__(parts[place], name, RecordedNumber.of(setting.value, f"x{i}", lines))
     object.__setattr__(other, "body", parts["body"])
     object.__setattr__(other, "effects", tuple(parts[f"effects.{i}"] for i in range(len(scene.effects))))
     results = {name: _name(value) for name, value in numbers_of(other).items() if name in names}
     return Formulas(settings, tuple(lines), results)
 
 
-def _first_wrong(scene: Scene, made: Formulas, names: Collection[str]) -> Setting | None:
+def _first_wrong(scene: Scene, made: Formulas, names: Collection[str]) -> NumberSetting | None:
     """Return the first setting at whose changed values the formulas differ from Python in any bit; None if none does.
 
     A setting that is 0, and whose change would give the scene's programs other parameters, counts as wrong, too.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from typing import Any
-from urllib.parse import parse_qsl, unquote
+from urllib.parse import parse_qsl
 
 from integrators import get
 from pendulum_env.engine.spec import RunSpec
@@ -29,7 +29,7 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     """Return the run that a link of the page describes.
 
     ``pendulum_env.engine.rollout.run(read_link(text))`` computes the bits that the page showed, unless the motor's
-    torque was changed during the run.
+    torque was changed during the run: as many whole steps as end by the link's ``time``, at least one.
 
     Args:
         text: the address, or only the part behind "#", such as ``v=1&scene=lab&methods=rk4:0.01,heun:0.02``, then
@@ -49,7 +49,7 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     if entries.pop("v", None) != VERSION:
         raise SceneError(f"The link does not begin with v={VERSION}; it is of another version, or no link of the page.")
     scene = explicit(SCENES[one_of(entries.pop("scene", ""), "scene", SCENES)])
-    methods = [part.rpartition(":") for part in unquote(entries.pop("methods", "")).split(",")]
+    methods = [part.rpartition(":") for part in entries.pop("methods", "").split(",")]
     if not 1 <= len(methods) <= MOST_PENDULUMS or not all(name for name, _, _ in methods):
         raise SceneError(f"A link needs methods=, 1 to {MOST_PENDULUMS} methods with their steps, as in rk4:0.01.")
     if pendulum not in range(1, len(methods) + 1):
@@ -59,7 +59,8 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
         NUMBERS, (scene.run.angle, scene.run.velocity, USUAL_DURATION, 0.0), strict=True))
     dt = number_in(step, f"the step of {name}")
     changed = with_numbers(scene, {entry: number_in(value, entry) for entry, value in entries.items()})
-    return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=time, control=control,
+    steps = max(1, math.floor(time / dt + 1e-9)) if dt > 0 else 1
+    return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=steps * dt, control=control,
                       warn=False)
 
 
@@ -88,8 +89,8 @@ def link_of(
            for name, value in numbers.items()},
     }
     text = "&".join(f"{name}={value}" for name, value in entries.items())
-    for place_of in range(len(integrators)):
-        read_link(text, place_of + 1)
+    for pendulum in range(1, max(1, len(integrators)) + 1):
+        read_link(text, pendulum)
     return text
 
 

@@ -135,6 +135,7 @@ print(*(warning.message for warning in caught), sep="\\n")
 """
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("kept", [[], [".py", ".py"]], ids=["nothing fits", "the texts fit"])
 def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:

@@ -39,6 +39,7 @@ from pendulum_env.physics.effects import (
     Wind,
     WireDrag,
 )
+from pendulum_env.physics.exact import flight
 from pendulum_env.physics.flow import damping_regime, keulegan_carpenter, quality_factor, regime_of_damping
 from pendulum_env.physics.medium import Medium, air, water
 
@@ -567,3 +568,34 @@ def test_watching_does_not_touch_the_motion() -> None:
     assert set(watching.watched) == {"tension", "reynolds", "keulegan_carpenter", "quality_factor"}
     assert not plain.watched
     assert regime_of_damping(math.inf) == "underdamped"
+
+
+# --- a wire that catches again --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("share", [1.5, 1.8, 2.1])
+def test_a_run_says_where_a_slack_wire_would_catch_the_bob(share: float) -> None:
+    """The parabola, in steps of 10 microseconds, leaves the circle and meets it again there, at this speed."""
+    run = rollout(WIRE, angle=0.0, velocity=share * OMEGA, dt=1e-3, duration=3.0, integrator="rk4", backend="python")
+    found = run.flight
+    assert found is not None
+    length, angle, spin = WIRE.body.reach, float(run.angle[-1]), float(run.velocity[-1])
+    time = np.arange(1e-3, 1.2 * found.time, 1e-5)
+    x = length * (math.sin(angle) + spin * math.cos(angle) * time)
+    z = length * (-math.cos(angle) + spin * math.sin(angle) * time) - 0.5 * WIRE.gravity * time**2
+    far = np.hypot(x, z)
+    back = int(np.argmax(far > length))
+    assert time[back] == pytest.approx(found.time, abs=2e-5)
+    assert math.atan2(x[back], -z[back]) == pytest.approx(found.angle, abs=1e-3)
+    assert (far[back] - far[back - 1]) / 1e-5 == pytest.approx(found.speed, rel=1e-3)
+    assert f"caught by the wire {found.time:.4g} s later" in run.ending
+
+
+def test_other_runs_have_no_flight() -> None:
+    whole = rollout(WIRE, angle=0.1, velocity=0.0, dt=1e-3, duration=0.1, backend="python")
+    assert (whole.flight, whole.ending) == (None, "")
+    assert flight(1.0, 9.81, 0.3, 0.0) is None, "the wire is taut"
+    dropped = flight(1.0, 9.81, 3.0, 0.0)
+    assert dropped is not None, "from rest near the top the bob falls through the circle"
+    assert dropped.angle == pytest.approx(math.asin(math.sin(3.0)))
+    assert dropped.time == pytest.approx(math.sqrt(2.0 * 2.0 * math.cos(dropped.angle) / 9.81))

@@ -318,6 +318,7 @@ def run_with_cache(folder: Path) -> list[str]:
     return result.stdout.split()
 
 
+@pytest.mark.slow
 def test_cache_cold_and_warm(tmp_path: Path) -> None:
     folder = tmp_path / "cache"
     cold = run_with_cache(folder)

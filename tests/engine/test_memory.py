@@ -102,6 +102,7 @@ def path(machine: Machine, steps: int, h: float, uniform: Any, taken: int = 1) -
     return gusts
 
 
+@pytest.mark.slow
 def test_gusts_are_an_ornstein_uhlenbeck_process() -> None:
     """Check that gusts are normal, with mean 0, standard deviation SIZE and correlation exp(-t/TIME)."""
     machine = Machine(AIRY, "velocity_verlet", diagnostics=())

@@ -47,6 +47,16 @@ def test_a_setting_that_would_do_nothing_cannot_be_assigned(name: str) -> None:
         assert getattr(env, name, "none") == before
 
 
+@pytest.mark.parametrize(("name", "hint"), [
+    ("angle", r"reset\(options=\{'angle': 0.1"), ("state", r"reset\(options="), ("theta", r"reset\(options="),
+    ("g", "gravity=9.81"), ("max_speed", "speed_limit=8.0"), ("noise", "TransformObservation")])
+def test_words_that_are_no_attributes_cannot_be_assigned_either(name: str, hint: str) -> None:
+    for env in (make(), LabPendulumVectorEnv(2, backend="python")):
+        with pytest.raises(AttributeError, match=rf"^{name} cannot be assigned.*{hint}"):
+            setattr(env, name, 1.0)
+        assert not hasattr(env, name)
+
+
 @pytest.mark.parametrize("name", SETTINGS)
 def test_wrappers_pass_assignments_on_to_the_refusal(name: str) -> None:
     wrapped = gym.make("LabPendulum-v0", backend="python")
@@ -245,6 +255,23 @@ def test_a_penalty_makes_giving_up_worse_than_swinging_up() -> None:
             totals, over = totals + rewards, ended[0]
         assert totals[0] == pytest.approx(fined, rel=1e-12)
         assert totals[1] > -1000.0
+
+
+def test_numbers_that_diverge_cost_the_penalty_too() -> None:
+    """With a step that is far too long the episode ends early; only its last reward differs."""
+    options: dict[str, Any] = {"integrator": "forward_euler", "dt": 20.0, "speed_limit": math.inf, "warn": False}
+    free, steps = returned(make(**options), lambda seen: 1.0)
+    fined, again = returned(make(speed_penalty=1000.0, **options), lambda seen: 1.0)
+    assert steps == again < 500
+    assert fined == pytest.approx(free - 1000.0, rel=1e-12)
+    vector = LabPendulumVectorEnv(1, backend="python", speed_penalty=1000.0, **options)
+    total, ended = 0.0, [False]
+    vector.reset(seed=[0])
+    while not ended[0]:
+        _, rewards, ended, _, infos = vector.step(np.ones((1, 1), np.float32))
+        total += rewards[0]
+    assert infos["stop_reason"][0] == "diverged"
+    assert total == pytest.approx(fined, rel=1e-12)
 
 
 # --- pickles, threads ------------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from command_line import Here
 from folder_contents import contents
@@ -62,6 +63,15 @@ def test_energies_are_those_of_the_loops_written_out(worked: Worked) -> None:
     assert ratios["forward_euler"] == pytest.approx(16.0, abs=0.05)
     assert ratios["backward_euler"] == pytest.approx(0.0625, abs=5e-5)
     assert ratios["symplectic_euler"] == pytest.approx(1.0267, abs=5e-5)
+
+
+def test_the_dashed_energy_shows_that_friction_takes_nothing_at_the_turning_points(worked: Worked) -> None:
+    """It falls all the time, and at the turning points slowly; the energy with the usual step does neither."""
+    fine, usual = ((run, -np.diff(run.energy)) for run in (worked.recorded.fine, worked.recorded.damped))
+    for (run, loss), falls in ((fine, True), (usual, False)):
+        speed = np.abs(run.velocity[1:]) / np.max(np.abs(run.velocity))
+        assert (float(loss.min()) >= 0.0) is falls
+        assert bool(0.0 < loss[speed < 0.2].mean() < 0.25 * loss[speed > 0.8].mean()) is falls
     within = worked.small.runs["symplectic_euler"].energy
     assert 0.974 < within.min() < within.max() < 1.0271
 

@@ -11,10 +11,9 @@ import pytest
 import integrators
 from integrators import Method
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.starts import fewest_substeps
 from pendulum_env.envs.env import LabPendulumEnv
 from pendulum_env.envs.vector_env import LabPendulumVectorEnv
-from pendulum_env.hard_cases.actions import CASES, START, Motored, attempts
+from pendulum_env.hard_cases.actions import CASES, START, Motored, attempts, hold
 from pendulum_env.hard_cases.fast_drive import PUSHED
 
 COPIES = 3
@@ -27,7 +26,7 @@ class Environment:
     kind: Any = LabPendulumEnv
 
     def __init__(self, method: Method, phase: float, **options: Any) -> None:
-        self.hold = max(8, fewest_substeps(method, PUSHED))
+        self.hold = hold(method, phase)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             self.env = self.kind(scene=PUSHED, integrator=method, dt=phase / OMEGA0, substeps=self.hold, task="free",

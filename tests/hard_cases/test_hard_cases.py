@@ -317,6 +317,7 @@ def test_splitting_under_resolved_quadratic_drag_has_the_error_of_its_order(meth
 # --- 4. A million steps ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", BOUNDED)
 def test_a_million_steps(method: str) -> None:
     """omega0 h = 0.05: the energy error of symplectic methods stays bounded, that of others follows |R(iz)|².

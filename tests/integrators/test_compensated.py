@@ -7,14 +7,17 @@ import pickle
 import sys
 from collections.abc import Callable
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import forty_digits
 import gymnasium as gym
 import mpmath
 import numpy as np
 import pytest
 from choice import FITS
+from forty_digits import mpf
 from hypothesis import given
 from hypothesis import strategies as st
 from runge_kutta_truths import rounding
@@ -35,6 +38,7 @@ from pendulum_env.engine.wrap import half_turns, left_out, without_half_turns_ke
 from pendulum_env.physics.effects import Gravity, Motor
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.study.growth.study import growth
+from pendulum_env.truth.steps import rounding_factor
 
 REFUSED = {"exact": "it adds nothing up"} | {
     name: "it makes the velocity anew from earlier mean velocities, each rounded"
@@ -424,6 +428,7 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> Any:
     sys.modules.pop("rounding"), sys.modules.pop("machine")
 
 
+@pytest.mark.slow
 def test_energy_walks_less(benchmark: Any) -> None:
     """24 pendulums, 10 000 steps of kahan_li8 with omega0 h = 0.05 by `solve` on arrays; 2500 of the plain ones."""
     system = System(lambda t, q, v: -np.sin(q), force=lambda t, q: -np.sin(q), velocity_free=True)
@@ -459,3 +464,32 @@ def test_numpys_truth_is_taken() -> None:
     lines = [growth("vacuum", ["rk4"], periods=1.0, backend="python", compensated=compensated).lines[0]
              for compensated in (True, switch)]
     assert np.array_equal(lines[0].angle_error, lines[1].angle_error)
+
+
+# --- every kind of method beside its formula in 40 digits ------------------------------------------------------------
+
+ONE_OF_A_KIND = ("rk4", "gauss4", "taylor", "kahan_li6", "nystrom4", "ab4", "bdf3", "stoermer5", "generalized_alpha",
+                 "chin4a", "discrete_gradient")
+STEP, COUNT = 2.0**-5, 128
+
+
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=() if name in ONE_OF_A_KIND else pytest.mark.slow) for name in SUMS])
+def test_compensated_steps_are_those_of_the_formula_in_forty_digits(name: str) -> None:
+    """The sums of angle and remainder are off by the rounding of the increments only, some units of 2^-53.
+
+    The formulas are computed from the tables in :mod:`forty_digits`. Rounding of a stage grows with the sum of its
+    coefficients; BDF methods add up old states in each step, which rounds them anew.
+    """
+    method = METHODS[name]
+    scene = SCENES["vacuum"].replace(gravity=1.0)
+    run = rollout(scene, integrator=method, dt=STEP, duration=STEP * COUNT, every=COUNT, angle=1.0, velocity=0.25,
+                  compensated=True, backend="python", warn=False)
+    walk = forty_digits.steps(method, forty_digits.EQUATIONS["pendulum"], mpf(0), mpf(1), mpf(0.25), mpf(STEP))
+    *_, (angle, velocity) = islice(walk, COUNT)
+    assert run.lost_angle is not None
+    assert run.lost_velocity is not None
+    off = max(abs(float(mpf(float(kept[-1])) + mpf(float(lost[-1])) - true)) for kept, lost, true in (
+        (run.angle, run.lost_angle, angle), (run.velocity, run.lost_velocity, velocity)))
+    units = 12.0 if name.startswith("bdf") else 4.0 + 2.0 * rounding_factor(method)
+    assert off < units * 2.0**-53

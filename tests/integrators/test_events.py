@@ -51,6 +51,7 @@ def test_the_period_of_the_pendulum_is_the_elliptic_integral() -> None:
         assert found.t_events[0] == pytest.approx([period / 2, period], rel=1e-13)
 
 
+@pytest.mark.slow
 def test_forty_digits() -> None:
     with mpmath.workdps(40):
         start, end = mpmath.mpf(0), mpmath.mpf("3.3")

@@ -54,6 +54,20 @@ def test_every_family_takes_text() -> None:
         assert abs(solved(method) - math.cos(1.0)) < 1e-4
 
 
+def test_weights_that_are_rounded_floats_sum_to_one() -> None:
+    own = RungeKutta(name="mine", order=4, b=(1 / 6, 1 / 3, 1 / 3, 1 / 6),
+                     a=((0, 0, 0, 0), (0.5, 0, 0, 0), (0, 0.5, 0, 0), (0, 0, 1.0, 0)), **WORDS)
+    assert own.b == integrators.get("rk4").b
+
+
+def test_what_is_no_table_or_no_order_is_refused_in_a_sentence() -> None:
+    with pytest.raises(MethodError, match="mine: a must be rows of numbers, and b a row of numbers, as in a="):
+        RungeKutta(name="mine", order=1, a="1/2", b="1", **WORDS)
+    for order in ("2", 0, 2.5, None, True, float("nan")):
+        with pytest.raises(MethodError, match=r"mine: order must be a whole number of at least 1, or math\.inf, not "):
+            RungeKutta(name="mine", order=order, a=((0,),), b=(1,), **WORDS)
+
+
 @pytest.mark.parametrize("value", ["half", None, float("nan"), "1/0", {}])
 def test_what_is_no_number_is_named(value: Any) -> None:
     with pytest.raises(MethodError, match=r"mine: a\[1\]\[0\] must be a number, not .*'1/2' or '0.25'"):

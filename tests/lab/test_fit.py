@@ -154,6 +154,14 @@ def test_swings_that_grow_are_said_to(gamma: float) -> None:
         fit(driven, ["none", "linear"], mass=MASS)
 
 
+def test_a_steady_growth_of_a_per_cent_leaves_the_fit_usable() -> None:
+    time = even(60.0, 50.0)
+    driven = recorded(time, swing(time, 0.35, length=0.353, gamma=-2.0 * math.log(1.013) / 60.0), noise=TENTH)
+    with pytest.warns(UserWarning, match=r"^The fit is usable, except that the swings grow by 1\.\d+ % "):
+        found = fit(driven, "linear", mass=MASS)
+    assert found.scene.body.length == pytest.approx(0.353, abs=3e-4)
+
+
 @pytest.mark.parametrize(("degrees", "noise", "quantum"), [(94.0, 0.0, 0.0), (10.0, 0.1, 0.0), (3.0, 0.0, 0.25)])
 def test_swings_that_keep_their_size_do_not_grow(degrees: float, noise: float, quantum: float) -> None:
     time = even(20.0, 50.0)

@@ -81,13 +81,18 @@ def found() -> Iterator[Fit]:
         yield at_truth(virtual())
 
 
+def write_swing(folder: Path) -> None:
+    """Write a recording into a folder, as swing.txt."""
+    made = virtual()
+    lines = [f"{t:.6f}\t{math.degrees(x):.9f}\n" for t, x in zip(made.time, made.angle, strict=True)]
+    (folder / "swing.txt").write_text("time [s]\tangle [deg]\n" + "".join(lines))
+
+
 @pytest.fixture
 def asked(found: Fit, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[dict[str, Any]]:
     """Put a recording into the folder, replace ``fit`` by a stand-in, and return the list of arguments it is called
     with."""
-    made = virtual()
-    lines = [f"{t:.6f}\t{math.degrees(x):.9f}\n" for t, x in zip(made.time, made.angle, strict=True)]
-    (tmp_path / "swing.txt").write_text("time [s]\tangle [deg]\n" + "".join(lines))
+    write_swing(tmp_path)
     calls: list[dict[str, Any]] = []
 
     def fit(recording: Recording, effects: str = "auto", **options: Any) -> Fit:
@@ -160,6 +165,7 @@ def test_what_was_inferred_is_said_before_a_file_is_refused(tmp_path: Path, run_
     assert said.startswith("Error: ")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("interpreted")
 def test_a_length_neither_told_nor_fitted_is_warned_of() -> None:
     with pytest.warns(UserWarning, match=r"the length is taken to be .* m, as it is neither given nor fitted"):
@@ -338,6 +344,14 @@ def test_bad_input_is_one_sentence_and_leaves_files_as_they_were(
     assert expected in said
     assert len(said.strip().splitlines()) == 1
     assert contents(tmp_path) == before
+
+
+def test_numbers_in_other_units_are_said_also_where_the_fit_fails(tmp_path: Path, run_here: Here) -> None:
+    write_swing(tmp_path)
+    code, _, said = run_here("fit", "swing.txt", "--mass", "40", "--radius", "1.07")
+    assert code == 2
+    assert "40 g would be mass=0.04" in said
+    assert "1.07 cm would be radius=0.0107" in said
 
 
 def test_compare_reads_no_recording_that_is_missing(tmp_path: Path, run_here: Here) -> None:

@@ -131,6 +131,7 @@ def test_three_grades_in_a_sentence_each() -> None:
     assert [grade.usable for grade in (Grade(), Grade((mild,)), Grade((mild, serious)))] == [True, True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantum", [0.0, QUARTER])
 def test_a_steady_driven_swing_is_called_driven(quantum: float) -> None:
     """In the steady state, 200 s after the drive is switched on, the amplitude stays; no damping is named."""

@@ -83,6 +83,7 @@ def pulls(defect: str, runs: int = 24) -> dict[str, FloatArray]:
     return {name: np.array(values) for name, values in found.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("defect", DEFECTS)
 def test_values_lie_within_honest_errors(defect: str) -> None:
     for name, pull in pulls(defect).items():

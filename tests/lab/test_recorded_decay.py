@@ -102,6 +102,7 @@ def test_by_scipys_integrator_it_is_the_minimum() -> None:
     assert np.all(np.abs(np.linalg.lstsq(slopes, residual, rcond=None)[0]) < 0.01 * errors)
 
 
+@pytest.mark.slow
 def test_the_length_with_an_honest_uncertainty() -> None:
     """The fitted length is 0.6633 m at g = 9.81 m/s², and the models differ by less than its uncertainty. It is 1.3
     standard deviations from the stated length of the string, and within one of string plus the radius of a steel ball.

@@ -39,6 +39,12 @@ def test_formulas_far_off_are_pale_and_strong_damping_is_the_reason(loss: float)
     assert (strong in words, strong in remarks(given)) == (loss > 0.1, loss > 0.1)
 
 
+def test_a_motors_push_is_no_loss() -> None:
+    rows = (AuditRow("motor", True, amplitude_change=-0.6, amplitude_predicted=-0.63, verdict=CALLED_FOR),
+            AuditRow("linear_drag", True, amplitude_change=-0.005, amplitude_predicted=-0.006, verdict=CALLED_FOR))
+    assert Audit(SCENES["lab"], 0.5, 1e-4, rows, 1e-9, 256, 5.0).loss == 0.006
+
+
 @pytest.mark.parametrize(("count", "in_blocks"), [(5, True), (len(METHODS), False)])
 def test_the_matrix_of_few_methods_stands_in_blocks(count: int, in_blocks: bool) -> None:
     cases = tuple(case for case in CASES if not case.long)

@@ -52,6 +52,7 @@ OWN_FORMULAS: Mapping[str, str] = {
 """Measures on recordings whose formulas are their definitions."""
 DERIVED: Mapping[str, str] = {
     "coulomb_turning_points_linear": "as coulomb_turning_points, which has the source",
+    "flight": "derived in the docstring; a test compares it with the parabola in short steps",
     "drag_only": "a separated equation, written out",
     "period_rotation": "as period, which has the source",
 }

@@ -139,13 +139,11 @@ def test_no_circle_of_modules() -> None:
     assert set(circles()) == FAMILIES.keys()
 
 
-@pytest.mark.parametrize("module", modules())
-def test_arrows_go_one_way(module: str) -> None:
-    room = room_of(module)
-    assert room or module in OPENED_BY_NAME, f"{module} stands in no room"
-    if room:
-        foreign = {other for other in inside(module) if room_of(other) not in (room, *HOUSE[room])}
-        assert not foreign, f"{module} imports {', '.join(sorted(foreign))}, which {room} must not know"
+def test_arrows_go_one_way() -> None:
+    rooms = {module: room_of(module) for module in modules()}
+    assert [module for module, room in rooms.items() if not room and module not in OPENED_BY_NAME] == []
+    assert [f"{module} imports {other}, which {room} must not know" for module, room in rooms.items() if room
+            for other in sorted(inside(module)) if rooms[other] not in (room, *HOUSE[room])] == []
 
 
 @pytest.mark.parametrize("room", REACH)
@@ -187,10 +185,9 @@ def private_uses(tree: ast.Module) -> set[str]:
     return {name for name in named if name.startswith("_") and not name.startswith("__") and not name.endswith("_")}
 
 
-@pytest.mark.parametrize("module", modules())
-def test_nothing_reaches_for_another_modules_underscore(module: str) -> None:
-    used = private_uses(tree_of(module))
-    assert {name for name in used if (module, name) not in OTHERS_PRIVATE} == set()
+def test_nothing_reaches_for_another_modules_underscore() -> None:
+    used = {(module, name) for module in modules() for name in private_uses(tree_of(module))}
+    assert used - OTHERS_PRIVATE.keys() == set()
 
 
 TESTS = Path(__file__).parents[1]
@@ -198,14 +195,13 @@ PYTHONS = {"_replace", "_fields", "_getframe", "_exit"}
 """Documented names of Python's own, of named tuples, ``sys`` and ``os``."""
 
 
-@pytest.mark.parametrize("path", sorted(TESTS.rglob("*.py")), ids=lambda path: path.stem)
-def test_tests_use_public_names(path: Path) -> None:
-    assert private_uses(ast.parse(path.read_text(encoding="utf-8"))) - PYTHONS == set()
+def test_tests_use_public_names() -> None:
+    assert {(path.name, name) for path in TESTS.rglob("*.py")
+            for name in private_uses(ast.parse(path.read_text(encoding="utf-8"))) - PYTHONS} == set()
 
 
-@pytest.mark.parametrize("module", modules())
-def test_every_module_names_its_subject(module: str) -> None:
-    assert (ast.get_docstring(tree_of(module)) or "").strip(), f"{module} has no docstring"
+def test_every_module_names_its_subject() -> None:
+    assert [module for module in modules() if not (ast.get_docstring(tree_of(module)) or "").strip()] == []
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:

@@ -63,6 +63,7 @@ ELSEWHERE = {
     "python -m pendulum_env.cli.api_pages out/api": "project/test_api_pages.py",
     "python tests/support/regenerate.py": "project/test_one_entry.py",
     "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",
+    "python tests/support/mutants.py": "hard_cases/test_predicted.py",
     "python tests/support/expectations.py": "hard_cases/test_expectations.py",
 }
 """Command -> the file of tests that runs it."""

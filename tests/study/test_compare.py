@@ -365,7 +365,9 @@ def test_a_run_starts_from_the_recordings_turning_point_and_follows_it():
 
 
 def test_a_recording_released_on_the_other_side_is_said_to_be():
-    made = swing()
+    whole = swing()
+    seen = whole.time > 1.0 + math.pi / math.sqrt(SCENES["exercise"].omega0**2 - 0.01**2) - 0.05
+    made = Recording(whole.time[seen], whole.angle[seen], "made.txt")
     usual = compare("exercise", "rk4", damping={"linear": {"gamma": 0.02}}, recording=made)
     turned = compare("exercise", "rk4", damping={"linear": {"gamma": 0.02}}, recording=made, angle=-usual.angle)
     assert "other side" not in usual.text
@@ -375,6 +377,15 @@ def test_a_recording_released_on_the_other_side_is_said_to_be():
     mended = compare("exercise", "rk4", damping={"linear": {"gamma": 0.02}}, recording=upright, angle=-usual.angle)
     assert "other side" not in mended.text
     assert mended.drift[0].recording < 2e-3
+
+
+@pytest.mark.parametrize("held", [0.0, 1.0])
+def test_a_recording_released_on_the_same_side_is_laid_on_the_run(held):
+    """Also where its first turning point with readings on both sides is on the other side."""
+    found = compare("exercise", "rk4", damping={"linear": {"gamma": 0.02}}, recording=swing(held=held), angle=0.4)
+    assert found.recording.angle[0] > 0.38
+    assert "other side" not in found.text
+    assert found.drift[0].recording < 0.05
 
 
 def test_a_turning_point_at_a_reading_is_there_once():
@@ -454,8 +465,8 @@ def test_the_film_has_the_colours_of_the_figures(monkeypatch):
 
 
 DISSIPATION = {
-    "linear": (0.02, "turn the closed orbit into a spiral"),
-    "just below the limit": (2.0 * math.sqrt(9.81 / 0.353) * (1.0 - 1e-9), "turn the closed orbit into a spiral"),
+    "linear": (0.02, "spiral towards rest"),
+    "just below the limit": (2.0 * math.sqrt(9.81 / 0.353) * (1.0 - 1e-9), "spiral towards rest"),
     "critical": (2.0 * math.sqrt(9.81 / 0.353) * (1.0 + 1e-9), "does not swing, but creeps back to rest"),
     "overdamped": (5000.0, "does not swing, but creeps back to rest"),
 }
@@ -472,6 +483,19 @@ def test_the_portrait_says_what_the_losses_do(case):
     assert words in text
     assert ("spiral" in text) == (gamma < 2.0 * SCENES["lab"].omega0)
     assert ("creeps" in text) == (f"{gamma:.4g}" in text)
+
+
+def test_a_run_that_is_over_at_once_has_no_reference_solution():
+    found = compare("exercise_large", "rk4", angle=2.1, duration=1.0)
+    assert "Reference solution: none: The wire goes slack at 0 s, at 120.3°." in found.text
+    assert "rk4: The wire goes slack at 0 s" in found.text
+
+
+def test_a_ring_is_not_called_a_spiral():
+    """With gamma = 0.02/s the amplitude falls by 10 % in 10 s, and to a third in 120 s."""
+    short, long = (portrait(compare("exercise_large", "rk4", duration=duration)) for duration in (10.0, 120.0))
+    assert "shrink: the start of a spiral" in short
+    assert "turn the closed orbit into a spiral" in long
 
 
 def test_the_portrait_of_a_bob_that_nothing_pulls_back():

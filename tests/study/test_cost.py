@@ -281,6 +281,7 @@ def test_a_bob_that_sticks_does_not_accelerate():
     assert found[1] < 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "unit"), [("vacuum", "the energy at the start"), ("lab", "m g L")])
 def test_energy_errors_are_in_units_of(scene, unit, tmp_path):
     found = cost(scene, ["heun"], angle=1.2, steps=[0.02], **QUICK)

@@ -24,7 +24,7 @@ import numpy as np
 from readme_code import ROOT
 
 import integrators
-from pendulum_env.hard_cases import catalogue
+from pendulum_env.hard_cases import catalogue, fast_drive
 from pendulum_env.hard_cases.predicted import FILE, Motion
 
 try:  # ten times as fast
@@ -60,6 +60,16 @@ def polynomial(row: Sequence[Any], x: Any) -> Any:
     return value
 
 
+def zero(row: Sequence[Any], h: Any) -> Any:
+    """Return the last zero before h of a polynomial with one change of sign after 0, by bisection."""
+    low, high = h * mpf(10) ** -20, h
+    side = polynomial(row, high) > 0
+    for _ in range(140):
+        middle = (low + high) / 2
+        low, high = (low, middle) if (polynomial(row, middle) > 0) == side else (middle, high)
+    return high
+
+
 # --- power series ----------------------------------------------------------------------------------------------------
 
 
@@ -86,7 +96,8 @@ class Series(list[Any]):
         return -self + other
 
     def __abs__(self) -> Series:
-        return self if self[0] >= 0 else -self
+        """Return the absolute value just after the series' start."""
+        return self if next((x for x in self if x), 0) >= 0 else -self
 
     __radd__, __rmul__ = __add__, __mul__  # type: ignore[assignment]
 
@@ -116,12 +127,38 @@ def cos(x: Any) -> Any:
 
 @dataclass(frozen=True)
 class Problem:
-    """Equation of motion ``q'' = force(t, q) - linear v - quadratic |v| v``, of angular frequency ``rate``."""
+    """Equation of motion ``q'' = force(t, q) - linear v - quadratic |v| v``, of angular frequency ``rate``.
+
+    ``dry`` is the limit of dry friction, which acts against the velocity, and holds the bob while other forces are
+    within it.
+    """
 
     force: Callable[[Any, Any], Any]
     linear: float = 0.0
     quadratic: float = 0.0
     rate: float = 1.0
+    dry: float = 0.0
+
+    def towards(self, side: int) -> Problem:
+        """Return the smooth problem of a bob that slides to one side."""
+        limit = side * mpf(self.dry)
+        return replace(self, force=lambda t, q: self.force(t, q) - limit, dry=0.0)
+
+    def let_go(self, t: Any, q: Any, end: Any) -> Any:
+        """Return the time at which dry friction lets go of a bob at rest, by bisection; ``end`` if it holds it there.
+
+        Torques that exceed the limit only between two times a hundredth of the motion's radian apart are overlooked.
+        """
+        while t < end:
+            later = min(end, t + mpf(0.01) / self.rate)
+            if abs(self.force(later, q)) > self.dry:
+                low, high = t, later
+                for _ in range(140):
+                    middle = (low + high) / 2
+                    low, high = (low, middle) if abs(self.force(middle, q)) > self.dry else (middle, high)
+                return high
+            t = later
+        return end
 
     def acceleration(self, t: Any, q: Any, v: Any) -> Any:
         """Return the acceleration at a time, an angle and a velocity."""
@@ -148,12 +185,43 @@ class Problem:
         return places, speeds
 
     def exact(self, t: Any, q: Any, v: Any, end: Any) -> State:
-        """Return the state at the time ``end`` of the motion from a state, by Taylor series of many terms."""
-        parts = max(1, math.ceil(float(end - t) * self.rate / PIECE))
-        h = (end - t) / parts
-        for k in range(parts):
-            q, v = (polynomial(row, h) for row in self.series(t + k * h, q, v, TERMS))
+        """Return the state at the time ``end`` of the motion from a state, by Taylor series of many terms.
+
+        With quadratic drag a series ends where the velocity is zero, as the force has a kink there, and with dry
+        friction it starts with the direction in which the bob slides.
+        """
+        while t < end:
+            if self.dry:
+                if v == 0:
+                    t = self.let_go(t, q, end) if abs(self.force(t, q)) <= self.dry else t
+                    if t >= end:
+                        break
+                side = 1 if (v or self.force(t, q)) > 0 else -1
+                t, q, v = self.towards(side).until_rest(t, q, v, end)
+                continue
+            parts = max(1, math.ceil(float(end - t) * self.rate / PIECE))
+            h = (end - t) / parts
+            places, speeds = self.series(t, q, v, TERMS)
+            after = polynomial(speeds, h)
+            turn = zero(speeds, h) if self.quadratic and next((x for x in speeds if x), 0) * after < 0 else None
+            if turn is not None:
+                h, after = turn, mpf(0)
+            q, v, t = polynomial(places, h), after, end if parts == 1 and turn is None else t + h
         return q, v
+
+
+    def until_rest(self, t: Any, q: Any, v: Any, end: Any) -> tuple[Any, Any, Any]:
+        """Return time and state where the velocity next becomes zero, or at ``end``, by Taylor series."""
+        while t < end:
+            h = min(end - t, mpf(PIECE) / self.rate)
+            places, speeds = self.series(t, q, v, TERMS)
+            after = polynomial(speeds, h)
+            turned = next((x for x in speeds if x), 0) * after < 0
+            h = zero(speeds, h) if turned else h
+            q, v, t = polynomial(places, h), mpf(0) if turned else after, t + h
+            if turned:
+                break
+        return (end if end - t < DIGITS else t), q, v
 
 
 # --- steps -----------------------------------------------------------------------------------------------------------
@@ -293,6 +361,35 @@ ONE_STEP: dict[str, Callable[..., State]] = {
 }
 
 
+def slid(m: Any, p: Problem, t: Any, q: Any, v: Any, h: Any) -> State:
+    """Return the state after a step of a one-step method under dry friction.
+
+    The step is cut where the velocity of a shorter step is zero. There the bob stays, or slides on as the other forces
+    push it.
+    """
+    step, left = ONE_STEP[type(m).__name__], h
+    while left > 0:
+        if v == 0 and abs(p.force(t, q)) <= p.dry:
+            if abs(p.force(t + left, q)) <= p.dry:
+                break
+            start = p.let_go(t, q, t + left)
+            t, left = start, left - (start - t)
+        side = 1 if (v or p.force(t, q)) > 0 else -1
+        sliding = p.towards(side)
+        after = step(m, sliding, t, q, v, left)
+        if side * after[1] >= 0:
+            return after
+        low, high = left / 2, left
+        while side * step(m, sliding, t, q, v, low)[1] < 0:
+            low, high = low / 2, low
+        for _ in range(125):
+            middle = (low + high) / 2
+            low, high = (low, middle) if side * step(m, sliding, t, q, v, middle)[1] < 0 else (middle, high)
+        q, v = step(m, sliding, t, q, v, high)[0], mpf(0)
+        t, left = t + high, left - high
+    return q, v
+
+
 def before(m: Any, p: Problem, t: Any, q: Any, v: Any, h: Any) -> list[tuple[Any, Any, Any]]:
     """Return time and state now and at earlier steps, computed backwards in time by the one-step starter."""
     rows = [(t, q, v)]
@@ -409,15 +506,37 @@ def steps(m: Any, p: Problem, t: Any, q: Any, v: Any, h: Any) -> Iterator[State]
     if kind in MULTISTEP:
         yield from MULTISTEP[kind](m, p, t, q, v, h)
     while True:
-        q, v = ONE_STEP[kind](m, p, t, q, v, h)
+        q, v = (slid if p.dry else ONE_STEP[kind])(m, p, t, q, v, h)
         t = t + h
         yield q, v
 
 
 # --- motions and their errors ----------------------------------------------------------------------------------------
 
+def shaken(share: float) -> Problem:
+    """Return Kapitza's pendulum, whose pivot is at ``share cos(20 t)`` lengths above its mean."""
+    lift = mpf(share) * 400
+    return Problem(lambda t, q: (lift * cos(20 * t) - 1) * sin(q), rate=20.0)
+
+
 EQUATIONS: dict[str, Problem] = {
     "pendulum": Problem(lambda t, q: -sin(q)),
+    "pendulum pushed by 0.05": Problem(lambda t, q: mpf(0.05) - sin(q)),
+    "linear": Problem(lambda t, q: -q),
+    "quadratic drag of 0.1": Problem(lambda t, q: -sin(q), quadratic=0.1),
+    "quadratic drag of 0.3": Problem(lambda t, q: -sin(q), quadratic=0.3),
+    "linear, dry friction of 0.08": Problem(lambda t, q: -q, dry=0.08),
+    "dry friction of 0.11": Problem(lambda t, q: -sin(q), dry=0.11),
+    "linear, dry friction, a torque": Problem(lambda t, q: mpf(1.2) * cos(mpf(1.3) * t) - q, dry=0.8, rate=1.3),
+    "dry friction, a shaken pivot": Problem(
+        lambda t, q: mpf(1.2) * sin(mpf(1.3) * t) * cos(q) - sin(q), dry=0.8, rate=1.3),
+    "quadratic drag of 0.3, dry friction": Problem(lambda t, q: -sin(q), quadratic=0.3, dry=0.05),
+    "quadratic drag of 0.2, dry friction, a torque": Problem(
+        lambda t, q: mpf(1.2) * cos(mpf(1.3) * t) - sin(q), quadratic=0.2, dry=0.8, rate=1.3),
+    "driven at 1.5": Problem(lambda t, q: mpf(1.5) * cos(t * mpf(2 / 3)) - sin(q), linear=0.5, rate=2.7),
+    **{f"linear drag of {load:g}": Problem(lambda t, q: -q, linear=load / 0.01 / math.sqrt(9.81), rate=load / 0.03)
+       for load in (1.5, 10.0)},
+    **{fast_drive.edge(share): shaken(share) for share in fast_drive.SHARES},
 }
 """Equation of motion of each name that cases use, in units of time in which omega0 is 1."""
 
@@ -428,11 +547,15 @@ def pushed(p: Problem, torque: float) -> Problem:
 
 
 def pieces(motion: Motion) -> Iterator[tuple[Problem, bool, bool]]:
-    """Yield for each mark the problem until then, whether methods start anew, and whether the velocity is reversed."""
+    """Yield for each mark the problem until then, whether methods start anew, and whether the velocity is reversed.
+
+    They start anew where the torque changes.
+    """
     p = EQUATIONS[motion.equation]
-    for k in range(motion.marks):
+    torques = motion.torques or (0.0,) * motion.marks
+    for k, torque in enumerate(torques):
         back = motion.back and 2 * k == motion.marks
-        yield pushed(p, motion.torques[k] if motion.torques else 0.0), k == 0 or back or bool(motion.torques), back
+        yield pushed(p, torque), k == 0 or back or torque != torques[k - 1], back
 
 
 def truth(motion: Motion) -> list[State]:
@@ -482,13 +605,13 @@ def predicted(method: Any, motion: Motion, true: Sequence[State]) -> tuple[int, 
 
 def main(names: Sequence[str]) -> None:
     """Compute the predictions of these motions, by default of all, and write them to the file."""
-    stored = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
     motions = {name: motion for group in catalogue.GROUPS for name, motion in getattr(group, "MOTIONS", {}).items()}
     for name in names or motions:
         true, row = truth(motions[name]), {}
         for method in integrators.METHODS.values():
             if motions[name].fits(method):
                 row[method.name] = predicted(method, motions[name], true)
+        stored = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
         stored[name] = {key: [count, float(f"{found:.4g}")] for key, (count, found) in row.items()}
         print(name, len(row), flush=True)
         lines = [f'"{key}": {{\n ' + ",\n ".join(f'"{one}": {json.dumps(pair)}' for one, pair in stored[key].items())

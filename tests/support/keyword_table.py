@@ -155,6 +155,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "exact.damped_amplitude": {"time": 1.0, "amplitude": 0.1, "omega0": 3.0},
     "exact.drag_only": {"time": 1.0, "velocity": 1.0, "gamma": 0.1, "c": 0.1},
     "exact.euler_energy_factor": {"omega0": 3.0, "h": 0.01, "method": "forward_euler"},
+    "exact.flight": {"length": 1.0, "gravity": 9.81, "angle": 2.0, "velocity": 3.0},
     "exact.linear": STARTED, "exact.pendulum": STARTED,
     "exact.period": {"amplitude": 0.1, "omega0": 3.0},
     "exact.period_rotation": {"velocity": 9.0, "omega0": 3.0},

@@ -72,11 +72,23 @@ def changed(method: Any, change: Callable[[Fraction], Fraction]) -> Method:
     return altered(method, **{row: tuple(values)})
 
 
-def mutants(name: str, bound: float) -> Iterator[Mutant]:
-    """Yield the mutants of a method; ``bound`` is the smallest error that a case allows it."""
-    method: Any = METHODS[name]
+def lower(name: str) -> Mutant:
+    """Return the mutant of a method that takes the step of its nearest relative of lower order."""
     relative = METHODS[RELATIVES[name]]
-    yield Mutant(altered(relative, name=name), f"the step of {relative.name}")
+    return Mutant(altered(relative, name=name), f"the step of {relative.name}")
+
+
+def smallest(name: str) -> float:
+    """Return the smallest error that a case allows a method."""
+    motions = [(case, motion) for group in GROUPS for case, motion in getattr(group, "MOTIONS", {}).items()]
+    return min(allowed(case, motion, METHODS[name]) for case, motion in motions if motion.fits(METHODS[name]))
+
+
+def mutants(name: str) -> Iterator[Mutant]:
+    """Yield the mutants of a method; a coefficient is changed by 100 times the smallest error that a case allows."""
+    method: Any = METHODS[name]
+    yield lower(name)
+    bound = smallest(name)
     size = EIGHTH if method.order >= 8 else Fraction(100.0 * bound)
     yield Mutant(changed(method, lambda x: x * (1 + size)), f"a coefficient {float(size):.1g} larger")
     yield Mutant(changed(method, lambda x: -x), "a coefficient of the wrong sign")
@@ -94,10 +106,8 @@ def noticed(case: Case, mutant: Mutant) -> bool:
 
 def rows(cases: Sequence[Case] = CASES) -> Iterator[tuple[str, str, list[str]]]:
     """Yield each mutant's method, its fault, and the names of the cases that notice it."""
-    bounds = [(name, motion) for group in GROUPS for name, motion in getattr(group, "MOTIONS", {}).items()]
     for name in RELATIVES:
-        bound = min(allowed(case, motion, METHODS[name]) for case, motion in bounds if motion.fits(METHODS[name]))
-        for mutant in mutants(name, bound):
+        for mutant in mutants(name):
             fitting = [case for case in cases if METHODS[name].needs <= offers(case.scene)]
             yield name, mutant.fault, [case.name for case in fitting if noticed(case, mutant)]
 

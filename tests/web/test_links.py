@@ -36,8 +36,14 @@ def test_a_link_made_in_python() -> None:
     assert dict(spec.scene.coefficients)["linear_drag_rate"] == 0.03
     with pytest.raises(SceneError, match="did you mean length"):
         link_of("lab", ["rk4"], lenght=0.4)
-    with pytest.raises(ValueError, match="1 to 4 methods"):
-        link_of("lab", ["rk4"] * 5)
+    for names in ([], ["rk4"] * 5):
+        with pytest.raises(ValueError, match="1 to 4 methods"):
+            link_of("lab", names)
+
+
+def test_only_whole_steps_are_taken() -> None:
+    ends = [run(read_link("v=1&scene=vacuum&methods=rk4:0.3,rk4:0.01,rk4:2&time=0.7", i)).time[-1] for i in (1, 2, 3)]
+    assert ends == pytest.approx([0.6, 0.7, 2.0])
 
 
 BAD = {

@@ -77,8 +77,9 @@ def of_swings(points: TurningPoints, omega: float, damped: bool) -> list[Fault]:
     if share > GROWS:
         text = (f"the swings grow by {100.0 * share:.3g} % of the largest until {when:.4g} s, which damping cannot "
                 "cause: check for a drive, a push, a second release or bad readings")
-        faults.append(Fault(text, lasting > DRIVEN or rate.value < -2.0 * rate.error))
-    if not damped or any(fault.serious for fault in faults):
+        steadily = -0.5 * rate.value * float(points.time[-1] - points.time[0])  # growth of the envelope
+        faults.append(Fault(text, lasting > DRIVEN or (steadily > DRIVEN and rate.value < -2.0 * rate.error)))
+    if not damped or any(fault.serious for fault in faults) or (faults and rate.value < -2.0 * rate.error):
         return faults
     if (quality := steady(points, omega)) > STEADY:
         faults.append(Fault(f"the swings do not decay (their quality factor is above {quality:.2g}): the pendulum is "

@@ -14,6 +14,7 @@ from pendulum_env.physics.exact.damped import (
     drag_only,
     quadratic_turning_point,
 )
+from pendulum_env.physics.exact.flight import flight
 from pendulum_env.physics.exact.oscillator import euler_energy_factor, linear
 from pendulum_env.physics.exact.pendulum import pendulum, period, period_rotation, small_amplitude_series
 
@@ -23,6 +24,7 @@ __all__ = [
     "damped_amplitude",
     "drag_only",
     "euler_energy_factor",
+    "flight",
     "linear",
     "pendulum",
     "period",

@@ -54,6 +54,7 @@ def array(name: str, value: float | FloatArray) -> FloatArray:
 
 def in_floats(function: Callable[P, R]) -> Callable[P, R]:
     """Decorate a closed form, a function, to raise SceneError where its result overflows or is undefined."""
+    overflows = f"{function.__name__} overflows with these arguments; use smaller numbers."
 
     @wraps(function)
     def called(*arguments: P.args, **keywords: P.kwargs) -> R:
@@ -63,10 +64,10 @@ def in_floats(function: Callable[P, R]) -> Callable[P, R]:
         except SceneError:
             raise
         except (ArithmeticError, ValueError):
-            result = None
-        parts: tuple[Any, ...] = result if isinstance(result, tuple) else (math.nan if result is None else result,)
-        if result is None or not all(np.isfinite(part).all() for part in parts):
-            raise SceneError(f"{function.__name__} overflows with these arguments; use smaller numbers.")
+            raise SceneError(overflows) from None
+        parts: tuple[Any, ...] = result if isinstance(result, tuple) else () if result is None else (result,)
+        if not all(np.isfinite(part).all() for part in parts):
+            raise SceneError(overflows)
         return result
 
     return called

@@ -102,8 +102,9 @@ class Audit(Plotted):
 
     @property
     def loss(self) -> float:
-        """Share of the amplitude that the scene's effects take in a half swing by textbook formulas."""
-        return sum(max(0.0, -row.amplitude_predicted) for row in self.rows if row.present)
+        """Share of the amplitude that the scene's losses take in a half swing by textbook formulas."""
+        losses = {effect.name for effect in self.scene.of_kind("dissipative")}
+        return sum(max(0.0, -row.amplitude_predicted) for row in self.rows if row.effect in losses)
 
 
 @dataclass(frozen=True, repr=False)

@@ -158,6 +158,7 @@ class Comparison(Plotted):
             self.flow,
         ]
         lines += [run.method.remark for run in self.runs.values()]
+        lines += [f"{label}: {run.ending}" for label, run in self.runs.items() if run.stop_reason == "slack"][:1]
         if self.estimates:
             errors = (f"{label} {'unknown' if math.isinf(value) else f'{value:.1g} rad'}"
                       for label, value in self.estimates.items())
@@ -220,7 +221,7 @@ def compare(
     swing = None if recording is None else from_release(recording, place)
     start, speed, usual = place.run.angle, place.run.velocity, place.run.duration
     if recording is not None and swing is None:
-        swing = aligned(recording)
+        swing = aligned(recording, angle)
         start, speed, usual = float(swing.angle[0]), 0.0, float(swing.time[-1])
     q = number(start if angle is None else angle, "angle", unit="rad")
     v = number(speed if velocity is None else velocity, "velocity", unit="rad/s")
@@ -261,11 +262,12 @@ def from_release(recording: Recording, scene: Scene) -> Recording | None:
     return dataclasses.replace(centred, notes=(*centred.notes, "time zero: the release, as in the scene's usual run"))
 
 
-def aligned(recording: Recording) -> Recording:
+def aligned(recording: Recording, start: float | None = None) -> Recording:
     """Return the free swing of a recording, centred, from its first turning point with readings on both sides.
 
-    That turning point is time zero, with its angle fitted to the readings around it. Raises RecordingError for a
-    recording without a free swing.
+    That turning point is time zero, with its angle fitted to the readings around it. If runs start from an
+    angle ``start`` [rad] on the other side, and earlier readings show that the bob came from there, time zero is the
+    second turning point. Raises RecordingError for a recording without a free swing.
     """
     full = recording.centred()
     free = full.released()
@@ -275,6 +277,10 @@ def aligned(recording: Recording) -> Recording:
     if not seen.size:
         return free
     zero, first = float(points.time[seen[0]]), float(points.angle[seen[0]])
+    if start is not None and start * first < 0.0 and len(seen) > 1:
+        before = -math.copysign(1.0, first) * full.angle[full.time < zero]
+        if before.size and float(np.max(before)) > CLEARLY * abs(first):
+            zero, first = float(points.time[seen[1]]), float(points.angle[seen[1]])
     later = full.time > zero
     note = f"time zero: turning point at {math.degrees(first):.4g}°, {zero:.4g} s in the file"
     time, angle = full.time[later] - zero, full.angle[later]

@@ -16,7 +16,6 @@ from pendulum_env.films.look import checked_look
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus
 from pendulum_env.films.runs import Track, at_times, drawn_large, instants, strip_span
-from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, truth
 from pendulum_env.render import FrameStyle, side_by_side, write_film
 from pendulum_env.render.panel import PLAIN
@@ -48,6 +47,9 @@ ORBIT = (
     "only at small angles is that an ellipse."
 )
 SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
+RING = "Losses make the orbit shrink: the start of a spiral towards rest."
+SOON = 0.5
+"""Largest share of the amplitude left at the end of a run whose orbit looks like a spiral."""
 HELD = "Losses turn the closed orbit into a spiral\ntowards the angle at which the wind holds the bob."
 GUSTY = "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob from coming to rest."
 SHAKEN = "The drive does work, so the orbit need not close, and need not end at rest."
@@ -157,7 +159,7 @@ def _note(comparison: Comparison) -> str:
     scene = comparison.scene
     driven = any(effect.torque and not effect.controlled for effect in scene.of_kind("drive"))
     if driven or scene.of_kind("dissipative"):
-        return SHAKEN if driven else _losses(scene)
+        return SHAKEN if driven else _losses(comparison)
     if not scene.omega0:
         return ""
     if scene.has("small_angle_gravity") or (scene.has("fibre") and not scene.has("gravity")):
@@ -167,18 +169,23 @@ def _note(comparison: Comparison) -> str:
     return ORBIT.replace("OMEGA0", f"{scene.omega0:.4g}") if scene.has("gravity") else ""
 
 
-def _losses(scene: Scene) -> str:
-    """Return the note below the phase portrait of a scene with losses, chosen by the kind of losses.
+def _losses(comparison: Comparison) -> str:
+    """Return the note below the phase portrait of a scene with losses, by their kind and by how far the run goes.
 
     With linear drag the bob swings only if gamma < 2 omega0; otherwise it creeps back to rest.
     """
+    scene = comparison.scene
     if not (scene.omega0 and scene.of_kind("conservative")):
         return COAST
     moving = scene.of_kind("medium")
     if moving:
         return GUSTY if any(effect.draws for effect in moving) else HELD
     gamma, limit = scene.coefficients.get("linear_drag_rate", 0.0), 2.0 * scene.omega0
-    return SPIRAL if gamma < limit else CREEP.replace("GAMMA", f"{gamma:.4g}").replace("LIMIT", f"{limit:.4g}")
+    if gamma < limit:
+        longest = max(comparison.runs.values(), key=lambda run: (len(run.time), run.method.order))
+        size, part = np.abs(longest.angle), max(1, len(longest.angle) // 10)
+        return RING if np.max(size[-part:]) > SOON * np.max(size[:part]) else SPIRAL
+    return CREEP.replace("GAMMA", f"{gamma:.4g}").replace("LIMIT", f"{limit:.4g}")
 
 
 def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | str]]]:

@@ -85,11 +85,32 @@ function drawApparatus(canvas, lane, torque, colour) {
   bars(c, lane, width, 0.88 * width, height, colour);
 }
 
-/** Draw suspension and bob at an angle [rad]. */
+/** Draw suspension and bob, or the parts of a rigid body to scale, at an angle [rad]. */
 function bob(c, x, y, length, angle, width, lane, tone, colour, strength) {
   const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
-  const radius = Math.min(0.07, Math.max(0.018, (0.31 * lane.radius) / lane.reach)) * width;
   c.globalAlpha = strength;
+  if (lane.outline.length) {
+    const far = Math.max(...lane.outline.map(([kind, one, two, half]) => Math.max(Math.abs(one), Math.abs(two))
+      + (kind === "bar" ? 0 : half)));
+    const scale = length / far, mixed = lane.outline.some(([kind]) => kind !== "bar");
+    for (const [kind, one, two, half] of lane.outline) {
+      c.beginPath();
+      if (kind === "bar") {
+        c.strokeStyle = mixed && strength === 1 ? colour("steel") : tone;
+        c.lineWidth = Math.max(3, 2 * half * scale);
+        c.moveTo(x + one * scale * sin, y + one * scale * cos);
+        c.lineTo(x + two * scale * sin, y + two * scale * cos);
+        c.stroke();
+      } else {
+        c.fillStyle = tone;
+        c.arc(x + one * scale * sin, y + one * scale * cos, Math.max(2.5, half * scale), 0, 2 * Math.PI);
+        c.fill();
+      }
+    }
+    c.globalAlpha = 1;
+    return;
+  }
+  const radius = Math.min(0.07, Math.max(0.018, (0.31 * lane.radius) / lane.reach)) * width;
   c.strokeStyle = strength < 1 ? tone : colour(lane.suspension === "wire" ? "wire" : "steel");
   c.lineWidth = lane.suspension === "wire" ? 1.5 : 4;
   c.beginPath();

@@ -2,6 +2,7 @@
 
 const KEEP = 3000; // readings kept of a run; beyond, every other one goes
 const BUDGET = 8; // milliseconds of computing in a frame
+const SLICE = 256; // steps of the finest pendulum between two looks at the clock
 const DEGREES = 180 / Math.PI;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const LEAST_STEP = 1e-4, MOST_STEP = 2; // of the sliders [s]
@@ -47,12 +48,14 @@ class Lane {
     this.radius = place.radius;
     this.reach = place.reach;
     this.suspension = place.suspension;
+    this.outline = place.outline;
     this.steps = 0;
     this.ended = "";
     this.history = new History();
     this.section = [];
-    this.rate = place.beat ? parametersOf(lab.scene, lab.values)[place.beat] : 0;
+    this.periods = 0; // of the drive, that are over
     const info = this.machine.last, parameters = parametersOf(lab.scene, lab.values);
+    this.period = place.beat ? (2 * Math.PI) / Math.abs(parameters[place.beat]) : Infinity;
     // what errors of the energy are compared with: the energy at the start or, from rest, m g L
     const first = Math.abs(info.energy);
     this.reference = first > 1e-6 * parameters.scale ? first : parameters.scale || 1;
@@ -85,36 +88,39 @@ class Lane {
 
   /** Take up to `count` steps; a pendulum that stops keeps its last finite state. */
   take(count) {
-    if (this.ended) return;
-    const before = this.machine.last;
-    const step = Math.max(1, Math.floor(count / 64));
-    for (let left = count; left > 0 && !this.ended; left -= step) {
-      const many = Math.min(step, left);
+    const most = Math.max(1, Math.floor(count / 64));
+    let left = count;
+    while (left > 0 && !this.ended) {
+      const before = this.machine.last;
+      const whole = Math.floor(((this.periods + 1) * this.period - before.time) / this.dt - 1e-9); // steps in this period
+      const many = Math.max(1, Math.min(most, left, whole));
+      left -= many;
       this.machine.take(1, many, lab.torque);
       if (!this.ghost.stopped) this.ghost.take(1, many * this.parts, lab.torque);
       const info = this.machine.info();
-      if (this.machine.stopped || !Number.isFinite(info.angle) || !Number.isFinite(info.velocity)) {
-        this.end(this.machine.stopped || 1);
-        break;
-      }
-      this.steps += many;
-      this.machine.last = info;
+      const finite = [info.time, info.angle, info.velocity, info.energy].every(Number.isFinite);
+      if (finite) this.machine.last = info;
       if (!this.ghost.stopped) this.ghost.last = this.ghost.info();
-      this.poincare(before, info);
-      this.read(info, this.ghost.stopped ? { angle: NaN, velocity: NaN } : this.ghost.last);
+      if (this.machine.stopped || !finite) {
+        this.end(this.machine.stopped || 1);
+      } else {
+        this.steps += many;
+        this.cross(before, info);
+        this.read(info, this.ghost.stopped ? { angle: NaN, velocity: NaN } : this.ghost.last);
+      }
     }
   }
 
-  /** Keep the state at every whole period of the drive, between two readings by a straight line. */
-  poincare(before, info) {
-    if (!this.rate) return;
-    const turns = (info.time * this.rate) / (2 * Math.PI), past = this.passed ?? 0;
-    this.passed = Math.floor(turns);
-    if (this.passed === past || !(this.passed >= 1)) return;
-    const old = this.previous ?? before;
-    const share = ((2 * Math.PI * this.passed) / this.rate - old.time) / (info.time - old.time || 1);
-    const angle = old.angle + share * (info.angle - old.angle);
-    this.section.push([wrapped(angle) * DEGREES, old.velocity + share * (info.velocity - old.velocity)]);
+  /** Keep the state at the end of a period of the drive: within a step, the cubic through both states (Hermite). */
+  cross(before, info) {
+    const past = this.periods, step = info.time - before.time;
+    this.periods = Math.floor(info.time / this.period + 1e-12);
+    if (this.periods === past || !(step > 0)) return;
+    const s = (this.periods * this.period - before.time) / step, rest = 1 - s;
+    const [rise, old, now] = [info.angle - before.angle, before.velocity * step, info.velocity * step];
+    const angle = before.angle + s * s * (3 - 2 * s) * rise + s * rest * (rest * old - s * now);
+    const velocity = (6 * s * rest * rise + rest * (1 - 3 * s) * old + s * (3 * s - 2) * now) / step;
+    this.section.push([wrapped(angle) * DEGREES, velocity]);
     if (this.section.length > 20000) this.section.splice(0, 10000);
   }
 
@@ -135,31 +141,24 @@ function wrapped(angle) {
 function restart() {
   lab.time = 0;
   const small = !PAGE.scenes[lab.scene].periodic && Math.abs(lab.angle) * DEGREES > SMALL;
-  byId("message").textContent = small ? "This scene's force grows with the angle itself, which is right for small angles only." : "";
-  for (const lane of lab.lanes) {
-    lane.passed = undefined;
-    lane.previous = undefined;
-    lane.start();
-  }
+  const recorded = PAGE.recording ? PAGE.recording[1][0] : NaN; // the first reading; 0 of a sensor that is zeroed at its start
+  const apart = recorded !== 0 && Math.abs(recorded - lab.angle * DEGREES) > 0.1 * Math.max(Math.abs(recorded), Math.abs(lab.angle) * DEGREES);
+  say([small ? "This scene's force grows with the angle itself, which is right for small angles only." : "",
+    apart ? `The recording begins at ${short6(recorded)}°: type it as the start angle to compare.` : ""].filter(Boolean).join(" "));
+  for (const lane of lab.lanes) lane.start();
   show();
 }
 
-/** Move all pendulums to a time [s], as far as the budget of a frame allows; returns the time that was reached. */
+/** Move the clock and all pendulums to a time [s], as far as the budget of a frame allows. */
 function advance(time) {
   const begun = performance.now();
-  const running = lab.lanes.filter((lane) => !lane.ended);
-  let reached = time;
-  for (const lane of running) {
-    let wanted = Math.floor(time / lane.dt + 1e-9) - lane.steps;
-    while (wanted > 0 && !lane.ended) {
-      const many = Math.min(wanted, 512);
-      lane.take(many);
-      wanted -= many;
-      if (performance.now() - begun > BUDGET) break;
-    }
-    if (wanted > 0 && !lane.ended) reached = Math.min(reached, (lane.steps + 1) * lane.dt);
+  let running = lab.lanes.filter((lane) => !lane.ended);
+  while (running.length && lab.time < time && performance.now() - begun <= BUDGET) {
+    // all together, a slice of steps of the finest pendulum at a time
+    lab.time = Math.min(time, lab.time + SLICE * Math.min(...running.map((lane) => lane.dt)));
+    for (const lane of running) lane.take(Math.floor(lab.time / lane.dt + 1e-9) - lane.steps);
+    running = running.filter((lane) => !lane.ended);
   }
-  return running.length ? reached : lab.time;
 }
 
 let last = 0;
@@ -169,8 +168,8 @@ function frame(now) {
   last = now;
   if (lab.playing && !document.hidden) {
     const wanted = lab.time + passed * lab.speed;
-    lab.time = advance(wanted);
-    lab.late = lab.time < wanted - 1e-9;
+    advance(wanted);
+    lab.late = lab.time < wanted - 1e-9 && lab.lanes.some((lane) => !lane.ended);
     show(now);
   }
   requestAnimationFrame(frame);
@@ -181,8 +180,7 @@ function singleStep() {
   play(false);
   const running = lab.lanes.filter((lane) => !lane.ended);
   if (!running.length) return;
-  lab.time = Math.min(...running.map((lane) => (lane.steps + 1) * lane.dt));
-  advance(lab.time);
+  advance(Math.min(...running.map((lane) => (lane.steps + 1) * lane.dt)));
   show();
 }
 
@@ -257,7 +255,7 @@ const PLOTTED = {
     drawLogarithm("distance", "distance [°]", (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
   },
   section(colour) {
-    const driven = lab.lanes.some((lane) => lane.rate);
+    const driven = lab.lanes.some((lane) => Number.isFinite(lane.period));
     byId("plot-section").parentElement.hidden = !driven;
     if (!driven) return;
     const all = lab.lanes.flatMap((lane) => lane.section);
@@ -527,7 +525,7 @@ function linkText(timed = true) {
     ["methods", lab.lanes.map((lane) => `${lane.method}:${lane.dt}`).join(",")], ["angle", lab.angle],
     ["velocity", lab.velocity]];
   if (lab.torque) entries.push(["control", lab.torque]);
-  if (timed) entries.push(["time", Math.max(...lab.lanes.map((lane) => lane.machine.last.time)) || 10]);
+  if (timed) entries.push(["time", lab.time || 10]);
   place.settings.forEach((setting, i) => {
     if (lab.values[i] !== setting.value) entries.push([setting.name, lab.values[i]]);
   });
@@ -536,10 +534,11 @@ function linkText(timed = true) {
 
 /** Take a link; returns a sentence on what is wrong with it, or "". */
 function readLink(text) {
-  const entries = new Map(text.split("&").filter(Boolean).map((part) => {
+  const pairs = text.split("&").filter(Boolean).map((part) => {
     const at = part.indexOf("=");
-    return [decodeURIComponent(part.slice(0, at)), decodeURIComponent(part.slice(at + 1))];
-  }));
+    return [part.slice(0, at), part.slice(at + 1)].map(decodeURIComponent);
+  });
+  const entries = new Map(pairs);
   const number = (name, usual) => {
     if (!entries.has(name)) return usual;
     const value = entries.get(name).trim() === "" ? NaN : Number(entries.get(name));
@@ -547,6 +546,7 @@ function readLink(text) {
     return value;
   };
   try {
+    if (entries.size < pairs.length) throw new Error("it gives an entry twice");
     if (entries.get("v") !== PAGE.version) throw new Error(`it is not of version ${PAGE.version}`);
     const place = PAGE.scenes[entries.get("scene")];
     if (!place) throw new Error(`this page has no scene '${entries.get("scene")}'; it has ${Object.keys(PAGE.scenes).join(", ")}`);

@@ -7,7 +7,6 @@ const CRC = Uint32Array.from({ length: 256 }, (_, n) => {
   for (let bit = 0; bit < 8; bit += 1) n = n & 1 ? (n >>> 1) ^ 0xedb88320 : n >>> 1;
   return n;
 });
-const TORQUES = [0.0, 0.5, -1.0, 0.25, 1.0, -0.125]; // of the check, a call each
 let TEXTS = [];
 const COMPILED = new Map();
 
@@ -58,11 +57,16 @@ class Machine {
     this.rows = [];
     this.seen = [0, 0, 0];
     this.stopped = 0;
+    this.begin(angle, velocity);
+    this.take(0, 1, 0.0);
+    this.last = this.info();
+  }
+
+  /** Put the state to a start. */
+  begin(angle, velocity) {
     const halves = this.scene.periodic ? half_turns(angle) : 0.0;
     const tilt = this.scene.periodic ? without_half_turns(angle, halves) : angle;
     this.state = [0.0, tilt, 0.5 * halves, velocity, 0.0, 0.0, ...this.program.start];
-    this.take(0, 1, 0.0);
-    this.last = this.info();
   }
 
   /** Take rows * every steps with a share of the motor's torque; returns the states, the initial one first. */
@@ -84,14 +88,12 @@ function checksumOf(scene, method) {
   const place = PAGE.scenes[scene];
   const usual = place.settings.map((setting) => setting.value);
   const machine = new Machine(scene, method, usual, place.run.dt, place.run.angle, place.run.velocity);
-  const halves = place.periodic ? half_turns(place.run.angle) : 0.0;
-  const tilt = place.periodic ? without_half_turns(place.run.angle, halves) : place.run.angle;
-  machine.state = [0.0, tilt, 0.5 * halves, place.run.velocity, 0.0, 0.0, ...machine.program.start];
+  machine.begin(place.run.angle, place.run.velocity);
+  const { steps, torques } = PAGE.check;
   let sum = 0;
-  for (let call = 0; call < PAGE.check.calls; call += 1) {
-    const { steps } = PAGE.check;
+  for (const torque of torques) {
     const rows = Array.from({ length: steps + 1 }, () => new Float64Array(machine.width));
-    const code = machine.code.run(machine.state, machine.parameters, TORQUES[call], place.run.dt, steps, 1, Infinity, rows,
+    const code = machine.code.run(machine.state, machine.parameters, torque, place.run.dt, steps, 1, Infinity, rows,
       machine.seen);
     for (const row of [...rows, Float64Array.from(machine.state)]) sum = crc32(new Uint8Array(row.buffer), sum);
     sum = crc32([code], sum);
