@@ -33,7 +33,7 @@ def flight(length: float, gravity: float, angle: float, velocity: float) -> Flig
     Returns None without gravity, or if the wire is taut. Raises SceneError for an argument that is not finite, a length
     that is not positive, and where the result overflows.
     """
-    length, gravity = number("length", length, "finite and > 0"), number("gravity", gravity)
+    length, gravity = number("length", length, "finite and > 0"), number("gravity", gravity, "finite and >= 0")
     angle, velocity = number("angle", angle), number("velocity", velocity)
     up, pull = length * velocity * math.sin(angle), length * length * velocity**2 + gravity * length * math.cos(angle)
     root = up * up - min(pull, 0.0)
