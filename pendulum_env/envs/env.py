@@ -126,10 +126,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
     - `task`: "swing_up" (the default), "balance" or "free"; a scene without a motor needs "free".
     - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
-    - `speed_penalty`: number that is subtracted from the reward in the step in which `speed_limit` ends the episode, or
-      diverging numbers or a step that is too short, 0 by default. With a low limit, `swing_up` rewards giving up: its
-      rewards are negative, and an episode that ends early collects fewer of them. In `lab` with `speed_limit=8`, full
-      torque along the velocity ends after 78 steps with a return of -462, while
+    - `speed_penalty`: number that is subtracted from the reward in the step in which the episode ends early because of
+      `speed_limit`, of diverging numbers or of a step that is too short; 0 by default. With a low limit, `swing_up`
+      rewards giving up: its rewards are negative, and an episode that ends early collects fewer of them. In `lab` with
+      `speed_limit=8`, full torque along the velocity ends after 78 steps with a return of -462, while
       :class:`pendulum_env.controllers.SwingUp` earns -555 in 500 steps without this limit (means of seeds 0 to 9).
       `speed_penalty=1000` makes the -462 a -1462. A bob that swings up passes the bottom at 2 omega0, 10.5 rad/s in
       `lab`, so choose a limit above that.

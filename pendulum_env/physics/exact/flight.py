@@ -30,8 +30,8 @@ def flight(length: float, gravity: float, angle: float, velocity: float) -> Flig
         gravity: gravitational acceleration [m/s²].
         angle, velocity: state at which the wire is slack.
 
-    Returns None without gravity, or if the wire is taut. Raises SceneError for an argument that is not finite, a length
-    that is not positive, and where the result overflows.
+    Returns None without gravity, or if the wire is taut, by more than a millionth of the weight. Raises SceneError for
+    an argument that is not finite, a length that is not positive, a negative gravity, and where the result overflows.
     """
     length, gravity = number("length", length, "finite and > 0"), number("gravity", gravity, "finite and >= 0")
     angle, velocity = number("angle", angle), number("velocity", velocity)
