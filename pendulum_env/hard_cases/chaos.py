@@ -35,7 +35,7 @@ from pendulum_env.hard_cases.case import (
     sooner,
     stopped,
 )
-from pendulum_env.hard_cases.predicted import Motion, followed, unmet
+from pendulum_env.hard_cases.predicted import Motion, followed, formula_first, unmet
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Truth
@@ -50,6 +50,7 @@ from pendulum_env.truth.chaos import (
     QUIET_STRENGTH,
     Doubling,
 )
+from pendulum_env.truth.piecewise import smooth
 from pendulum_env.truth.steps import error_constant, rounding_factor
 
 GROUP = "chaos"
@@ -274,10 +275,32 @@ def _horizon(method: Method) -> Finding:
     return worst
 
 
+def doubled(truth: Doubling) -> str:
+    """Return the name of the case of a period doubling."""
+    return f"the doubling to {2 * truth.periods} periods"
+
+
+def _on_orbit(truth: Doubling) -> Try:
+    """Return a function that judges a method by its error over the first period of the orbit that doubles."""
+    name, start = doubled(truth), (float(truth.orbit.angle[0]), float(truth.orbit.velocity[0]))
+
+    def force(t: float, q: float, v: float) -> float:
+        return truth.strength * math.cos(t * (2.0 / 3.0)) - math.sin(q) - DAMPING * v
+
+    def true(_time: Array) -> tuple[Array, Array]:
+        angle, velocity = np.array([start, smooth(force, start, 0.0, PERIOD)]).T
+        return angle, velocity
+
+    return followed(driven(truth.strength), name, MOTIONS[name], true)
+
+
 HORIZON = "an honest horizon"
 MOTIONS = {HORIZON: Motion("driven at 1.5", 0.2, 0.0, PERIOD, growth=AMPLIFIED[0], pace=PACE, most=512,
-                           lacks=unmet(SCENE))}
-"""Motion with a predicted error: the first period of the drive."""
+                           lacks=unmet(SCENE)),
+           **{doubled(truth): Motion(doubled(truth), float(truth.orbit.angle[0]), float(truth.orbit.velocity[0]),
+                                     PERIOD, growth=AMPLIFIED[0], pace=PACE, most=512, lacks=unmet(SCENE))
+              for truth in DOUBLINGS}}
+"""Motions with a predicted error: the first period of the drive."""
 first_period = followed(driven(STRENGTH), HORIZON, MOTIONS[HORIZON], lambda _: (
     np.array([0.2, MOTION.angle[0]]), np.array([0.0, MOTION.velocity[0]])))
 """Function that judges a method by its run over the first period of the drive."""
@@ -304,7 +327,7 @@ def _claimed(method: Method) -> Finding:
 def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule, *, strength: float = STRENGTH,
           long: bool = False) -> Case:
     """Return a hard case of the chaotic driven pendulum."""
-    motion = HORIZON if attempt in (_horizon, _apart) else ""
+    motion = HORIZON if attempt in (_horizon, _apart) else name if name in MOTIONS else ""
     return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long, motion)
 
 
@@ -321,9 +344,10 @@ CASES = (
           "both exponents are -1/(2q) at g = 0.9", _quiet, "conjugate multipliers of product exp(-T/q) (Floquet)",
           always(ACCURATE), strength=QUIET_STRENGTH),
     *(
-        _case(f"the doubling to {2 * truth.periods} periods",
+        _case(doubled(truth),
               "Close to a period doubling, the motion approaches its periodic orbit arbitrarily slowly.",
-              f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}", _doubling(truth),
+              f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}; the error of the "
+              "orbit's first period is that of the formula", formula_first(_on_orbit(truth), _doubling(truth)),
               TAYLOR, known(own, truth.range, STABLE), strength=truth.strength, long=truth.periods > 1)
         for truth in DOUBLINGS
     ),

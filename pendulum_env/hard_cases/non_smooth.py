@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,6 @@ from integrators.analysis import spectral_radius
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.hard_cases.case import (
     ACCURATE,
-    DIVERGED,
     STABLE,
     WRONG,
     Case,
@@ -28,7 +29,17 @@ from pendulum_env.hard_cases.case import (
     resolved,
     stopped,
 )
-from pendulum_env.hard_cases.predicted import Motion, allowed, expected, held, ran_motion, unmet
+from pendulum_env.hard_cases.predicted import (
+    Motion,
+    allowed,
+    expected,
+    followed,
+    foretold,
+    formula_first,
+    held,
+    ran_motion,
+    unmet,
+)
 from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
@@ -122,28 +133,41 @@ FIRST = (AMPLITUDE - 2.0 * RATIO) / AMPLITUDE
 
 
 def coarse_rest(method: Method) -> Finding:
-    """Judge a method in coarse steps by the angle at which dry friction stops a small swing.
+    """Judge a method in coarse steps on a small swing to rest under dry friction: its motion, and where it rests.
 
     The run lasts ten times as many half swings as necessary.
     """
-    steps = round(10 * HALVES * math.pi / COARSE)
-    run = ran(LINEAR_REST, method, dt=COARSE / LINEAR_REST.omega0, steps=steps, angle=AMPLITUDE, velocity=0.0)
-    rest, _ = dry_swing(np.array([math.inf]))
-    beyond = "" if abs(run.angle[-1]) <= RATIO else "it rests at an angle where dry friction cannot hold it"
-    return judged(run, run.angle[-1] - rest, AMPLITUDE * order_bound(method, COARSE, HALVES * math.pi),
-                  rested(run, 0.9 * run.time[-1]) or beyond)
+    motion = MOTIONS[COARSE_REST]
+    run = ran_motion(LINEAR_REST, COARSE_REST, motion, method)
+    ended = stopped(run)
+    if ended is not None:
+        return ended
+    angle, speed = dry_swing(LINEAR_REST.omega0 * run.time)
+    error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity / LINEAR_REST.omega0 - speed)) / motion.largest
+    wrong = "" if abs(run.angle[-1]) <= RATIO else "it rests at an angle where dry friction cannot hold it"
+    wrong = rested(run, 0.9 * run.time[-1]) or wrong
+    if wrong and not grows_in_coarse_steps(method):
+        return Finding(WRONG, note=wrong)
+    if foretold(COARSE_REST, method):
+        return held(COARSE_REST, motion, method, error)
+    return graded(error[-1], AMPLITUDE * order_bound(method, COARSE, HALVES * math.pi))
 
 
 def rests_coarsely(method: Method) -> frozenset[str]:
-    """Return the outcomes allowed for a method in coarse steps under dry friction: ACCURATE and STABLE.
+    """Return the outcomes allowed for a method in coarse steps under dry friction: those of its predicted error.
 
-    DIVERGED is also allowed if the method's growth in half a swing exceeds the loss by friction.
+    Splittings, whose error is not predicted, may rest at another angle.
     """
+    named = expected(COARSE_REST, MOTIONS[COARSE_REST])(method)
+    return named if foretold(COARSE_REST, method) else named | {ACCURATE, STABLE}
+
+
+def grows_in_coarse_steps(method: Method) -> bool:
+    """Return True if a method's growth in half a swing of coarse steps exceeds the loss by dry friction."""
     try:
-        grows = spectral_radius(method, COARSE) ** (math.pi / COARSE) * FIRST > 1.0
+        return bool(spectral_radius(method, COARSE) ** (math.pi / COARSE) * FIRST > 1.0)
     except MethodError:
-        grows = False
-    return frozenset({ACCURATE, STABLE, DIVERGED} if grows else {ACCURATE, STABLE})
+        return False
 
 
 STEEP_RATIO, STEEP_START = 0.11, 1.5
@@ -193,12 +217,16 @@ def a_hair(method: Method) -> Finding:
 
     From EDGE (1 + HAIR) the bob must slide by 2 EDGE HAIR, half a swing about EDGE, and stay there.
     """
-    step = 0.01
-    run = ran(EDGED, method, dt=step / EDGED.omega0, steps=480, angle=EDGE * (1.0 + HAIR), velocity=0.0)
+    run = ran_motion(EDGED, A_HAIR, MOTIONS[A_HAIR], method)
+    ended = stopped(run)
+    if ended is not None:
+        return ended
     phase, size = np.minimum(EDGED.omega0 * run.time, math.pi), EDGE * HAIR
-    error = (run.angle - EDGE) / size - np.cos(phase)
-    wrong = rested(run, 1.1 * math.pi / EDGED.omega0) or "it slides by a wrong distance"
-    return judged(run, error, order_bound(method, step, math.pi) + 1e-6, wrong)
+    error = np.maximum(np.abs((run.angle - EDGE) / size - np.cos(phase)),
+                       np.abs(run.velocity / EDGED.omega0 / size + np.sin(phase)))
+    wrong = rested(run, 1.1 * math.pi / EDGED.omega0)
+    # In each step the angle is rounded to 1e-9 of the way.
+    return Finding(WRONG, note=wrong) if wrong else held(A_HAIR, MOTIONS[A_HAIR], method, error, 1e-7)
 
 
 # --- breakaway under a rising torque --------------------------------------------------------------------------------
@@ -211,16 +239,17 @@ RISING = unit("dry friction under a rising torque", SmallAngleGravity(),
                 PeriodicTorque(PUSH, SLOW, -0.5 * math.pi), CoulombFriction(LIMIT), gravity=1.0)
 
 
-def risen(time: Array) -> Array:
-    """Return the exact angle of the oscillator under the torque PUSH sin(SLOW t), held by dry friction at first.
+def risen(time: Array) -> tuple[Array, Array]:
+    """Return the exact motion of the oscillator under the torque PUSH sin(SLOW t), held by dry friction at first.
 
     The bob slides from rest at LET_GO [s] on, against the friction LIMIT.
     """
     since = np.maximum(time - LET_GO, 0.0)
     answer = PUSH / (1.0 - SLOW * SLOW)
-    free = (LIMIT - answer * math.sin(SLOW * LET_GO)) * np.cos(since)
-    free = free - answer * SLOW * math.cos(SLOW * LET_GO) * np.sin(since)
-    return np.where(since > 0.0, answer * np.sin(SLOW * time) - LIMIT + free, 0.0)
+    even, odd = LIMIT - answer * math.sin(SLOW * LET_GO), -answer * SLOW * math.cos(SLOW * LET_GO)
+    angle = answer * np.sin(SLOW * time) - LIMIT + even * np.cos(since) + odd * np.sin(since)
+    velocity = answer * SLOW * np.cos(SLOW * time) - even * np.sin(since) + odd * np.cos(since)
+    return np.where(since > 0.0, angle, 0.0), np.where(since > 0.0, velocity, 0.0)
 
 
 def rising(method: Method) -> Finding:
@@ -228,15 +257,18 @@ def rising(method: Method) -> Finding:
 
     The bob must start to slide in the right step.
     """
-    h, slope = 0.05, PUSH * SLOW * math.cos(SLOW * LET_GO)
-    run = ran(RISING, method, dt=h, steps=math.ceil((LET_GO + 3.0) / h), angle=0.0, velocity=0.0)
-    before, after = run.time <= LET_GO, run.time > LET_GO + h
+    motion = MOTIONS[RISES]
+    run = ran_motion(RISING, RISES, motion, method)
+    ended = stopped(run)
+    if ended is not None:
+        return ended
+    before, after = run.time <= LET_GO, run.time > LET_GO + run.dt
     if np.any(run.velocity[before]) or np.any(run.angle[before]):
         return Finding(WRONG, note="the bob starts to slide too early")
     if not np.all(run.velocity[after] > 0.0):
         return Finding(WRONG, note="the bob starts to slide too late")
-    return judged(run, run.angle - risen(run.time), slope * order_bound(method, h, 3.0) + ROUNDING,
-                  "it slides differently")
+    error = np.abs(np.stack([run.angle, run.velocity]) - np.stack(risen(run.time))) / motion.largest
+    return held(RISES, motion, method, error, ROUNDING / motion.largest)
 
 
 # --- piece by piece --------------------------------------------------------------------------------------------------
@@ -287,6 +319,9 @@ HELD_ACROSS = unit("dry friction holding a pivot shaken to and fro", HorizontalD
                      CoulombFriction(LIMIT), gravity=1.0)
 HELD_UP = unit("dry friction holding a pivot shaken up and down", Gravity(), VerticalDrive(0.399 / 9.0, 3.0),
                  CoulombFriction(LIMIT), gravity=1.0)
+LAUNCH = math.sqrt(3.5)
+"""Velocity at the bottom over omega0: the wire goes slack at 120 degrees."""
+WIRE = Scene("a wire", Body(length=1.0, mass=1.0, suspension="wire"), effects=(Gravity(),), gravity=EARTH)
 HELD = unit("dry friction holding", Gravity(), CoulombFriction(0.5 * EARTH))
 
 
@@ -317,6 +352,8 @@ SMALL_REST, LARGE_REST = "Coulomb friction to rest, small angles", "Coulomb fric
 BY_TURNS, SHAKEN_LOOSE = "sticking and sliding by turns", "let go by a shaken pivot"
 TO_REST, ALL_THREE = "quadratic drag to rest in dry friction", "dry friction, quadratic drag and a torque"
 KINKS = "the kinks of quadratic drag"
+COARSE_REST, A_HAIR = "Coulomb friction to rest in coarse steps", "a hair beyond the band"
+RISES, CATCHES = "a slowly rising torque", "a wire that catches again"
 
 
 def _motion(equation: str, start: float, time: float, marks: int, scene: Scene, pace: float = 1.0) -> Motion:
@@ -339,6 +376,14 @@ MOTIONS = {
     TO_REST: _motion("quadratic drag of 0.3, dry friction", 1.5, 28.0, 70, BOTH),
     ALL_THREE: _motion("quadratic drag of 0.2, dry friction, a torque", 0.0, 20.0, 50, MANY, RATE),
     KINKS: _motion("quadratic drag of 0.3", 1.5, 16.0, 40, KINK),
+    COARSE_REST: replace(
+        _motion("linear, dry friction of 0.08", AMPLITUDE, COARSE * 250, 250, LINEAR_REST), most=1),
+    A_HAIR: replace(_motion("linear, dry friction of 0.1", EDGE * (1.0 + HAIR), 4.8, 3, EDGED), growth=1.0,
+                    largest=EDGE * HAIR, goal=1e-4),
+    RISES: replace(_motion("linear, dry friction, a slowly rising torque", 0.0, LET_GO + 3.0, 60, RISING),
+                   largest=3.0 * PUSH * SLOW * math.cos(SLOW * LET_GO)),
+    CATCHES: Motion("pendulum", 0.0, LAUNCH, 1.4, marks=2, growth=10.0, pace=LAUNCH, most=512,
+                    lacks=unmet(WIRE)),
 }
 """Motions with predicted errors."""
 
@@ -348,9 +393,9 @@ def steep_force(t: float, q: float, v: float) -> float:
     return -EARTH * math.sin(q)
 
 
-LAUNCH = math.sqrt(3.5)
-"""Velocity at the bottom over omega0: the wire goes slack at 120 degrees."""
-WIRE = Scene("a wire", Body(length=1.0, mass=1.0, suspension="wire"), effects=(Gravity(),), gravity=EARTH)
+def _swinging(time: Array) -> tuple[Any, Any]:
+    """Return the exact angle and velocity of the bob on a wire before it goes slack."""
+    return exact.pendulum(time, 0.0, LAUNCH * WIRE.omega0, WIRE.omega0)
 
 
 def _slack(method: Method) -> Finding:
@@ -384,11 +429,11 @@ _TABLE: tuple[TableRow, ...] = (
      "cosines about -+0.08 rad, 0.16 rad smaller in each half swing of pi/omega0, heat in proportion to the distance, "
      "rest at 0.02 rad; the error is that of the method's formula", "Lapidus 1970, Am. J. Phys. 38, 1360", LINEAR_REST,
      expected(SMALL_REST, MOTIONS[SMALL_REST]), linear_rest),
-    ("Coulomb friction to rest in coarse steps",
+    (COARSE_REST,
      "The zeros of the velocity must be located, although a step is as long as half a radian of the swing.",
-     "permanent rest within 0.08 rad; accurate if the angle at rest is that of the cosines to (omega0 h)^p omega0 t, "
-     "at most a tenth",
-     "Lapidus 1970, Am. J. Phys. 38, 1360", LINEAR_REST, rests_coarsely, coarse_rest),
+     "permanent rest within 0.08 rad, unless the method grows faster than friction slows; the error is that of the "
+     "method's formula", "Lapidus 1970, Am. J. Phys. 38, 1360", LINEAR_REST,
+     rests_coarsely, coarse_rest),
     (LARGE_REST,
      "The angle at rest follows from six successive turning points, so that their errors add up.",
      "the angle at rest, by cos t1 - cos t0 = ratio (t0 + t1) from one turning angle to the next, their number, and "
@@ -406,14 +451,14 @@ _TABLE: tuple[TableRow, ...] = (
     ("a hair within the band",
      "Gravity is one part in 1e7 below the limit of dry friction, so that the bob must stay at rest.",
      "no bit changes in 300 steps", STUCK, EDGED, ALWAYS, never_moves(EDGED, EDGE * (1.0 - HAIR), 0.01, 300)),
-    ("a hair beyond the band",
+    (A_HAIR,
      "Gravity exceeds the limit of dry friction by one part in 1e7, so that the bob must slide.",
-     "half a cosine from 1e-8 rad beyond the edge to 1e-8 rad within, then permanent rest; the tolerance is "
-     "(omega0 h)^p pi of this distance", "Lapidus 1970, Am. J. Phys. 38, 1360", EDGED, ALWAYS, a_hair),
-    ("a slowly rising torque", "Dry friction must hold the bob for 46 s and let it slide from the right step on.",
-     "no bit changes until arcsin(0.8)/0.02 s, then the driven oscillator; the tolerance is (omega0 h)^p omega0 t of "
-     "the slope of the torque", "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)", RISING,
-     ALWAYS, rising),
+     "half a cosine from 1e-8 rad beyond the edge to 1e-8 rad within, then permanent rest; the error is that of the "
+     "method's formula", "Lapidus 1970, Am. J. Phys. 38, 1360", EDGED, expected(A_HAIR, MOTIONS[A_HAIR]), a_hair),
+    (RISES, "Dry friction must hold the bob for 46 s and let it slide from the right step on.",
+     "no bit changes until arcsin(0.8)/0.02 s, then the driven oscillator; the error is that of the method's formula",
+     "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)", RISING,
+     expected(RISES, MOTIONS[RISES]), rising),
     (BY_TURNS, "13 stops and starts at times that are not known in advance.",
      "piecewise integration; the error is that of the method's formula", PIECES, TURNS,
      expected(BY_TURNS, MOTIONS[BY_TURNS]),
@@ -431,10 +476,11 @@ _TABLE: tuple[TableRow, ...] = (
      "piecewise integration; the error is that of the method's formula", PIECES, MANY,
      expected(ALL_THREE, MOTIONS[ALL_THREE]),
      _piecewise(ALL_THREE, MANY, many_force, LIMIT)),
-    ("a wire that catches again", "The wire goes slack within a step; the bob then flies, and the wire would catch it.",
+    (CATCHES, "The wire goes slack within a step; the bob then flies, and the wire would catch it.",
      "the run ends when 3 cos(theta) = 2 - v0²/(g L), by the elliptic integral, and says that the wire would catch the "
-     "bob after 4 v_z/g; the tolerance is (omega0 h)^p omega0 t",
-     "Newton's law for the tension; a parabola within a circle", WIRE, resolved, _slack),
+     "bob after 4 v_z/g, to (omega0 h)^p omega0 t; before that, the error is that of the method's formula",
+     "Newton's law for the tension; a parabola within a circle", WIRE, resolved,
+     formula_first(followed(WIRE, CATCHES, MOTIONS[CATCHES], _swinging), _slack)),
     (KINKS,
      "The second derivative of the torque jumps at each zero of the velocity, within a step.",
      "piecewise integration; the error is that of the method's formula", PIECES, KINK, expected(KINKS, MOTIONS[KINKS]),

@@ -24,7 +24,7 @@ from integrators.method import NEEDS
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, offers
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.engine.starts import ENOUGH
-from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, STABLE, WRONG, Finding, ran, sooner, stopped
+from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, STABLE, WRONG, Finding, Try, ran, sooner, stopped
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.steps import order_bound, rounding_factor
 
@@ -202,12 +202,26 @@ def driven(scene: Scene, name: str, motion: Motion, method: Method) -> tuple[Arr
     return angle, velocity
 
 
+def formula_first(formula: Try, then: Try) -> Try:
+    """Return a function that judges a method by ``then``, if ``formula`` does not judge it as wrong or diverged.
+
+    ``formula`` tests a motion whose error is predicted; ``then`` a property, such as a growth or an angle at rest.
+    """
+
+    def attempt(method: Method) -> Finding:
+        first = formula(method)
+        return first if first.outcome in (WRONG, DIVERGED) else then(method)
+
+    return attempt
+
+
 def followed(
-    scene: Scene, name: str, motion: Motion, truth: Callable[[Any], Sequence[Any]],
+    scene: Scene, name: str, motion: Motion, truth: Callable[[Any], Sequence[Any]], seed: int | None = None,
 ) -> Callable[[Method], Finding]:
     """Return a function that judges a method in a motion against ``truth``.
 
     That is a function of the times of the marks [s], zero first, that returns angles and velocities [rad/s] there.
+    With a ``seed`` of gusts the wind changes at each mark.
     """
 
     def attempt(method: Method) -> Finding:
@@ -218,7 +232,9 @@ def followed(
             angle, velocity = found
             time = np.arange(motion.marks + 1) * (motion.time / motion.marks / scene.omega0)
         else:
-            run = ran_motion(scene, name, motion, method)
+            count, _ = steps_and_error(name, motion, method)
+            options = {} if seed is None else {"seed": seed, "substeps": count}
+            run = ran_motion(scene, name, motion, method, **options)
             ended = stopped(run)
             if ended is not None:
                 return ended

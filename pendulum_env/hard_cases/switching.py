@@ -9,21 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from pendulum_env.engine.machine import ANGLE, INDEX, VELOCITY, Machine
-from pendulum_env.hard_cases.case import (
-    DIVERGED,
-    WRONG,
-    Case,
-    Finding,
-    graded,
-    judged,
-    ran,
-    resolved,
-    sooner,
-    stopped,
-)
-from pendulum_env.hard_cases.fast_drive import GUST, GUST_TIME, gust_path
-from pendulum_env.hard_cases.predicted import Motion, expected, followed, unmet
+from pendulum_env.hard_cases import fast_drive
+from pendulum_env.hard_cases.case import WRONG, Case, Finding, stopped
+from pendulum_env.hard_cases.predicted import Motion, driven, expected, followed, held, ran_motion, unmet
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     CoulombFriction,
@@ -35,10 +23,8 @@ from pendulum_env.physics.effects import (
     QuadraticDrag,
     SmallAngleGravity,
 )
-from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.piecewise import smooth
-from pendulum_env.truth.steps import order_bound
 
 Array = NDArray[np.float64]
 GROUP = "switching"
@@ -111,61 +97,37 @@ def _thrown(name: str) -> Case:
 
 # --- a wind that reverses -------------------------------------------------------------------------------------------
 
-LENGTH, MASS, RADIUS, DENSITY, C_D, LINEAR = 0.353, 0.0027, 0.02, 1.2, 0.45, 0.1
-STORM, SEED, CONTROL, HELD, COUNT, TURNED = 6.0, 11, 0.1, 10, 40, 0.5
-"""Standard deviation of the wind [m/s], seed, control step [s], steps in it, control steps, and initial angle [rad]."""
-REVERSING = Scene("a wind that reverses", Body(length=LENGTH, mass=MASS, radius=RADIUS),
-                  Medium("air", DENSITY, 1.8e-5), gravity=EARTH,
-                  effects=(Gravity(), QuadraticDrag(drag_coefficient=C_D), LinearDrag(gamma=LINEAR),
-                           Gusts(gust_speed=STORM, gust_time=GUST_TIME)))
+STORM, SEED, COUNT = 6.0, 11, 40
+"""Standard deviation of the wind [m/s], seed, and number of control steps."""
+REVERSES = "a wind that reverses"
+REVERSING = Scene(REVERSES, fast_drive.BODY, fast_drive.AIR, gravity=EARTH,
+                  effects=(Gravity(), QuadraticDrag(drag_coefficient=fast_drive.C_D),
+                           LinearDrag(gamma=fast_drive.LINEAR),
+                           Gusts(gust_speed=STORM, gust_time=fast_drive.GUST_TIME)))
 
 
-@lru_cache(maxsize=1)
-def blown() -> tuple[Array, Array]:
-    """Return the reference angle and velocity after each control step in a wind that reverses."""
-    gusts = gust_path(SEED, CONTROL, COUNT) * (STORM / GUST)
-    state, rows = (TURNED, 0.0), [(TURNED, 0.0)]
-    area = 0.5 * DENSITY * C_D * math.pi * RADIUS**2
-    for k, air in enumerate(gusts.tolist()):
-
-        def force(_t: float, q: float, v: float, air: float = air) -> float:
-            slip, across = LENGTH * v - air * math.cos(q), air * math.sin(q)
-            drag = -area * math.hypot(slip, across) * slip
-            return drag / (MASS * LENGTH) - EARTH * math.sin(q) / LENGTH - LINEAR * slip / LENGTH
-
-        state = smooth(force, state, k * CONTROL, (k + 1) * CONTROL)
-        rows.append(state)
-    angle, velocity = np.array(rows).T
-    return angle, velocity
+def airs() -> tuple[float, ...]:
+    """Return the wind [m/s] in each control step of the case of a wind that reverses."""
+    gusts = fast_drive.gust_path(SEED, fast_drive.CONTROL, COUNT) * (STORM / fast_drive.GUST)
+    return tuple(gusts.tolist())
 
 
-def _blown(method: Method) -> Finding:
-    """Judge a method's motion in a wind that reverses every few control steps."""
-    h, rate = CONTROL / HELD, REVERSING.omega0
-    run = ran(REVERSING, method, dt=h, steps=HELD * COUNT, every=HELD, substeps=HELD, seed=SEED, angle=TURNED,
-              velocity=0.0)
-    ended = stopped(run)
-    if ended is not None:
-        return ended
-    angle, velocity = blown()
-    size = float(np.max(np.abs(angle)))
-    # The rate of drag in the strongest wind is above omega0, and the slip changes its sign in many control steps.
-    fast = max(rate, DENSITY * C_D * math.pi * RADIUS**2 * 3.0 * STORM / MASS)
-    kinks = (fast * h) ** min(method.order, 3) * fast * CONTROL
-    allowed = size * max(order_bound(method, fast * h, rate * CONTROL * COUNT), min(kinks, 0.1)) + 1e-11
-    error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity) / rate)
-    return judged(run, error, allowed, "it grows" if np.max(np.abs(run.angle)) > 10.0 * size else "")
+MOTIONS[REVERSES] = fast_drive.in_wind(REVERSES, REVERSING, COUNT)
 
 
 # --- dry friction that yields at one torque -------------------------------------------------------------------------
 
 LIMIT, SLOW = 0.8, 1e-6
 """Limit of dry friction [N m] and angular frequency of a torque of amplitude 1 N m [rad/s]; omega0 = 1/s."""
-LET_GO, AFTER, STEP = 10.02, 5.0, 0.05
-"""Time at which the torque reaches the limit, time to follow the bob after it, and step [s]."""
+LET_GO, AFTER, MARKS = 10.02, 5.0, 10
+"""Time at which the torque reaches the limit, time to follow the bob after it [s], and number of marks."""
+PHASED = -math.acos(LIMIT) - SLOW * LET_GO
+"""Phase of the torque, which is cos(SLOW t + PHASED) N m."""
+YIELDS = "a torque that takes 11 days to rise"
 WEEK = Scene("dry friction under a torque that takes 11 days to rise", BODY, gravity=1.0,
-             effects=(SmallAngleGravity(), PeriodicTorque(1.0, SLOW, -math.acos(LIMIT) - SLOW * LET_GO),
-                      CoulombFriction(LIMIT)))
+             effects=(SmallAngleGravity(), PeriodicTorque(1.0, SLOW, PHASED), CoulombFriction(LIMIT)))
+MOTIONS[YIELDS] = Motion(YIELDS, 0.0, 0.0, LET_GO + AFTER, marks=MARKS, largest=AFTER * SLOW, goal=1e-5, most=64,
+                         lacks=unmet(WEEK) | {"split"})
 
 
 def yielded(time: Array) -> tuple[Array, Array]:
@@ -182,60 +144,61 @@ def yielded(time: Array) -> tuple[Array, Array]:
 
 def _yields(method: Method) -> Finding:
     """Judge a method by the step in which dry friction lets the bob go under a very slow torque, and by its motion."""
-    run = ran(WEEK, method, dt=STEP, steps=math.ceil((LET_GO + AFTER) / STEP), angle=0.0, velocity=0.0)
+    run = ran_motion(WEEK, YIELDS, MOTIONS[YIELDS], method)
     ended = stopped(run)
     if ended is not None:
         return ended
-    before, after = run.time <= LET_GO, run.time > LET_GO + STEP
+    before, after = run.time <= LET_GO, run.time > LET_GO + run.dt
     if np.any(run.velocity[before]) or np.any(run.angle[before]):
         return Finding(WRONG, note="the bob starts to slide too early")
     if not np.all(run.velocity[after] > 0.0):
         return Finding(WRONG, note="the bob starts to slide too late")
     angle, velocity = yielded(run.time)
-    error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity)) / (0.6 * SLOW)
+    error = np.maximum(np.abs(run.angle - angle), np.abs(run.velocity - velocity)) / MOTIONS[YIELDS].largest
     # Torques of the size of the limit are rounded, and so is the time at which they reach it.
-    return graded(error, order_bound(method, STEP, AFTER) + 2.0**-52 / SLOW * AFTER**2,
-                  "it slides differently" if np.max(error) > 1.0 else "")
+    return held(YIELDS, MOTIONS[YIELDS], method, error, 2.0**-52 / SLOW * AFTER**2)
 
 
-GRAIN, HOLDS, SLIDES = 2.0**-20, 50, 45
-"""Growth of the torque per step over its limit of 0.5 N m, steps until the limit, and steps after it."""
-TURN = 0.1
-"""Step [s]; omega0 = 1/s."""
+GRAIN, HOLDS, SLIDES = 2.0**-20, 25, 5
+"""Growth of the torque per mark over its limit of 0.5 N m, marks until the limit, and marks after it."""
+TURN = 1.0
+"""Time between two marks [s]; omega0 = 1/s."""
+EXCEEDS = "a torque that exceeds dry friction by one part in 1e6"
 STAIRS = Scene("dry friction under a torque that rises in steps", BODY, gravity=1.0,
                effects=(SmallAngleGravity(), Motor(max_torque=1.0), CoulombFriction(0.5)))
+MOTIONS[EXCEEDS] = Motion(EXCEEDS, 0.0, 0.0, TURN * (HOLDS + SLIDES), marks=HOLDS + SLIDES,
+                          largest=SLIDES * GRAIN, goal=1e-5, most=64,
+                          torques=tuple(0.5 + k * GRAIN for k in range(1 - HOLDS, SLIDES + 1)),
+                          lacks=unmet(STAIRS) | {"split"})
 
 
 def climbed() -> tuple[Array, Array]:
-    """Return the exact angle and velocity, in units of GRAIN, after each step from the one that exceeds the limit on.
+    """Return the exact angle [rad] and velocity [rad/s] at the start and at all marks.
 
-    In step k the bob turns about the angle k, as the torque exceeds the limit by k GRAIN.
+    The bob is at rest until the torque exceeds the limit. In the k-th part of the time after that it turns about the
+    angle k GRAIN, as the torque exceeds the limit by k GRAIN.
     """
-    angle, speed, rows = 0.0, 0.0, []
+    angle, speed, rows = 0.0, 0.0, [(0.0, 0.0)] * (HOLDS + 1)
     for k in range(1, SLIDES + 1):
         off = angle - k
         angle, speed = k + off * math.cos(TURN) + speed * math.sin(TURN), speed * math.cos(TURN) - off * math.sin(TURN)
         rows.append((angle, speed))
-    states = np.array(rows)
+    states = np.array(rows) * GRAIN
     return states[:, 0], states[:, 1]
 
 
 def _climbs(method: Method) -> Finding:
     """Judge a method by dry friction that holds the bob at exactly its limit, and yields one part in 2**20 above it."""
-    machine = Machine(STAIRS, method, backend=sooner(method, HOLDS + SLIDES))
-    state, rows = machine.state(0.0, 0.0), []
-    for k in range(1 - HOLDS, SLIDES + 1):
-        if machine.advance(state, 0.5 + k * GRAIN, TURN, 1):
-            return Finding(DIVERGED, stop_time=float(state[INDEX]) * TURN)
-        rows.append((float(state[ANGLE]) / GRAIN, float(state[VELOCITY]) / GRAIN))
-    states = np.array(rows).T
-    if np.any(states[:, :HOLDS]):
+    found = driven(STAIRS, EXCEEDS, MOTIONS[EXCEEDS], method)
+    if isinstance(found, Finding):
+        return found
+    angle, velocity = found
+    if np.any(angle[: HOLDS + 1]) or np.any(velocity[: HOLDS + 1]):
         return Finding(WRONG, note="the bob slides although the torque is not above the limit")
-    truth = np.stack(climbed())
-    if not np.all(states[1, HOLDS:] > 0.0):
+    if not np.all(velocity[HOLDS + 1:] > 0.0):
         return Finding(WRONG, note="the bob stays although the torque is above the limit")
-    error = np.abs(states[:, HOLDS:] - truth) / float(np.max(truth))
-    return graded(error, order_bound(method, TURN, TURN * SLIDES) + 1e-8, "it slides differently")
+    error = np.abs(np.stack(found) - np.stack(climbed())) / MOTIONS[EXCEEDS].largest
+    return held(EXCEEDS, MOTIONS[EXCEEDS], method, error, 1e-8)
 
 
 # --- the cases ------------------------------------------------------------------------------------------------------
@@ -245,17 +208,20 @@ COULOMB = "Coulomb 1785; the driven oscillator in closed form (Landau & Lifshitz
 
 CASES = (
     *(_thrown(name) for name in RANDOM),
-    Case("a wind that reverses", GROUP,
+    Case(REVERSES, GROUP,
          "The wind changes its sign every few control steps, and with it the slip, where drag has a kink.",
-         "numerical integration of each control step, with gusts computed independently; the tolerance is (k h)^p "
-         "omega0 t of the largest angle with the rate k of drag, p at most 3 at zeros of the slip",
-         "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5", REVERSING, resolved, _blown),
-    Case("a torque that takes 11 days to rise", GROUP,
+         "numerical integration of each control step, with gusts computed independently; the error is that of the "
+         "method's formula",
+         "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5", REVERSING,
+         expected(REVERSES, MOTIONS[REVERSES]),
+         followed(REVERSING, REVERSES, MOTIONS[REVERSES], lambda _: fast_drive.blown(airs()), SEED), motion=REVERSES),
+    Case(YIELDS, GROUP,
          "In a step the torque rises by 3e-8 of the limit of dry friction, which must yield in the right one.",
-         "no bit changes until the torque is 0.8 N m, then 6e-7 (t - sin t) rad; the tolerance is (omega0 h)^p omega0 "
-         "t of 6e-7 rad and the rounding of the torque", COULOMB, WEEK, resolved, _yields),
-    Case("a torque that exceeds dry friction by one part in 1e6", GROUP,
-         "The torque rises by 2^-20 N m in each step and equals the limit of dry friction exactly in one of them.",
-         "no bit changes up to the step of equality, from the next on rotations about the angle of equilibrium",
-         COULOMB, STAIRS, resolved, _climbs),
+         "no bit changes until the torque is 0.8 N m, then 6e-7 (t - sin t) rad; the error is that of the method's "
+         "formula", COULOMB, WEEK, expected(YIELDS, MOTIONS[YIELDS]), _yields, motion=YIELDS),
+    Case(EXCEEDS, GROUP,
+         "The torque rises by 2^-20 N m every second and equals the limit of dry friction exactly in one of them.",
+         "no bit changes up to the time of equality, from then on rotations about the angle of equilibrium; the error "
+         "is that of the method's formula", COULOMB, STAIRS, expected(EXCEEDS, MOTIONS[EXCEEDS]), _climbs,
+         motion=EXCEEDS),
 )

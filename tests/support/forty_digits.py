@@ -24,8 +24,9 @@ import numpy as np
 from readme_code import ROOT
 
 import integrators
-from pendulum_env.hard_cases import catalogue, fast_drive
+from pendulum_env.hard_cases import catalogue, chaos, fast_drive, resonance, switching
 from pendulum_env.hard_cases.predicted import FILE, Motion
+from pendulum_env.truth.chaos import DOUBLINGS
 
 try:  # ten times as fast
     import gmpy2 as numbers_of
@@ -40,6 +41,8 @@ except ImportError:
 DIGITS = mpf(10) ** -36
 TERMS, PIECE = 36, 0.1
 """Terms of the Taylor series of the exact motion, and length of its steps times the rate of the motion."""
+SLOWED = 12
+"""Terms of the Taylor series of drag in wind, whose errors may be 1e-24."""
 NODES = 12
 """Nodes of the quadrature that gives the mean force between two angles."""
 MORE = 2.0
@@ -117,6 +120,16 @@ def sin(x: Any) -> Any:
     return x.turned()[0] if isinstance(x, Series) else math.sin(x) if isinstance(x, float) else numbers_of.sin(x)
 
 
+def root(x: Any) -> Any:
+    """Return the square root of a float, of a number of 40 digits or of a series."""
+    if not isinstance(x, Series):
+        return math.sqrt(x) if isinstance(x, float) else numbers_of.sqrt(x)
+    y = Series([numbers_of.sqrt(x[0])])
+    for k in range(1, len(x)):
+        y.append((x[k] - dot(y[1:], y[:0:-1])) / (2 * y[0]))
+    return y
+
+
 def cos(x: Any) -> Any:
     """Return the cosine of a float, of a number of 40 digits or of a series."""
     return x.turned()[1] if isinstance(x, Series) else math.cos(x) if isinstance(x, float) else numbers_of.cos(x)
@@ -130,7 +143,7 @@ class Problem:
     """Equation of motion ``q'' = force(t, q) - linear v - quadratic |v| v``, of angular frequency ``rate``.
 
     ``dry`` is the limit of dry friction, which acts against the velocity, and holds the bob while other forces are
-    within it.
+    within it. ``wind`` is a further force that depends on angle and velocity.
     """
 
     force: Callable[[Any, Any], Any]
@@ -138,6 +151,7 @@ class Problem:
     quadratic: float = 0.0
     rate: float = 1.0
     dry: float = 0.0
+    wind: Callable[[Any, Any], Any] | None = None
 
     def towards(self, side: int) -> Problem:
         """Return the smooth problem of a bob that slides to one side."""
@@ -165,14 +179,35 @@ class Problem:
         a = self.force(t, q)
         if self.linear:
             a = a - mpf(self.linear) * v
+        if self.wind is not None:
+            a = a + self.wind(q, v)
         return a - mpf(self.quadratic) * (abs(v) * v) if self.quadratic else a
 
-    def slowed(self, v: Any, time: Any) -> Any:
-        """Return the velocity after a time under drag alone (Bernoulli's equation for both kinds together)."""
+    def slowed(self, q: Any, v: Any, time: Any) -> Any:
+        """Return the velocity after a time under drag alone, at a fixed angle.
+
+        Without wind it solves Bernoulli's equation for both kinds together; with wind it comes from Taylor series.
+        """
+        if self.wind is not None:
+            return self.blown(self.wind, q, v, time)
         if not self.linear:
             return v / (1 + self.quadratic * abs(v) * time)
         decay = numbers_of.exp(-self.linear * time)
         return v * decay / (1 + self.quadratic * abs(v) * (1 - decay) / self.linear)
+
+    @staticmethod
+    def blown(wind: Callable[[Any, Any], Any], q: Any, v: Any, time: Any) -> Any:
+        """Return the velocity after a time under the force of the wind alone, at a fixed angle, by Taylor series."""
+        left = time
+        while left:
+            speeds = Series([v])
+            for k in range(SLOWED):
+                speeds.append(wind(q, speeds)[k] / (k + 1))
+            h = left
+            while abs(speeds[SLOWED] * h**SLOWED) > mpf(10) ** -24:
+                h = h / 2
+            v, left = polynomial(speeds, h), left - h
+        return v
 
     def series(self, t: Any, q: Any, v: Any, terms: int) -> tuple[Series, Series]:
         """Return the Taylor series of angle and velocity from a state: coefficients up to h**terms."""
@@ -202,6 +237,8 @@ class Problem:
             parts = max(1, math.ceil(float(end - t) * self.rate / PIECE))
             h = (end - t) / parts
             places, speeds = self.series(t, q, v, TERMS)
+            while self.wind is not None and abs(speeds[TERMS]) * h**TERMS > mpf(10) ** -30:
+                parts, h = 2 * parts, h / 2
             after = polynomial(speeds, h)
             turn = zero(speeds, h) if self.quadratic and next((x for x in speeds if x), 0) * after < 0 else None
             if turn is not None:
@@ -301,7 +338,7 @@ def splitting(m: Any, p: Problem, t: Any, q: Any, v: Any, h: Any) -> State:
         if kind == "drift":
             q, t = q + share * v, t + share
         elif kind == "drag":
-            v = p.slowed(v, share) if p.linear or p.quadratic else v
+            v = p.slowed(q, v, share) if p.linear or p.quadratic or p.wind else v
         else:
             v = v + share * (p.force(t, q) if kind == "kick" else p.acceleration(t, q, v))
     return q, v
@@ -519,7 +556,30 @@ def shaken(share: float) -> Problem:
     return Problem(lambda t, q: (lift * cos(20 * t) - 1) * sin(q), rate=20.0)
 
 
-EQUATIONS: dict[str, Problem] = {
+def in_wind(air: float) -> Problem:
+    """Return the pendulum of the cases of wind in a wind of ``air`` [m/s], in units of time in which omega0 is 1."""
+    rate, length = numbers_of.sqrt(mpf(9.81) / mpf(fast_drive.LENGTH)), mpf(fast_drive.LENGTH)
+    drag = mpf(fast_drive.AREA) / (mpf(fast_drive.MASS) * length * rate * rate)
+    linear = mpf(fast_drive.LINEAR) / (length * rate * rate)
+
+    def wind(q: Any, v: Any) -> Any:
+        slip, across = length * rate * v - air * cos(q), air * sin(q)
+        return -drag * (root(slip * slip + across * across) * slip) - linear * slip
+
+    return Problem(lambda t, q: -sin(q), wind=wind, rate=2.0)
+
+
+def driven_at(strength: float) -> Problem:
+    """Return the chaotic pendulum, driven at 2/3 of omega0 with this strength."""
+    return Problem(lambda t, q: mpf(strength) * cos(t * mpf(2 / 3)) - sin(q), linear=0.5, rate=2.7)
+
+
+def _risen_slowly(t: Any, q: Any) -> Any:
+    """Return gravity and the torque of the case of 11 days."""
+    return cos(mpf(switching.SLOW) * t + mpf(switching.PHASED)) - q
+
+
+EQUATIONS: dict[str, Problem | tuple[Problem, ...]] = {
     "pendulum": Problem(lambda t, q: -sin(q)),
     "pendulum pushed by 0.05": Problem(lambda t, q: mpf(0.05) - sin(q)),
     "linear": Problem(lambda t, q: -q),
@@ -533,12 +593,20 @@ EQUATIONS: dict[str, Problem] = {
     "quadratic drag of 0.3, dry friction": Problem(lambda t, q: -sin(q), quadratic=0.3, dry=0.05),
     "quadratic drag of 0.2, dry friction, a torque": Problem(
         lambda t, q: mpf(1.2) * cos(mpf(1.3) * t) - sin(q), quadratic=0.2, dry=0.8, rate=1.3),
-    "driven at 1.5": Problem(lambda t, q: mpf(1.5) * cos(t * mpf(2 / 3)) - sin(q), linear=0.5, rate=2.7),
+    "linear, dry friction of 0.1": Problem(lambda t, q: -q, dry=0.1),
+    "linear, dry friction, a slowly rising torque": Problem(lambda t, q: sin(mpf(0.02) * t) - q, dry=0.8),
+    switching.YIELDS: Problem(_risen_slowly, dry=0.8),
+    switching.EXCEEDS: Problem(lambda t, q: -q, dry=0.5),
+    resonance.TWICE: Problem(lambda t, q: mpf(resonance.PUSH) * cos(2 * t) - q, linear=0.2, rate=2.0),
+    fast_drive.GUSTY: tuple(in_wind(air) for air in fast_drive.airs()),
+    switching.REVERSES: tuple(in_wind(air) for air in switching.airs()),
+    "driven at 1.5": driven_at(1.5),
+    **{chaos.doubled(one): driven_at(one.strength) for one in DOUBLINGS},
     **{f"linear drag of {load:g}": Problem(lambda t, q: -q, linear=load / 0.01 / math.sqrt(9.81), rate=load / 0.03)
        for load in (1.5, 10.0)},
     **{fast_drive.edge(share): shaken(share) for share in fast_drive.SHARES},
 }
-"""Equation of motion of each name that cases use, in units of time in which omega0 is 1."""
+"""Equation of motion of each name that cases use, or one for each mark, in units of time in which omega0 is 1."""
 
 
 def pushed(p: Problem, torque: float) -> Problem:
@@ -549,13 +617,16 @@ def pushed(p: Problem, torque: float) -> Problem:
 def pieces(motion: Motion) -> Iterator[tuple[Problem, bool, bool]]:
     """Yield for each mark the problem until then, whether methods start anew, and whether the velocity is reversed.
 
-    They start anew where the torque changes.
+    They start anew where the torque or the wind changes.
     """
     p = EQUATIONS[motion.equation]
     torques = motion.torques or (0.0,) * motion.marks
     for k, torque in enumerate(torques):
         back = motion.back and 2 * k == motion.marks
-        yield pushed(p, torque), k == 0 or back or torque != torques[k - 1], back
+        if isinstance(p, tuple):
+            yield p[k], True, back
+        else:
+            yield pushed(p, torque), k == 0 or back or torque != torques[k - 1], back
 
 
 def truth(motion: Motion) -> list[State]:

@@ -19,12 +19,16 @@ DEPENDENT = 0.05
 """Residuals count as correlated if the p value of the runs test is below this."""
 UNKNOWN = 1e-9
 """Eigenvalue of the scaled ``J^T J`` below which a combination of parameters counts as undetermined."""
+ALIKE = 1e-6
+"""A change of the angles counts as described by the parameters if they leave less than this share of it."""
 COARSE = 1.2
 """A parameter is named in the report if rounding enlarges its standard error by more than this factor."""
 STEADIEST = 0.97
 """Upper limit of the autocorrelation of half swings in the bandwidth formula (Andrews & Monahan 1992)."""
 DRIFTS = 3.0
 """A drift of the period enters the error of the length if it is this many of its own errors."""
+SCALED = 0.1
+"""A wrong or changing scale of the angles enters the error of the length if its p value is below this."""
 DRAWS = 256
 """Number of rounded motions that are simulated; a standard error from this many is accurate to 4 %."""
 
@@ -62,7 +66,8 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
     The fitted length L, or gravity, is one value for a recording in which the small-angle period T may change, as it
     seems to if the angles are scaled or displaced. If the change over the recording, ``d T`` by :func:`period_drift`,
     exceeds three of its errors, the variance ``(2 L d)² / 12`` of a value that is spread evenly over this range is
-    added.
+    added. If it does not, but the readings prefer angles whose scale is another, or changes over the recording, the square of the change
+    of L that this implies is added, by :func:`shift_by_scale`.
 
     Args:
         solution: the least-squares fit.
@@ -90,13 +95,18 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
                            "as successive swings are rounded in nearly the same way")
     drift, ratio = None, next((name for name in (LENGTH, GRAVITY, "inertia") if name in solution.model.names), None)
     if ratio is not None:
-        drift, at = period_drift(solution), solution.model.names.index(ratio)
+        drift, at, spread = period_drift(solution), solution.model.names.index(ratio), 0.0
+        shift, p = shift_by_scale(solution, at)
         if abs(drift.value) > DRIFTS * drift.error:
             spread = 2.0 * solution.values[at] * drift.value / math.sqrt(12.0)
-            least = np.zeros_like(covariance)
-            least[at, at] = covariance[at, at] + spread**2
-            covariance = _widened(covariance, least)
             remarks.append(_drifting(drift, ratio, SCALE in solution.model.names))
+        elif p < SCALED:
+            spread = shift
+            remarks.append("the period depends on the amplitude as if the scale of the angles were wrong or changed "
+                           f"during the run (p = {p:.2g}), which the error of {ratio} includes")
+        least = np.zeros_like(covariance)
+        least[at, at] = covariance[at, at] + spread**2
+        covariance = _widened(covariance, least) if spread else covariance
     if not known or not free.all():
         lost = ", ".join(name for name, sure in zip(solution.model.names, free, strict=True) if not sure)
         remarks.append(f"the recording does not determine {lost}")
@@ -113,21 +123,59 @@ def period_drift(solution: FitSolution) -> Measurement:
     for the velocity v and the duration D. The part of this that no fitted parameter describes is fitted to the
     residuals by least squares. The error allows for correlated residuals, as those of the parameters do.
     """
-    time, slopes = solution.model.time - solution.model.time[0], solution.jacobian
+    time = solution.model.time - solution.model.time[0]
     moved = solution.velocity * time * (1.0 - time / time[-1]) / 2.0
+    values, covariance, _ = beyond_model(solution, moved[:, None])
+    if not values.size:
+        return Measurement(0.0, math.inf, "1")
+    return Measurement(float(values[0]), math.sqrt(float(covariance[0, 0])), "1")
+
+
+def shift_by_scale(solution: FitSolution, at: int) -> tuple[float, float]:
+    """Return the change of a parameter if the scale of the angles is fitted, too, and the p value of a right scale.
+
+    A scale ``s + u (t/D - 1/2)`` with the duration D moves the angles theta by ``(s - 1 + u (t/D - 1/2)) theta``. Most
+    of this is described by another amplitude and damping. The rest, a period that depends on the amplitude in another
+    way, is fitted to the residuals; p belongs to s = 1, u = 0 (chi-squared test). ``at`` is the parameter's index.
+    """
+    from scipy.stats import chi2
+
+    time, seen = solution.model.time - solution.model.time[0], solution.model.angles(solution.values)[0]
+    values, covariance, moves = beyond_model(solution, np.stack([seen, seen * (time / time[-1] - 0.5)], axis=1))
+    if not values.size or not np.all(np.isfinite(covariance)):
+        return 0.0, 1.0
+    statistic = float(values @ np.linalg.lstsq(covariance, values, rcond=None)[0])
+    return float(-moves[at] @ values), float(chi2.sf(statistic, len(values)))
+
+
+def beyond_model(solution: FitSolution, moved: Array) -> tuple[Array, Array, Array]:
+    """Fit further changes of the angles to a fit's residuals; return their sizes, covariance, and what they replace.
+
+    Args:
+        solution: the least-squares fit.
+        moved: changes of the angles of size 1, ``(readings, changes)``. Those that the fitted parameters describe, to
+            one part in 1e6 (ALIKE), are left out.
+
+    Returns:
+        The sizes; their covariance, which allows for correlated residuals as that of the parameters does; and
+        ``(parameters, changes)``, the values of the parameters that describe changes of size 1 best.
+    """
+    slopes, residual = solution.jacobian, solution.residual
     size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
-    others, _ = np.linalg.qr(slopes / np.where(size > 0.0, size, 1.0))
-    moved = moved - others @ (others.T @ moved)
-    square = float(moved @ moved)
-    value = float(moved @ solution.residual) / square if square > 0.0 else 0.0
-    rest = solution.residual - value * moved
-    plain, freedom = np.array([[1.0 / square if square > 0.0 else math.inf]]), len(rest) - slopes.shape[1] - 1
-    variance = plain * float(rest @ rest) / max(freedom, 1)
-    test = runs_test(rest)
-    if test.p < DEPENDENT:
-        scores = half_swings((moved * rest)[:, None], solution.velocity)
-        variance, *_ = _dependent(plain, variance, scores, len(rest), test)
-    return Measurement(value, math.sqrt(float(variance[0, 0])), "1")
+    size = np.where(size > 0.0, size, 1.0)
+    moves = np.linalg.lstsq(slopes / size, moved, rcond=None)[0] / size[:, None]
+    rest = moved - slopes @ moves
+    new = np.linalg.norm(rest, axis=0) > ALIKE * np.linalg.norm(moved, axis=0)
+    rest, moves = rest[:, new], moves[:, new]
+    inverse, _ = inverted(rest)
+    values = np.where(np.isfinite(inverse), inverse, 0.0) @ (rest.T @ residual)
+    left = residual - rest @ values
+    covariance = inverse * float(left @ left) / max(len(left) - slopes.shape[1] - len(values), 1)
+    test = runs_test(left)
+    if values.size and test.p < DEPENDENT:
+        scores = half_swings(rest * left[:, None], solution.velocity)
+        covariance, *_ = _dependent(inverse, covariance, scores, len(left), test)
+    return values, covariance, moves
 
 
 def _drifting(drift: Measurement, name: str, scaled: bool) -> str:
