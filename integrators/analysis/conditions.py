@@ -9,6 +9,7 @@ from integrators.analysis.multistep_linear import order_defects
 from integrators.analysis.nystrom_trees import NystromCondition, nystrom_conditions
 from integrators.analysis.splitting_conditions import violations
 from integrators.analysis.trees import Condition, dense_conditions, order_conditions
+from integrators.families.force_gradient import ForceGradient
 from integrators.method import Method, MethodError
 from integrators.registry import METHODS, named
 
@@ -32,11 +33,11 @@ def order_residuals(method: str | Method, order: int | None = None) -> tuple[flo
     """
     chosen = named(method)
     coefficients = (chosen.tableau, chosen.nystrom_tableau, chosen.sub_flows, chosen.characteristic)
-    if not any(coefficients):
+    if not any(coefficients) and not isinstance(chosen, ForceGradient):
         raise MethodError(
             f"{chosen.name} states no coefficients that have order conditions; measure its order with observed_order.")
     highest = chosen.order + 1 if order is None else order
-    if chosen.sub_flows:
+    if chosen.sub_flows or isinstance(chosen, ForceGradient):
         return tuple(max(violations(chosen, size)) for size in range(1, highest + 1))
     if chosen.characteristic:
         return tuple(float(abs(defect)) for defect in order_defects(chosen, highest))

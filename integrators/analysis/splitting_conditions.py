@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from integrators.families.force_gradient import ForceGradient
 from integrators.families.splitting import DRAG, DRIFT, KICK
 from integrators.method import Method, MethodError
 
@@ -46,9 +47,14 @@ def splitting_order(method: Method, *, damped: bool = False, rounding: float = 1
 def violations(method: Method, order: int, *, damped: bool = False) -> list[float]:
     """Return the size of the residual of each order condition of a splitting at one order, computed in 60 digits.
 
-    Raises MethodError for a method with other parts than kicks, drifts and drags, and if ``damped`` for a method that
-    cannot treat drag.
+    A kick may use the gradient of the force. Raises MethodError for a method with other parts than kicks, drifts and
+    drags, and if ``damped`` for a method that cannot treat drag.
     """
+    if isinstance(method, ForceGradient):
+        with localcontext() as context:
+            context.prec = 60
+            parts = [(kind, *(Decimal(x.numerator) / x.denominator for x in row)) for kind, *row in method.flows]
+            return [float(abs(gap)) for gap in tree_gaps(parts, order)]
     if not method.sub_flows or not {kind for kind, _ in method.sub_flows} <= {KICK, DRIFT, DRAG}:
         raise MethodError(f"{method.name} is not a composition of kicks, drifts and exact drag flows, as needed here.")
     special = "velocity_free" in method.needs
@@ -81,22 +87,28 @@ def word_gaps(flows: Flows, letters: Sequence[str], length: int) -> list[Decimal
     return [value - Decimal(1) / factorial(length) for value in sums[length].ravel()]
 
 
-def tree_gaps(flows: Flows, order: int) -> list[Decimal]:
+def tree_gaps(flows: Sequence[tuple[Any, ...]], order: int) -> list[Decimal]:
     """Return the differences between a splitting's and the exact coefficients of all trees of one order.
 
     The coefficients belong to the Taylor series of the velocity, and of the angle for trees one order smaller. A kick
     adds the product of a tree's branches to its coefficient in the velocity; a drift adds the coefficients of the
-    velocity to those of the angle.
+    velocity to those of the angle. A kick by ``f + c h² f f'``, with c as third entry of its flow, also adds c times
+    the change of that product if the force f is added to the angle.
     """
     all_trees = [tree for n in range(1, order + 1) for tree in trees(n)]
     angle = dict.fromkeys([VELOCITY, *all_trees], Decimal(0))
     velocity = {**angle, VELOCITY: Decimal(1)}
-    for kind, x in flows:
+    for kind, x, *gradient in flows:
         if kind == DRIFT:
             angle = {tree: share + x * velocity[tree] for tree, share in angle.items()}
         else:
+            force = {tree: prod((angle[child] for child in tree), start=Decimal(1)) for tree in all_trees}
+            force[VELOCITY] = Decimal(0)
             for tree in all_trees:
-                velocity[tree] += x * prod((angle[child] for child in tree), start=Decimal(1))
+                velocity[tree] += x * force[tree]
+                for i, child in enumerate(tree if any(gradient) else ()):
+                    others = (angle[other] for k, other in enumerate(tree) if k != i)
+                    velocity[tree] += x * gradient[0] * force[child] * prod(others, start=Decimal(1))
     smaller = trees(order - 1) if order > 1 else (VELOCITY,)
     return [
         *(velocity[tree] - Decimal(1) / density(tree) for tree in trees(order)),

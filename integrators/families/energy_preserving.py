@@ -21,7 +21,7 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from integrators.families.runge_kutta import RungeKutta
-from integrators.method import Acceleration, Method, Polynomial, System, exact
+from integrators.method import Acceleration, Method, MethodError, Polynomial, System, exact
 from integrators.steps.arrays import mean_force_step
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, term
@@ -33,9 +33,17 @@ Mean = Callable[[Any, Any, Any, Any], Any]
 
 @dataclass(frozen=True, kw_only=True)
 class DiscreteGradient(Method):
-    """The discrete gradient method: an implicit step with the mean of the force between the old and the new angle."""
+    """The discrete gradient method: an implicit step with the mean of the force between the old and the new angle.
+
+    Raises MethodError for an order above 2, which it does not have.
+    """
 
     family: ClassVar[str] = "energy-preserving"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.order > 2:
+            raise MethodError(f"{self.name}: a discrete gradient method has order 2, not {self.order} as declared.")
 
     @property
     def needs(self) -> frozenset[str]:

@@ -38,6 +38,7 @@ class ForceGradient(Method):
     family: ClassVar[str] = "force gradient"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         flows = tuple((kind, *rational(parts, f"{self.name}: {kind}")) for kind, *parts in self.flows)
         object.__setattr__(self, "flows", flows)
         for kind, parity in ((KICK, 0), (DRIFT, 1)):

@@ -37,6 +37,7 @@ class Splitting(Method):
     family: ClassVar[str] = "splitting"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         flows = tuple((kind, *rational(parts, f"{self.name}: {kind}")) for kind, *parts in self.flows)
         object.__setattr__(self, "flows", flows)
         totals = dict.fromkeys((KICK, DRIFT, DRAG, PUSH), Fraction(0))

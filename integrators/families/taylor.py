@@ -38,6 +38,7 @@ class Taylor(Method):
     family: ClassVar[str] = "Taylor"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not LOWEST <= self.order <= HIGHEST:
             raise MethodError(f"Taylor series have orders from {LOWEST} to {HIGHEST} here, not {self.order}.")
 

@@ -22,7 +22,7 @@ from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown
 
-FORMAT = 3
+FORMAT = 4
 """Number of the form in which environments are pickled; raised by one whenever their attributes change."""
 
 
@@ -77,7 +77,7 @@ def fix(environment: type, more: Iterable[str]) -> None:
 
     Names that are no attributes, of STATE and MEANT, become :class:`Absent`.
     """
-    own = set(signature(environment).parameters) - {"parameters", "num_envs", "autoreset_mode"}
+    own = set(signature(environment).parameters) - {"parameters", "autoreset_mode"}
     sizes = {entry.name for part in (*BODIES.values(), Medium, *EFFECTS.values())
              for entry in dataclasses.fields(part)}
     fixed = (own | sizes | {"gravity", "body", "medium", "effects", "run", *more}) - {"name"}

@@ -112,7 +112,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         super().__init__()
         if rtol is not None or atol is not None:
             raise MethodError("rtol and atol are for single environments; a vector has fixed steps of dt / substeps.")
-        self.num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
+        self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
         setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names, True)
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
@@ -122,11 +122,11 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         with naming_keywords(type(self)):
             spec = self._spec = RunSpec.of_episodes(
-                scene, damping, parameters, dt=setup.dt, size=self.num_envs, diagnostics=names, speed_limit=speed_limit,
-                backend=backend, compensated=compensated,
+                scene, damping, parameters, dt=setup.dt, size=self._num_envs, diagnostics=names,
+                speed_limit=speed_limit, backend=backend, compensated=compensated,
                 choose=lambda scenes: settled(setup, scenes, integrator, accuracy, max_episode_steps, compensated),
             )
-        self._batch = spec.batch(self.num_envs, (setup.task.reward, setup.task.lost), most, wanted)
+        self._batch = spec.batch(self._num_envs, (setup.task.reward, setup.task.lost), most, wanted)
         spec.tell()
         spec.tell_of_task(task)
         self._scene, self._dt, self._substeps, self._task = spec.scene, setup.dt, spec.hold, setup.task
@@ -136,16 +136,16 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound)
         self._velocity_bound = bound
         self._bounded = bound < UNBOUNDED
-        self.observation_space = batched(self.single_observation_space, self.num_envs)
-        self.action_space = batched(self.single_action_space, self.num_envs)
+        self.observation_space = batched(self.single_observation_space, self._num_envs)
+        self.action_space = batched(self.single_action_space, self._num_envs)
         self._reused = None if truth(copy, "copy") else self._batch.results()
         self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None
         self._streams: Streams | None = None
         self._seeds: NDArray[np.object_] = np.empty(0, dtype=object)
-        self._over, self._everyone = NOBODY, np.ones(self.num_envs, dtype=np.bool_)
-        self._running = np.full(self.num_envs, "", dtype=object)
+        self._over, self._everyone = NOBODY, np.ones(self._num_envs, dtype=np.bool_)
+        self._running = np.full(self._num_envs, "", dtype=object)
         self._running.flags.writeable = False
-        shown = np.ones(self.num_envs, dtype=np.bool_)
+        shown = np.ones(self._num_envs, dtype=np.bool_)
         shown.flags.writeable = False
         self._marks: Infos = {**dict.fromkeys((*self._masks, "_stop_reason"), shown), "stop_reason": self._running}
         self._told: Infos | None = None
@@ -154,7 +154,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         self._slack = not self._batch.layout.shape.lenient  # True once no warning of a slack wire is due
 
     def __repr__(self) -> str:
-        return one_line(self, f"{self.num_envs} x {self.scene.name}, {self.integrator}, task {self.task.name}, "
+        return one_line(self, f"{self._num_envs} x {self.scene.name}, {self.integrator}, task {self.task.name}, "
                         f"dt = {self.dt:g} s")
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
@@ -166,7 +166,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
 
         Raises SceneError for invalid options or seeds, and then changes nothing.
         """
-        size = self.num_envs
+        size = self._num_envs
         rest = dict(options) if isinstance(options, Mapping) else options
         some = isinstance(rest, dict) and "reset_mask" in rest
         mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else self._everyone
@@ -204,7 +204,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
-        action = checked_actions(actions, self.num_envs)
+        action = checked_actions(actions, self._num_envs)
         waiting = self._over
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
@@ -262,7 +262,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         Raises ResetNeeded before the first reset.
         """
         cameras = self._ready_to_render()
-        return None if cameras is None else tuple(map(cameras.frame, range(self.num_envs)))
+        return None if cameras is None else tuple(map(cameras.frame, range(self._num_envs)))
 
     def render_tiles(self, count: int = 9, columns: int | None = None) -> NDArray[np.uint8] | None:
         """Return one picture of the first ``count`` environments, row by row; None without a render mode.
@@ -273,7 +273,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         """
         cameras, most = self._ready_to_render(), whole_number(count, "count", MOST_ENVS)
         across = None if columns is None else whole_number(columns, "columns", MOST_ENVS)
-        return None if cameras is None else cameras.tiles(min(most, self.num_envs), across)
+        return None if cameras is None else cameras.tiles(min(most, self._num_envs), across)
 
     def _ready_to_render(self) -> Cameras | None:
         if self._camera is None:
@@ -321,7 +321,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         infos.update(zip(self._names, rows))  # noqa: B905  strict=True takes as long as three rows
         infos["stop_reason"], infos["_stop_reason"] = self._running, shown
         if "quality_factor" in infos:
-            regimes = np.full(self.num_envs, None, dtype=object)
+            regimes = np.full(self._num_envs, None, dtype=object)
             regimes[shown] = [regime_of_damping(quality) for quality in infos["quality_factor"][shown].tolist()]
             infos["damping_regime"], infos["_damping_regime"] = regimes, shown
         return infos
@@ -344,7 +344,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
 
     def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
         """Return Gymnasium's infos with the last observations and infos of episodes that restart in the same step."""
-        infos: Infos = marked("final_obs", over, results.observation[over], self.num_envs)
+        infos: Infos = marked("final_obs", over, results.observation[over], self._num_envs)
         shown = infos["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
         last = {**self._infos(rows, shown), **reasons}
@@ -365,7 +365,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         """Seed the random streams of the environments ``which``, except where the seed is None."""
         if seeds is None:
             return
-        if isinstance(seeds, np.ndarray) and len(which) == self.num_envs:
+        if isinstance(seeds, np.ndarray) and len(which) == self._num_envs:
             self._seeds, self._streams = seeds.astype(object), Streams(seeds)
             return
         streams = self._seeded()
@@ -381,7 +381,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
     def _seeded(self) -> Streams:
         """Return the random streams of all environments, created when first used."""
         if self._streams is None:
-            fresh = fresh_seeds(self.num_envs)
+            fresh = fresh_seeds(self._num_envs)
             self._seeds, self._streams = np.array(fresh, dtype=object), Streams(fresh)
         return self._streams
 

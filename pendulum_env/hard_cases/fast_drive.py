@@ -221,7 +221,7 @@ def blown(airs: tuple[float, ...]) -> tuple[Array, Array]:
 def in_wind(name: str, scene: Scene, count: int) -> Motion:
     """Return the motion of a scene whose wind changes ``count`` times; ``name`` is that of its equation."""
     return Motion(name, TURNED, 0.0, CONTROL * scene.omega0 * count, marks=count, growth=10.0, pace=2.0, goal=1e-5,
-                  most=256, sensitive=True, lacks=unmet(scene))
+                  most=64, sensitive=True, lacks=unmet(scene))
 
 
 SHARES = (0.9 * LOWER, LOWER, 1.1 * LOWER, 0.97 * UPPER, UPPER, 1.03 * UPPER)

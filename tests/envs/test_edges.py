@@ -47,6 +47,13 @@ def test_a_setting_that_would_do_nothing_cannot_be_assigned(name: str) -> None:
         assert getattr(env, name, "none") == before
 
 
+def test_the_number_of_environments_cannot_be_assigned() -> None:
+    vector = LabPendulumVectorEnv(2, backend="python")
+    with pytest.raises(AttributeError, match=r"^num_envs cannot be assigned, .*gym.make_vec\("):
+        vector.num_envs = 3
+    assert vector.num_envs == 2
+
+
 @pytest.mark.parametrize(("name", "hint"), [
     ("angle", r"reset\(options=\{'angle': 0.1"), ("state", r"reset\(options="), ("theta", r"reset\(options="),
     ("g", "gravity=9.81"), ("max_speed", "speed_limit=8.0"), ("noise", "TransformObservation")])
@@ -151,7 +158,8 @@ def test_a_scene_without_a_motor_asks_for_a_task() -> None:
 
 MEANT = {"g": "gravity=", "m": "mass=", "l": "length=", "max_speed": "speed_limit=", "reward": "task=",
          "latency": "DelayObservation", "delay": "DelayObservation", "noise": "TransformObservation",
-         "method": "integrator=", "solver": "integrator=", "time_step": "dt="}
+         "drag": "damping=", "max_steps": "max_episode_steps=", "method": "integrator=", "solver": "integrator=",
+         "time_step": "dt="}
 
 
 @pytest.mark.parametrize("word", MEANT)
@@ -292,19 +300,19 @@ KEPT = {
         _np_random_seed _omega0 _penalty _reel _render_mode _render_size _scene _share _in_flow _slackened _spec
         _speed_limit _state _substeps _task _turning action_space metadata observation_space window""",
     "LabPendulumVectorEnv": """_batch _begun _velocity_bound _bounded _camera _dt _everyone _explained _integrator
-        _marks _masks _names _np_random _np_random_seed _num_threads _over _penalty _render_mode _render_size
+        _marks _masks _names _np_random _np_random_seed _num_envs _num_threads _over _penalty _render_mode _render_size
         _reused _running _scene _seeds
-        _slack _spec _steps _streams _substeps _task _told _turning action_space autoreset_mode metadata num_envs
+        _slack _spec _steps _streams _substeps _task _told _turning action_space autoreset_mode metadata
         observation_space single_action_space single_observation_space""",
 }
-"""Attributes in format 3. Whoever changes them raises FORMAT, so that older pickles are refused."""
+"""Attributes in format 4. Whoever changes them raises FORMAT, so that older pickles are refused."""
 
 
 @pytest.mark.parametrize("kind", KEPT)
 def test_the_format_of_pickles_is_that_of_these_attributes(kind: str) -> None:
     env = make() if kind == "LabPendulumEnv" else LabPendulumVectorEnv(2, backend="python")
     env.reset(seed=0)
-    assert FORMAT == 3
+    assert FORMAT == 4
     assert {*vars(env)} - {"_np_random", "_np_random_seed", "_made_by"} == {
         *KEPT[kind].split()} - {"_np_random", "_np_random_seed"}
 

@@ -10,7 +10,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pendulum_env.hard_cases import switching
-from pendulum_env.hard_cases.fast_drive import GUST, gust_path
 
 
 def test_a_very_slow_torque_is_answered_by_the_driven_oscillator() -> None:
@@ -30,12 +29,15 @@ def test_a_very_slow_torque_is_answered_by_the_driven_oscillator() -> None:
 
 def test_a_torque_in_steps_is_a_sum_of_answers_to_each_step() -> None:
     """Each step of the torque adds ``1 - cos`` of the time since then, by superposition."""
-    angle, speed = switching.climbed()
-    for n in (1, 2, 10, switching.SLIDES):
+    held = switching.HOLDS + 1
+    angle, speed = (column / switching.GRAIN for column in switching.climbed())
+    assert not np.any(angle[:held])
+    assert not np.any(speed[:held])
+    for n in range(1, switching.SLIDES + 1):
         since = [switching.TURN * (n - k) for k in range(n)]
-        assert angle[n - 1] == pytest.approx(sum(2.0 * math.sin(0.5 * t) ** 2 for t in since), rel=1e-12)
-        assert speed[n - 1] == pytest.approx(sum(math.sin(t) for t in since), rel=1e-12)
-    assert np.all(speed > 0.0)
+        assert angle[held + n - 1] == pytest.approx(sum(2.0 * math.sin(0.5 * t) ** 2 for t in since), rel=1e-12)
+        assert speed[held + n - 1] == pytest.approx(sum(math.sin(t) for t in since), rel=1e-12)
+    assert np.all(speed[held:] > 0.0)
 
 
 def test_the_torque_equals_the_limit_exactly() -> None:
@@ -45,7 +47,8 @@ def test_the_torque_equals_the_limit_exactly() -> None:
 
 
 def test_the_wind_reverses() -> None:
-    wind = gust_path(switching.SEED, switching.CONTROL, switching.COUNT) * (switching.STORM / GUST)
+    wind = np.array(switching.airs())
+    assert len(wind) == switching.COUNT
     assert np.count_nonzero(np.diff(np.sign(wind))) >= 8
     assert wind.min() < -5.0
     assert wind.max() > 5.0

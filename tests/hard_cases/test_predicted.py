@@ -103,10 +103,11 @@ UNSEEN: dict[tuple[str, str], str] = {
     (case, method): reason for reason, method, cases in (
         ("its history needs 44 steps for each mark, in which the errors of both are below rounding",
          "quinlan_tremaine12", ["the separatrix", *EDGES[:4], "torque changing sign each control step", *TINY,
-                                "random actions"]),
+                                "random actions", "a wire that catches again"]),
         ("rounding exceeds the errors of both", "verner9",
          [*EDGES[3:], *TINY[4:], "sticking and sliding by turns", "quadratic drag to rest in dry friction",
-          "dry friction, quadratic drag and a torque", "a random torque in each step, full gravity"]),
+          "dry friction, quadratic drag and a torque", "a random torque in each step, full gravity", "gusts",
+          "a torque that exceeds dry friction by one part in 1e6", "Coulomb friction to rest in coarse steps"]),
         *(("rounding exceeds the errors of both", method, ["a random torque in each step, full gravity"])
           for method in ("sofroniou_spaletta10", "dprkn12")),
         ("rounding exceeds the errors of both", "dop853", [*TINY[4:], "a random torque in each step, full gravity"]),

@@ -96,6 +96,11 @@ CLAIMS = {
         integrators.get("dopri5"), name="mine", dense=replace(integrators.get("dopri5").dense, order=5)), 4),
     "a Nystrom table": (lambda: Nystrom(name="mine", order=3, **WORDS, **NYSTROM), 2),
     "a splitting": (lambda: replace(integrators.get("velocity_verlet"), name="mine", order=4), 2),
+    "kicks with a gradient": (lambda: replace(integrators.get("chin4a"), name="mine", order=6), 4),
+    "kicks with a wrong gradient": (lambda: replace(
+        integrators.get("chin4a"), name="mine",
+        flows=tuple((kind, share, 2 * c) for kind, share, c in integrators.get("chin4a").flows)), 2),
+    "a mean force": (lambda: replace(integrators.get("discrete_gradient"), name="mine", order=3), 2),
     "a multistep formula": (lambda: replace(integrators.get("ab3"), name="mine", order=4), 3),
 }
 
@@ -103,8 +108,15 @@ CLAIMS = {
 @pytest.mark.parametrize("claim", CLAIMS)
 def test_claims_of_every_kind_of_coefficients_are_checked(claim: str) -> None:
     make, order = CLAIMS[claim]
-    with pytest.raises(MethodError, match=f"have order {order}, not "):
+    with pytest.raises(MethodError, match=f"(have|has) order {order}, not "):
         solved(make())
+
+
+@pytest.mark.parametrize("name", ["velocity_verlet", "chin4a", "taylor", "rk4", "dprkn4", "ab2", "bdf2", "stoermer4"])
+@pytest.mark.parametrize("order", [0, 2.5, "two", None, True])
+def test_an_order_is_a_whole_number(name: str, order: object) -> None:
+    with pytest.raises(MethodError, match="order"):
+        replace(integrators.get(name), name="mine", order=order)
 
 
 def test_copies_of_all_methods_pass() -> None:

@@ -27,6 +27,8 @@ STEADIEST = 0.97
 """Upper limit of the autocorrelation of half swings in the bandwidth formula (Andrews & Monahan 1992)."""
 DRIFTS = 3.0
 """A drift of the period enters the error of the length if it is this many of its own errors."""
+AKAIKE = 2.0
+"""Chi-squared by which a scale must explain the residuals better than a drift, with a parameter more (Akaike 1974)."""
 SCALED = 0.1
 """A wrong or changing scale of the angles enters the error of the length if its p value is below this."""
 DRAWS = 256
@@ -66,8 +68,8 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
     The fitted length L, or gravity, is one value for a recording in which the small-angle period T may change, as it
     seems to if the angles are scaled or displaced. If the change over the recording, ``d T`` by :func:`period_drift`,
     exceeds three of its errors, the variance ``(2 L d)² / 12`` of a value that is spread evenly over this range is
-    added. If it does not, but the readings prefer angles whose scale is another, or changes over the recording, the square of the change
-    of L that this implies is added, by :func:`shift_by_scale`.
+    added. If the readings rather prefer angles whose scale is another, or changes over the recording, the square of the
+    change of L that this implies is added, by :func:`shift_by_scale`.
 
     Args:
         solution: the least-squares fit.
@@ -96,14 +98,16 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
     drift, ratio = None, next((name for name in (LENGTH, GRAVITY, "inertia") if name in solution.model.names), None)
     if ratio is not None:
         drift, at, spread = period_drift(solution), solution.model.names.index(ratio), 0.0
-        shift, p = shift_by_scale(solution, at)
-        if abs(drift.value) > DRIFTS * drift.error:
+        shift, statistic, p = shift_by_scale(solution, at)
+        pull = abs(drift.value) / drift.error
+        if pull > max(DRIFTS, math.sqrt(max(statistic - AKAIKE, 0.0))):
             spread = 2.0 * solution.values[at] * drift.value / math.sqrt(12.0)
             remarks.append(_drifting(drift, ratio, SCALE in solution.model.names))
         elif p < SCALED:
             spread = shift
             remarks.append("the period depends on the amplitude as if the scale of the angles were wrong or changed "
-                           f"during the run (p = {p:.2g}), which the error of {ratio} includes")
+                           f"during the run (p = {p:.2g}), which the error of {ratio} includes"
+                           + ("" if SCALE in solution.model.names else f": try --free {ratio},{SCALE}"))
         least = np.zeros_like(covariance)
         least[at, at] = covariance[at, at] + spread**2
         covariance = _widened(covariance, least) if spread else covariance
@@ -131,8 +135,8 @@ def period_drift(solution: FitSolution) -> Measurement:
     return Measurement(float(values[0]), math.sqrt(float(covariance[0, 0])), "1")
 
 
-def shift_by_scale(solution: FitSolution, at: int) -> tuple[float, float]:
-    """Return the change of a parameter if the scale of the angles is fitted, too, and the p value of a right scale.
+def shift_by_scale(solution: FitSolution, at: int) -> tuple[float, float, float]:
+    """Return the change of a parameter if the scale of the angles is fitted, too, and chi-squared and p of a right one.
 
     A scale ``s + u (t/D - 1/2)`` with the duration D moves the angles theta by ``(s - 1 + u (t/D - 1/2)) theta``. Most
     of this is described by another amplitude and damping. The rest, a period that depends on the amplitude in another
@@ -143,9 +147,9 @@ def shift_by_scale(solution: FitSolution, at: int) -> tuple[float, float]:
     time, seen = solution.model.time - solution.model.time[0], solution.model.angles(solution.values)[0]
     values, covariance, moves = beyond_model(solution, np.stack([seen, seen * (time / time[-1] - 0.5)], axis=1))
     if not values.size or not np.all(np.isfinite(covariance)):
-        return 0.0, 1.0
+        return 0.0, 0.0, 1.0
     statistic = float(values @ np.linalg.lstsq(covariance, values, rcond=None)[0])
-    return float(-moves[at] @ values), float(chi2.sf(statistic, len(values)))
+    return float(-moves[at] @ values), statistic, float(chi2.sf(statistic, len(values)))
 
 
 def beyond_model(solution: FitSolution, moved: Array) -> tuple[Array, Array, Array]:
