@@ -9,8 +9,11 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.table import TextTable
+from pendulum_env.lab.tracks import fit_circle
 from pendulum_env.physics.units import nearest, shown
 
 _TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|[mµu]s|milli\w*|micro\w*)(?![a-z])",
@@ -20,6 +23,24 @@ _ANGLE = re.compile(r"angle|winkel|theta|θ|phi|φ|ϕ|°|(?<![a-z])(?:deg|degree
 _RATE_OF_CHANGE = re.compile(
     r"veloc|speed|accel|gyro|omega|ω|geschw|dot(?![a-z])|\u0307|(?<![a-z])(?:rate(?![a-z])|d(?:theta|phi|θ|φ))"
     r"|(?:rad|deg\w*|°|m|1)\s*/\s*s|s\^?-\d", re.IGNORECASE)
+_OTHER = re.compile(
+    r"counter|state|gate|energy|voltage|force|temp|humid|press|battery|mass|marker|(?<![a-z])(?:ke|pe|te|run)(?![a-z])",
+    re.IGNORECASE)
+"""Columns that are never an angle."""
+_DISTANCE = re.compile(r"distance|position|displacement|abstand|weg|(?<![a-z])pos(?![a-z])", re.IGNORECASE)
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""Unit of length -> its size [m]."""
+_LENGTH_UNIT = re.compile(r"[(\[,]?\s*(?<![a-z])(mm|cm|m)\s*(?:[)\]]|$)")
+_FEW = 3
+"""Number of values of each column that a refusal prints."""
+_ON_CIRCLE = 0.02
+"""Points of a track without names lie on their circle to this share of their extent."""
+_SHORT = 0.1
+"""Least extent of a track without names, as a share of the radius of its circle."""
+_ARC = 300.0
+"""Points of a track without names cover less than this of their circle [degrees]; those of a phase portrait more."""
+_TILT = 10.0
+"""Largest angle between the middle of the arc of a track without names and the vertical [degrees]."""
 _X = re.compile(r"(?<![a-z])x(?![a-z])", re.IGNORECASE)
 _Y = re.compile(r"(?<![a-z])y(?![a-z])", re.IGNORECASE)
 
@@ -27,11 +48,15 @@ TRACK = "xy"
 
 
 class ColumnLayout(NamedTuple):
-    """Numbers, from 0, of the columns of time (None: no such column) and angle, or time, x and y; with notes."""
+    """Numbers, from 0, of the columns of time (None: no such column) and angle, or time, x and y; with notes.
+
+    ``length``: the unit [m] of a column that holds a displacement or distance in place of an angle; else 0.
+    """
 
     time: int | None
     values: tuple[int, ...]
     notes: list[str]
+    length: float = 0.0
 
     @property
     def track(self) -> bool:
@@ -56,11 +81,13 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
     """
     titles = [" ".join(title) for title in table.titles]
     if columns is None:
-        layout = _named(titles, timed or table.rate is not None)
+        layout = _circular(table, titles) or _named(table, titles, timed or table.rate is not None)
+        if layout.length:
+            return layout
         wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
         if wrong:
-            problem = f"the header names {wrong[0]!r} (columns= overrides)"
-            raise RecordingError(f"{table.name}: expected an angle, {problem}")
+            raise RecordingError(f"{table.name}: expected an angle, the header names {wrong[0]!r}; "
+                                 f"{described(table, titles)}")
         across, along = ([i for i in range(len(titles)) if form.search(titles[i])] for form in (_X, _Y))
         first = layout.values[0]
         axis = not layout.track and first in (*across, *along) and not _ANGLE.search(titles[first])
@@ -79,8 +106,42 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
     return ColumnLayout(layout.time, layout.values, [f"columns: {_list(places, titles)}, as given"])
 
 
-def _named(titles: list[str], timed: bool) -> ColumnLayout:
-    """Return the columns of time and angle, or time, x and y, that the header's titles name; else the first two."""
+def described(table: TextTable, titles: list[str]) -> str:
+    """Return a sentence with the columns of a file, their first values, and how to choose among them."""
+    columns = []
+    for i, title in enumerate(titles):
+        values = [fields[i] for _, fields in table.rows[:_FEW] if len(fields) > i]
+        columns.append(f"{i + 1}{f' ({title})' if title else ''} begins with {', '.join(values)}")
+    return f"column {'; '.join(columns)}; choose by columns='time=1,angle=2'"
+
+
+def _circular(table: TextTable, titles: list[str]) -> ColumnLayout | None:
+    """Return the columns of a track in a file without titles, whose second and third columns lie on an arc; else None.
+    """
+    if len(titles) < 3 or any(titles):
+        return None
+    x, y = table.values((1, 2), "a time, x and y")[0].T
+    seen = np.isfinite(x) & np.isfinite(y)
+    try:
+        circle = fit_circle(x[seen], y[seen])
+    except RecordingError:
+        return None
+    span = float(max(np.ptp(x[seen]), np.ptp(y[seen])))
+    if not circle.rms < _ON_CIRCLE * span or not circle.error < 0.1 * circle.radius or span < _SHORT * circle.radius:
+        return None
+    around = np.degrees(np.arctan2(x[seen] - circle.x, circle.y - y[seen]))
+    middle = 0.5 * float(around.max() + around.min())
+    if np.ptp(around) > _ARC or not min(abs(middle), 180.0 - abs(middle)) < _TILT:
+        return None
+    return ColumnLayout(0, (1, 2), [f"columns: an x-y track, as columns 2 and 3 lie on a circle of radius "
+                                    f"{circle.radius:.4g} (columns= overrides)"])
+
+
+def _named(table: TextTable, titles: list[str], timed: bool) -> ColumnLayout:
+    """Return the columns of time and angle, or time, x and y, that the header's titles name; else the first two.
+
+    Columns that never hold an angle, such as counters, are passed over. Raises RecordingError if no other is left.
+    """
     width = len(titles)
     if width == 1:
         return ColumnLayout(None, (0,), [])
@@ -92,12 +153,28 @@ def _named(titles: list[str], timed: bool) -> ColumnLayout:
              and not _RATE_OF_CHANGE.search(title)]
     angles = [i for i in range(width) if is_angle[i]]
     time = times[0] if times else 1 if angles[:1] == [0] else 0
-    angle = next((i for i in angles if i != time), 1 - min(time, 1))
+    still = [i for i in angles if i != time and len(angles) > 1 and _constant(table, i)]
+    notes = [f"columns: {_list(still, titles)} left out, as it does not change"] if len(still) == 1 else []
+    angles = [i for i in angles if i not in still] or angles
+    angle = next((i for i in angles if i != time), None)
+    if angle is None:
+        others = [i for i in range(width) if i != time and not _OTHER.search(titles[i]) and i not in times
+                  and not _counts(titles[i])]
+        lengths = [i for i in others if (_DISTANCE.search(titles[i]) or _X.search(titles[i]))
+                   and not _RATE_OF_CHANGE.search(titles[i])]
+        if len(lengths) == 1 and not any(_Y.search(titles[i]) for i in others):
+            unit = _LENGTH_UNIT.search(titles[lengths[0]])
+            size = LENGTHS[unit[1]] if unit else 1.0
+            return ColumnLayout(time, (lengths[0],), [f"columns: {_list([time, *lengths], titles)}, a displacement in "
+                                                      f"{unit[1] if unit else 'm'}"], size)
+        if not others:
+            raise RecordingError(f"{table.name}: expected an angle, found none; {described(table, titles)}")
+        angle = 1 if 1 in others else others[0]
     if timed and _counts(titles[time]):
-        return ColumnLayout(None, (angle,), [f"columns: {_list([angle], titles)}, as the header names them"])
+        return ColumnLayout(None, (angle,), [*notes, f"columns: {_list([angle], titles)}, as the header names them"])
     if (time, angle) == (0, 1):
         return ColumnLayout(0, (1,), [f"columns: the first two of {width} are read"] if width > 2 else [])
-    return ColumnLayout(time, (angle,), [f"columns: {_list([time, angle], titles)}, as the header names them"])
+    return ColumnLayout(time, (angle,), [*notes, f"columns: {_list([time, angle], titles)}, as the header names them"])
 
 
 def _track(titles: list[str], timed: bool) -> ColumnLayout | None:
@@ -128,6 +205,8 @@ def _first_of_track(table: TextTable, timed: bool) -> ColumnLayout:
 
 def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) -> ColumnLayout:
     """Return the columns of a recording's file that the caller selects by name, or by number from 1."""
+    if isinstance(columns, str) and "=" in columns:
+        columns = _by_kind(table, columns)
     given = list(columns) if isinstance(columns, Sequence) and not isinstance(columns, (str, bytes)) else []
     if not 1 <= len(given) <= 3:
         allowed = f"{TRACK!r}, or names or numbers of (time, angle), (time, x, y) or, with rate=, (angle,)"
@@ -138,6 +217,17 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
     if len(places) == 1 and not timed and table.rate is None:
         raise RecordingError(f"columns must include the time unless rate= is given, got {shown(columns)}")
     return ColumnLayout(None, (places[0],), []) if len(places) == 1 else ColumnLayout(places[0], tuple(places[1:]), [])
+
+
+def _by_kind(table: TextTable, columns: str) -> tuple[str | int, ...]:
+    """Return the columns that a text such as "time=2,angle=5" or "time=1,x=2,y=3" names, in the usual order."""
+    parts = {kind.strip(): place.strip() for kind, _, place in (part.partition("=") for part in columns.split(","))}
+    kinds = next((kinds for kinds in (("time", "angle"), ("time", "x", "y"), ("angle",), ("x", "y"))
+                  if set(kinds) == parts.keys()), None)
+    if kinds is None:
+        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, or time, x and y, as in "
+                             "columns='time=2,angle=5'")
+    return tuple(int(parts[kind]) if parts[kind].isdigit() else parts[kind] for kind in kinds)
 
 
 def _place(table: TextTable, titles: list[str], entry: Any) -> int:
@@ -152,6 +242,11 @@ def _place(table: TextTable, titles: list[str], entry: Any) -> int:
         raise RecordingError(f"{table.name}: there is no column {shown(entry)}{known}")
     span = f"from 1 to {table.width}"
     raise RecordingError(f"{table.name}: a column is given by its name, or a number {span}, not {shown(entry)}")
+
+
+def _constant(table: TextTable, column: int) -> bool:
+    """Return True if all readings of a column are equal."""
+    return len({fields[column] for _, fields in table.rows if len(fields) > column}) == 1
 
 
 def _counts(title: str) -> bool:

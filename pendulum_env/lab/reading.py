@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, gaps_of, known
 from pendulum_env.lab.columns import ColumnLayout, layout_of
+from pendulum_env.lab.containers import text_of
+from pendulum_env.lab.displacement import displacement_angle
 from pendulum_env.lab.noise import quantum_level
-from pendulum_env.lab.table import DECIMALS, SEPARATORS, TextTable, text_of
+from pendulum_env.lab.table import DAY, DECIMALS, SEPARATORS, TextTable
 from pendulum_env.lab.tracks import Y_AXES, track_angle
 from pendulum_env.physics.units import SceneError, number, shown
 
@@ -26,6 +28,9 @@ _TIME_WORDS = {unit: re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECAS
 _OTHER_UNIT = re.compile(
     r"(?<![a-z])(?:mrad|milliradians?|gon|rev|revolutions?|turns?|counts?|ticks|pulses|arcmin|arcsec|volts?)(?![a-z])"
     r"|[(\[]\s*(?:m?V|[cm]?m|px|pixels?|N|A|g|%)\s*[)\]]", re.IGNORECASE)
+BENCH = (0.2, 20.0)
+"""Periods of pendulums on a bench [s], of 1 cm to 100 m."""
+_BACK, _LEAST = 3, 300  # times that go back so often or less, once in so many readings or more, are dropped
 _COARSE = 0.05  # coarser steps are not radians, since no sensor reads in steps of 3 degrees
 _SHOWN = 3  # number of gaps that are listed one by one
 _WORDS: dict[str, Iterable[str]] = {
@@ -44,6 +49,8 @@ class ReadOptions(NamedTuple):
     pivot: Any = None
     y_axis: str | None = None
     time_unit: str | None = None
+    part: str | None = None
+    run: int | None = None
 
     def checked(self) -> ReadOptions:
         """Return the settings after a check, with rate and scale as floats; RecordingError for an invalid value.
@@ -83,13 +90,15 @@ class FileReadings(NamedTuple):
 def read_file(name: str, options: ReadOptions) -> FileReadings:
     """Read the times, angles and notes of a recording from a file, with the settings of ``Recording.read``."""
     options = options.checked()
-    table = TextTable(name, text_of(name), options.separator, options.decimal)
+    text, origin = text_of(name, options.part)
+    table = TextTable(name, text, options.separator, options.decimal)
+    origin += table.choose_run(options.run) if options.columns is None else []
     layout = layout_of(table, options.columns, options.rate is not None)
     if options.pivot is not None and not layout.track:
         raise RecordingError(f"{name}: a pivot is for x-y tracks; columns='xy' reads one")
     values, marks = table.values(layout.values, layout.expected)
-    time, timing = _times(table, layout, options.rate, options.time_unit)
-    notes = [*table.notes, *marks, *layout.notes, *timing]
+    time, timing = _times(table, layout, options.rate, options.time_unit, values)
+    notes = [*origin, *table.notes, *marks, *layout.notes, *timing]
     time, values, dropped = _increasing(table, time, values)
     notes += dropped
     gaps = gaps_of(time)
@@ -101,6 +110,13 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
         except RecordingError as error:
             raise RecordingError(f"{name}: {error}") from None
         notes += pivot_notes
+    elif layout.length and options.unit is None:
+        unit = "rad"
+        try:
+            angle, how = displacement_angle(time, values[:, 0] * layout.length)
+        except RecordingError as error:
+            raise RecordingError(f"{name}: {error}") from None
+        notes.append(how)
     else:
         unit, why = _unit(table, layout, values[:, 0], options.unit)
         notes.append(f"unit: {unit}, {why}")
@@ -113,20 +129,27 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
 
 
 def _times(
-    table: TextTable, layout: ColumnLayout, given_rate: float | None, unit: str | None
+    table: TextTable, layout: ColumnLayout, given_rate: float | None, unit: str | None, values: FloatArray
 ) -> tuple[FloatArray, list[str]]:
     """Return the times [s] of a table's rows, NaN where one is missing, and notes on their unit or rate.
 
-    ``given_rate``: rate [Hz] to use in place of a time column; ``unit``: unit of the time column, None to infer it.
+    ``given_rate``: rate [Hz] to use in place of a time column; ``unit``: unit of the time column. If it is None, the
+    header names it, or it is the one in which the swing in ``values`` has the period of a pendulum on a bench.
     """
     rate, why = (given_rate, "as given") if given_rate is not None else (table.rate, "as the header says")
     if layout.time is not None and given_rate is None:
         time, _ = table.values((layout.time,), layout.expected)
+        if table.is_clock(layout.time):
+            time = time[:, 0] - time[0, 0]
+            days = np.cumsum(np.diff(time, prepend=time[0]) < -0.5 * DAY)
+            return time + DAY * days, ["time: times of day, counted from the first"]
         title = " ".join(table.titles[layout.time])
         named = next((unit for unit, form in _TIME_WORDS.items() if form.search(title)), None)
-        inferred = "as the header says" if named else "as the header names no unit (time_unit= overrides)"
+        likely, seconds = ("s", "") if unit or named else _likely_unit(time[:, 0], values[:, 0])
+        guessed = f"as {seconds or 'the header names no unit'} (time_unit= overrides)"
+        inferred = "as the header says" if named else guessed
         why = "as given" if unit else inferred
-        chosen = unit or named or "s"
+        chosen = unit or named or likely
         notes = [] if chosen == named == "s" and not unit else [f"time: in {chosen}, {why}"]
         return time[:, 0] * TIME_UNITS[chosen], notes
     if rate is None:
@@ -140,6 +163,23 @@ def _times(
     return time, [f"rate: {rate:g} Hz, {why}"]
 
 
+def _likely_unit(time: FloatArray, values: FloatArray) -> tuple[str, str]:
+    """Return the unit of times without a unit in which the readings swing as a pendulum on a bench, and why.
+
+    It is "s" unless the period would then be outside of BENCH and inside of it in just one other unit.
+    """
+    seen = np.isfinite(time) & np.isfinite(values)
+    side = np.sign(values[seen] - 0.5 * (np.max(values[seen], initial=0.0) + np.min(values[seen], initial=0.0)))
+    turns = np.count_nonzero(np.diff(side[side != 0.0]))
+    if turns < 4:
+        return "s", ""
+    period = 2.0 * float(np.ptp(time[seen])) / turns
+    fitting = [unit for unit, size in TIME_UNITS.items() if BENCH[0] <= period * size <= BENCH[1]]
+    if "s" in fitting or len(fitting) != 1:
+        return "s", ""
+    return fitting[0], f"a swing would last {period:.4g} s in seconds"
+
+
 def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
     """Remove the rows of a recording that lack a number or repeat a time; return times, values and notes.
 
@@ -150,6 +190,13 @@ def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple
     notes = _dropped(lines[~keep], "without a finite time and angle")
     time, values, lines = time[keep], values[keep], lines[keep]
     back = np.flatnonzero(np.diff(time) < 0)
+    if 0 < back.size <= _BACK and len(time) >= _LEAST * back.size:
+        late = time <= np.maximum.accumulate(np.concatenate([[-math.inf], time[:-1]]))
+        late[back + 1] = True
+        notes.append(f"dropped: {np.count_nonzero(late)} lines, as the time goes back (the first: line "
+                     f"{lines[np.argmax(late)]}); if readings come at a constant rate, give rate=")
+        time, values, lines = time[~late], values[~late], lines[~late]
+        back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
         at = int(back[0])
         problem = f"expected a time above {time[at]:g} s, found {time[at + 1]:g} s"

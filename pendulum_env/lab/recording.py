@@ -85,6 +85,10 @@ class Recording(Plotted):
         pivot: Sequence[float] | None = None,
         y_axis: str | None = None,
         time_unit: str | None = None,
+        part: str | None = None,
+        run: int | None = None,
+        until: float | None = None,
+        drop: Sequence[float] | str | None = None,
         release: float | None = None,
         zero: float | None = None,
     ) -> Recording:
@@ -103,14 +107,21 @@ class Recording(Plotted):
             scale: factor applied to the angle, such as 0.99 for a sensor that reads 1 % too much; a negative factor
                 reverses the direction.
             columns: (time, angle), (time, x, y) or, with a rate, (angle,), by name or by number from 1; "xy" for a
-                track in the columns named x and y, or else in the first three. None: the columns that the header names
+                track in the columns named x and y, or else in the first three; or a text such as "time=2,angle=5".
+                None: the columns that the header names
                 as a time and an angle (not an angular velocity), or as time, x and y; else the first two.
             separator: tab, ";", "," or " " (any white space); None: the first of these that splits a line into numbers.
             decimal: "." or ","; None: either.
             pivot: (x, y) of a track's pivot, in the unit of the track; None: the centre of the circle fitted to it.
             y_axis: "up" or "down", the direction in which the y of a track grows; None: the direction for which the bob
                 is below the pivot where it is fastest. The angle is from straight down, positive to the right.
-            time_unit: "s", "ms", "us", "ns", "min" or "h"; None: as in the header, otherwise seconds.
+            time_unit: "s", "ms", "us", "ns", "min" or "h"; None: as in the header, otherwise seconds, or the only unit
+                in which the period of the swing is between 0.2 and 20 s.
+            part: file in a zip archive, sheet of a workbook, or point mass of a Tracker project, where there are
+                several.
+            run: number of the run, in a file whose titles name several; None: the first.
+            until: time in the file [s] after which readings are left out.
+            drop: times in the file [s] between which readings are left out, such as (12.5, 13.1) or "12.5:13.1".
             release: time in the file [s] at which the bob is free; earlier readings are cut, see :meth:`released`.
             zero: reading at the equilibrium, in the unit of the file (a track: rad), see :meth:`centred`.
 
@@ -121,8 +132,9 @@ class Recording(Plotted):
         except SceneError as error:
             raise RecordingError(str(error)) from None
         zero = None if zero is None else one_number(zero, "zero")
-        file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit))
-        recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes))
+        file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit,
+                                           part, run))
+        recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes))._kept(until, drop)
         recording = recording if release is None else recording.released(release)
         return recording if zero is None else recording.centred(zero * file.unit)
 
@@ -203,6 +215,23 @@ class Recording(Plotted):
         note = f"release: time zero at {at:g} s, {len(keep) - left} earlier points cut off{why}"
         return replace(self, time=self.time[keep] - at, angle=self.angle[keep], notes=(*self.notes, note), release=at)
 
+    def _kept(self, until: float | None, drop: Sequence[float] | str | None) -> Recording:
+        """Return the recording without readings after ``until`` [s] and without those between the times ``drop``."""
+        keep, notes = np.ones(len(self.time), dtype=np.bool_), list(self.notes)
+        if until is not None:
+            keep &= self.time <= one_number(until, "until")
+            notes.append(f"until: {np.count_nonzero(~keep)} readings after {until:g} s left out, as given")
+        if drop is not None:
+            first, last = _span(drop)
+            lost = keep & (self.time >= first) & (self.time <= last)
+            keep &= ~lost
+            notes.append(f"drop: {np.count_nonzero(lost)} readings from {first:g} to {last:g} s left out, as given")
+        if keep.all() and len(notes) == len(self.notes):
+            return self
+        if np.count_nonzero(keep) < 3:
+            raise RecordingError(f"{self.source}: until and drop must leave at least 3 readings of {len(keep)}")
+        return replace(self, time=self.time[keep], angle=self.angle[keep], notes=tuple(notes))
+
     def centred(self, zero: float | None = None) -> Recording:
         """Return the recording with its angle measured from the equilibrium.
 
@@ -258,3 +287,15 @@ class Recording(Plotted):
         across = slice(middle - 1, middle + 1)
         middle_time = time[across] @ np.abs(angle[across][::-1]) / np.abs(angle[across]).sum()
         return first + int(middle_time - turns[0] > 1.1 * (turns[1] - middle_time))
+
+
+def _span(drop: Sequence[float] | str) -> tuple[float, float]:
+    """Return the two times [s] of ``drop``, such as (12.5, 13.1) or "12.5:13.1"; RecordingError for anything else."""
+    parts = drop.split(":") if isinstance(drop, str) else drop
+    try:
+        first, last = (float(part) for part in parts)
+    except (TypeError, ValueError):
+        first, last = 0.0, -1.0
+    if not first <= last:
+        raise RecordingError(f"drop must be two times in s, the earlier first, as in '12.5:13.1', got {shown(drop)}")
+    return first, last

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import csv
+import datetime
 import math
 import re
-from pathlib import Path
 from statistics import mode
 
 import numpy as np
@@ -15,6 +15,8 @@ from pendulum_env.lab.checked import FloatArray, RecordingError
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
 _HEADER_LINES = 12
+_RUN = re.compile(r"(?<![a-z])(?:run|set|trial|lauf|messung)\s*[#:]?\s*(\d+)", re.IGNORECASE)
+"""Number of a run in a column's title."""
 _MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf"}
 _NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
@@ -33,7 +35,12 @@ _RATE_NAME = re.compile(rf"{_OF_SAMPLES}|hz|freq", re.IGNORECASE)
 _BETWEEN_TITLES = (r"\s{2,}", r"\s+(?![(\[])")
 """Separators of column titles in files with white space between columns: two spaces or more, or any space that no
 bracketed unit follows."""
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
+_CLOCK = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
+"""A time of day, with or without a date, as in ISO 8601."""
+_EPOCH = datetime.date(2020, 1, 1).toordinal()
+"""Day from which the days of dates are counted, near enough that times keep their digits."""
+DAY = 86400.0
+"""Seconds of a day."""
 
 
 class TextTable:
@@ -51,6 +58,7 @@ class TextTable:
         self.rows: list[tuple[int, list[str]]] = []
         self._number_form = _NUMBERS[decimal or ".,"]
         self.separator = ""
+        self._titles: list[list[str]] | None = None
         marks = [separator] if separator else [mark for mark in SEPARATORS if mark != "," or decimal != ","]
         for number, line in enumerate(text.splitlines(), 1):
             if line.lstrip().startswith("#"):
@@ -69,10 +77,12 @@ class TextTable:
         if not self.rows:
             raise RecordingError(f"{name}: expected lines with a time [s] and an angle, found no numbers")
         self.width = mode(len(trimmed(fields)) for _, fields in self.rows[1:12] or self.rows)
+        cut = self._cut_end()
         self.pairs = self._pairs_above() if self.width == 1 else []
         count = len(self.header)
         self.notes = [f"header: {count or 'no'} line{'s' * (count != 1)}"]
         self.notes += [f"separator: {SEPARATORS[self.separator]}"] if self.width > 1 else []
+        self.notes += [f"end: {cut} lines without all numbers left out after the last reading"] if cut else []
 
     def error(self, number: int, expected: str, found: str) -> RecordingError:
         """Return a RecordingError for a faulty line of a file: its number, the expected content and its text."""
@@ -85,10 +95,43 @@ class TextTable:
 
         Header lines with the separator of the rows take precedence over those with another separator.
         """
+        if self._titles is not None:
+            return self._titles
         own = [fields for line in self.header if len(fields := split(line, self.separator)) == self.width > 1]
         lines = own or [fields for fields in map(self._fields_of, self.header) if fields]
         lines = lines or [fields for fields in map(self._fields_of, self.comments) if fields][-1:]
         return [[fields[column] for fields in lines] for column in range(self.width)]
+
+    def choose_run(self, run: int | None) -> list[str]:
+        """Keep the columns of one of several runs, numbered in the titles or by repeated titles; return notes.
+
+        Without a given number, the first run is kept. Raises RecordingError for a run that the file does not have.
+        """
+        titles = [" ".join(title) for title in self.titles] if self.width > 1 else []
+        found = [_RUN.search(title) for title in titles]
+        numbers = [int(match[1]) if match else None for match in found]
+        if titles and not any(found) and len(titles) % 2 == 0 and titles[0]:
+            size = next((i for i in range(2, len(titles)) if titles[i] == titles[0]), len(titles))
+            if size < len(titles) and titles == titles[:size] * (len(titles) // size):
+                numbers = [i // size + 1 for i in range(len(titles))]
+        runs = list(dict.fromkeys(number for number in numbers if number is not None))
+        if len(runs) < 2:
+            if run not in (None, *runs):
+                raise RecordingError(f"{self.name}: there is no run {run}; the file has one run")
+            return []
+        if run is not None and run not in runs:
+            raise RecordingError(f"{self.name}: there is no run {run}; there are {', '.join(map(str, runs))}")
+        chosen = runs[0] if run is None else run
+        keep = [i for i, number in enumerate(numbers) if number in (None, chosen)]
+        own = [i for i, number in enumerate(numbers) if number == chosen]
+        kept = [[fields[i] for i in keep] for fields in ([title[k] for title in self.titles]
+                                                         for k in range(len(self.titles[0])))]
+        self._titles = [[fields[k] for fields in kept] for k in range(len(keep))]
+        rows = [(line, fields + [""] * (self.width - len(fields))) for line, fields in self.rows]
+        self.rows = [(line, [fields[i] for i in keep]) for line, fields in rows if any(fields[i] for i in own)]
+        self.width = len(keep)
+        why = "as given" if run is not None else "the first (run= chooses another)"
+        return [f"run: {chosen} of {', '.join(map(str, runs))}, {why}"]
 
     @property
     def rate(self) -> float | None:
@@ -110,7 +153,8 @@ class TextTable:
             units = {"rad" if word.lower().startswith("rad") else "deg" for word in _UNIT.findall(" ; ".join(lines))}
             if len(units) == 1:
                 return units.pop()
-        return None
+        fields = [fields[column] for _, fields in self.rows[:12] if len(fields) > column]
+        return "deg" if fields and all(field.endswith("°") for field in fields) else None
 
     def values(self, columns: tuple[int, ...], expected: str) -> tuple[FloatArray, list[str]]:
         """Return the numbers in the given columns, NaN where one is missing, and a note if there are decimal commas.
@@ -131,11 +175,38 @@ class TextTable:
         return values, [f"decimal marks: {how}"] if commas else []
 
     def number(self, text: str) -> float | None:
-        """Return the number in a field, NaN for a mark of a missing value, None for any other text."""
-        text = text.replace("\N{MINUS SIGN}", "-")
+        """Return the number in a field, NaN for a mark of a missing value, None for any other text.
+
+        A degree sign may follow it. A time of day is a number of seconds, with those of the days since 2020 if there is
+        a date.
+        """
+        text = text.replace("\N{MINUS SIGN}", "-").removesuffix("°")
         if self._number_form.fullmatch(text):
             return float(text.replace(",", "."))
-        return math.nan if text.lower() in _MISSING else None
+        moment = _CLOCK.fullmatch(text)
+        return math.nan if text.lower() in _MISSING else None if moment is None else _seconds(moment)
+
+    def is_clock(self, column: int) -> bool:
+        """Return True if a column holds times of day."""
+        fields = self.rows[0][1]
+        return len(fields) > column and _CLOCK.fullmatch(fields[column]) is not None
+
+    def _cut_end(self) -> int:
+        """Remove the lines after the last reading: text, and a last line that breaks off; return their number.
+
+        At most half of the lines may be removed, as text among readings is an error.
+        """
+        def whole(row: tuple[int, list[str]]) -> bool:
+            return len(row[1]) >= min(self.width, 2) and None not in map(self.number, row[1])
+
+        keep = next((i + 1 for i in range(len(self.rows) - 1, -1, -1) if whole(self.rows[i])), 0)
+        last = self.rows[keep - 1][1]
+        keep -= self.width > 2 and len(last) < self.width and len(self.rows[keep - 2][1]) == self.width
+        cut = len(self.rows) - keep
+        if 2 * cut > len(self.rows):
+            return 0
+        del self.rows[keep:]
+        return cut
 
     def _separator(self, line: str, marks: list[str]) -> str:
         """Return the first separator that splits a line into numbers, or "" if the line is not a row of numbers."""
@@ -167,6 +238,13 @@ class TextTable:
         return list(zip(names, first, strict=True)) if len(names) == len(first) else []
 
 
+def _seconds(moment: re.Match[str]) -> float:
+    """Return the seconds of a time of day since midnight, or since 2020 if it has a date."""
+    date, hours, minutes, seconds = moment.groups()
+    days = datetime.date.fromisoformat(date).toordinal() - _EPOCH if date else 0
+    return days * DAY + int(hours) * 3600.0 + int(minutes) * 60.0 + float(seconds.replace(",", "."))
+
+
 def _rate_of(match: re.Match[str]) -> float:
     """Return the rate [Hz] matched in a header; a comma before three digits separates thousands, others are decimal."""
     text, kilo = (part for part in match.groups() if part is not None)
@@ -190,24 +268,3 @@ def trimmed(fields: list[str]) -> list[str]:
     while count > 2 and not fields[count - 1]:
         count -= 1
     return fields[:count]
-
-
-def text_of(name: str) -> str:
-    """Return the text of a file: UTF-16 with a byte-order mark, UTF-8, or else Latin-1 (older sensor software).
-
-    Raises RecordingError for a file that cannot be read, is empty or holds binary data.
-    """
-    try:
-        data = Path(name).read_bytes()
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise RecordingError(f"{name}: expected a text file that can be read: {reason}") from error
-    try:
-        text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    if not text.strip():
-        raise RecordingError(f"{name}: expected lines with a time [s] and an angle, the file is empty")
-    if _CONTROL.search(text):
-        raise RecordingError(f"{name}: expected a text file, found binary data")
-    return text

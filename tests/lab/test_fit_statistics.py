@@ -15,6 +15,11 @@ from pendulum_env.lab.fitting import errors, statistics
 from pendulum_env.lab.fitting.result import Fit, common_bic
 
 
+def errors_found(fitted: Any) -> errors.Errors:
+    """Return the standard errors of a fit whose model's angles are all 0."""
+    return errors.errors_of(fitted, fitted.residual)
+
+
 def solution(slopes: Any, residual: Any, values: Any = None, least: float = -math.inf, swing: int = 1) -> Any:
     """Return the solution of a fit with given derivatives and residual; its model has a turning point every ``swing``
     readings."""
@@ -183,7 +188,7 @@ def test_a_straight_line_has_the_errors_of_the_textbook() -> None:
     slope, intercept = np.polyfit(x, y, 1)
     residual = y - intercept - slope * x
     spread, variance = float(np.sum((x - x.mean()) ** 2)), float(residual @ residual) / 298
-    found = errors.errors_of(solution(np.stack([np.ones(300), 1e9 * x], axis=1), residual))
+    found = errors_found(solution(np.stack([np.ones(300), 1e9 * x], axis=1), residual))
     expected = variance * np.array([[1 / 300 + x.mean() ** 2 / spread, -x.mean() / spread / 1e9],
                                     [-x.mean() / spread / 1e9, 1.0 / spread / 1e18]])
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-9)
@@ -227,7 +232,7 @@ def test_the_mean_of_correlated_readings_has_the_known_variance(swing: int) -> N
     readings."""
     path = autoregressive(100_000, 0.8, 9)
     residual = path - path.mean()
-    found = errors.errors_of(solution(np.ones((len(path), 1)), residual, swing=swing))
+    found = errors_found(solution(np.ones((len(path), 1)), residual, swing=swing))
     assert found.plain[0, 0] == pytest.approx(1.0 / 0.36 / 1e5, rel=0.05)
     assert found.covariance[0, 0] == pytest.approx(25.0 / 1e5, rel=0.15)
     assert "not independent" in found.how
@@ -245,7 +250,7 @@ def test_a_misfit_that_oscillates_with_the_swing_counts_by_its_envelope() -> Non
     slopes = wave[:, None]
     misfit = envelope * wave
     value = float(wave @ misfit) / float(wave @ wave)
-    found = errors.errors_of(solution(slopes, misfit - value * wave, swing=half))
+    found = errors_found(solution(slopes, misfit - value * wave, swing=half))
     assert abs(statistics.autocorrelation(misfit)[1 : 20 * half].sum()) < 1.0
     truth = 1.0 / (1.0 - rho) ** 2 / (n // half)
     assert found.covariance[0, 0] == pytest.approx(truth, rel=0.3)
@@ -255,7 +260,7 @@ def test_correlation_never_makes_an_error_smaller() -> None:
     """The mean of alternating residuals is known better than that of independent ones, but the error is not reduced."""
     source = np.random.default_rng(11)
     residual = np.diff(source.standard_normal(2001))
-    found = errors.errors_of(solution(np.ones((2000, 1)), residual))
+    found = errors_found(solution(np.ones((2000, 1)), residual))
     assert "not independent" in found.how
     assert found.covariance[0, 0] >= found.plain[0, 0]
 
@@ -266,16 +271,16 @@ def test_what_the_recording_does_not_tell_has_no_finite_error() -> None:
     source = np.random.default_rng(12)
     x, y = source.standard_normal((2, 500))
     residual = source.standard_normal(500)
-    found = errors.errors_of(solution(np.stack([x, 3.0 * x, y, 0.0 * x], axis=1), residual))
+    found = errors_found(solution(np.stack([x, 3.0 * x, y, 0.0 * x], axis=1), residual))
     assert np.isinf(np.diag(found.covariance)).tolist() == [True, True, False, True]
-    alone = errors.errors_of(solution(np.stack([x, y], axis=1), residual))
+    alone = errors_found(solution(np.stack([x, y], axis=1), residual))
     assert found.covariance[2, 2] == pytest.approx(alone.covariance[1, 1], rel=0.01)
     assert "a, b, d" in found.how
 
 
 def test_a_number_at_its_bound_is_said() -> None:
     residual = np.random.default_rng(0).standard_normal(100)
-    found = errors.errors_of(solution(np.ones((100, 1)), residual, values=[0.0], least=0.0))
+    found = errors_found(solution(np.ones((100, 1)), residual, values=[0.0], least=0.0))
     assert found.how.endswith("a is at the bound 0, with a one-sided error.")
 
 
@@ -283,6 +288,6 @@ def test_what_pulls_at_a_bound_is_no_noise() -> None:
     """A mean of -0.5 is held at 0 under an AR(1) process: the error is that of the process about its own mean."""
     path = autoregressive(20_000, 0.8, 13)
     path -= path.mean()
-    held = errors.errors_of(solution(np.ones((20_000, 1)), path - 0.5, values=[0.0], least=0.0))
-    free = errors.errors_of(solution(np.ones((20_000, 1)), path))
+    held = errors_found(solution(np.ones((20_000, 1)), path - 0.5, values=[0.0], least=0.0))
+    free = errors_found(solution(np.ones((20_000, 1)), path))
     assert held.covariance[0, 0] == pytest.approx(free.covariance[0, 0], rel=1e-9)

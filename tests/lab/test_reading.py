@@ -229,7 +229,7 @@ ODD_FILES: dict[str, tuple[bytes, str]] = {
     "compressed": (b"\x1f\x8b\x08\x00" + bytes(range(64)), "found binary data"),
     "spreadsheet": (b"PK\x03\x04\x14\x00\x06\x00" + bytes(range(64)), "found binary data"),
     "UTF-16 without mark": ("0,1\n1,2\n2,3\n".encode("utf-16-le"), "found binary data"),
-    "clock times": (b"10:00:01,1\n" * 20, "line 13: expected numbers after at most 12 header lines"),
+    "one clock time": (b"10:00:01,1\n" * 20, "line 2: expected times that increase, 19 of 20 repeat one"),
     "second header": (b"t,a\n0,1\n1,2\nt,a\n2,3\n", "line 4: expected a time and an angle, found 't  a'"),
     "13 titles": (b"a\n" * 13 + b"0,1\n1,2\n", "line 13: expected numbers after at most 12 header lines, found 'a'"),
     "angle first": (
@@ -251,9 +251,14 @@ def test_odd_files_are_refused_with_a_reason(tmp_path: Path, case: str) -> None:
     assert message in str(raised.value)
 
 
-def test_one_bad_line_at_the_end_of_a_long_file(tmp_path: Path) -> None:
+def test_lines_after_the_last_reading_are_left_out_and_others_refused(tmp_path: Path) -> None:
     path = tmp_path / "long.txt"
-    path.write_text("".join(f"{i / 1000:.3f},{i % 90}\n" for i in range(50_000)) + "oops\n")
+    rows = "".join(f"{i / 1000:.3f},{i % 90}\n" for i in range(50_000))
+    path.write_text(f"{rows}oops\nMean: 3.2\n")
+    found = Recording.read(path)
+    assert len(found.time) == 50_000
+    assert "end: 2 lines without all numbers left out after the last reading" in found.notes
+    path.write_text(f"{rows}oops\n50.0,1\n")
     with pytest.raises(RecordingError, match="line 50001: expected a time and an angle, found 'oops'"):
         Recording.read(path)
 

@@ -172,11 +172,11 @@ BAD_LINES = {
         "line 3: expected a time and an angle, found '0.1  abc'",
     ),
     "short": ("0.0,0.1\n0.1\n0.2,0.3\n0.3,0.2\n", "line 2: expected a time and an angle, found '0.1'"),
-    "cut off": (
-        "0.0,0.1\n0.1,0.2\n0.2,0.3\n0.3,0.\n0.4",
-        "line 5: expected a time and an angle, found '0.4'",
+    "a line of one number": (
+        "0.0,0.1\n0.1,0.2\n0.2,0.3\n0.3\n0.4,0.2",
+        "line 4: expected a time and an angle, found '0.3'",
     ),
-    "two dots": ("0.0 0.1\n0.1 0.2\n0.2 0.3.1\n", "line 3: expected a time and an angle, found '0.2  0.3.1'"),
+    "two dots": ("0.0 0.1\n0.1 0.3.1\n0.2 0.2\n0.3 0.1\n", "line 2: expected a time and an angle, found '0.1  0.3.1'"),
     "first": ("0.0,x\n0.1,0.2\n0.2,0.3\n0.3,0.4\n", "line 1: expected a header or numbers, found '0.0,x'"),
     "python number": ("0,1\n1,1_0\n2,1\n3,1\n", "line 2: expected a time and an angle, found '1  1_0'"),
     "log": ("rate 10 Hz\n1.0\n2.0\n3.0 4.0\n5.0\n", "line 4: expected one angle, found '3.0  4.0'"),

@@ -56,7 +56,7 @@ class Errors:
     drift: Measurement | None = None
 
 
-def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
+def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> Errors:
     """Return the standard errors of a least-squares fit with equal weights, as a covariance matrix.
 
     If the residuals r look independent (runs test with p of at least 0.05), the covariance is ``s² (J^T J)^-1`` with
@@ -73,10 +73,11 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
 
     Args:
         solution: the least-squares fit.
+        readings: the fitted readings [rad].
         quantum: smallest step of the sensor's readings [rad]; 0 for none.
     """
     residual, slopes = solution.residual, solution.jacobian
-    n, k = slopes.shape
+    seen, (n, k) = readings - residual, slopes.shape
     inverse, known = inverted(slopes)
     variance = float(residual @ residual) / (n - k)
     plain = inverse * variance
@@ -91,14 +92,14 @@ def errors_of(solution: FitSolution, quantum: float = 0.0) -> Errors:
         covariance, freedom, how = _dependent(inverse, plain, sums, n, test)
     remarks = [how]
     if quantum > 0.0:
-        covariance, coarse = _rounded(covariance, inverse, solution, quantum)
+        covariance, coarse = _rounded(covariance, inverse, solution, seen, quantum)
         if coarse:
             remarks.append(f"the sensor's steps of {math.degrees(quantum):.3g} degrees enlarge the error of {coarse}, "
                            "as successive swings are rounded in nearly the same way")
     drift, ratio = None, next((name for name in (LENGTH, GRAVITY, "inertia") if name in solution.model.names), None)
     if ratio is not None:
         drift, at, spread = period_drift(solution), solution.model.names.index(ratio), 0.0
-        shift, statistic, p = shift_by_scale(solution, at)
+        shift, statistic, p = shift_by_scale(solution, seen, at)
         pull = abs(drift.value) / drift.error
         if pull > max(DRIFTS, math.sqrt(max(statistic - AKAIKE, 0.0))):
             spread = 2.0 * solution.values[at] * drift.value / math.sqrt(12.0)
@@ -135,16 +136,17 @@ def period_drift(solution: FitSolution) -> Measurement:
     return Measurement(float(values[0]), math.sqrt(float(covariance[0, 0])), "1")
 
 
-def shift_by_scale(solution: FitSolution, at: int) -> tuple[float, float, float]:
+def shift_by_scale(solution: FitSolution, seen: Array, at: int) -> tuple[float, float, float]:
     """Return the change of a parameter if the scale of the angles is fitted, too, and chi-squared and p of a right one.
 
     A scale ``s + u (t/D - 1/2)`` with the duration D moves the angles theta by ``(s - 1 + u (t/D - 1/2)) theta``. Most
     of this is described by another amplitude and damping. The rest, a period that depends on the amplitude in another
-    way, is fitted to the residuals; p belongs to s = 1, u = 0 (chi-squared test). ``at`` is the parameter's index.
+    way, is fitted to the residuals; p belongs to s = 1, u = 0 (chi-squared test). ``seen`` are the model's angles, and
+    ``at`` is the parameter's index.
     """
     from scipy.stats import chi2
 
-    time, seen = solution.model.time - solution.model.time[0], solution.model.angles(solution.values)[0]
+    time = solution.model.time - solution.model.time[0]
     values, covariance, moves = beyond_model(solution, np.stack([seen, seen * (time / time[-1] - 0.5)], axis=1))
     if not values.size or not np.all(np.isfinite(covariance)):
         return 0.0, 0.0, 1.0
@@ -211,14 +213,15 @@ def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest
     return covariance, freedom, how
 
 
-def _rounded(covariance: Array, inverse: Array, solution: FitSolution, quantum: float) -> tuple[Array, str]:
+def _rounded(
+    covariance: Array, inverse: Array, solution: FitSolution, seen: Array, quantum: float
+) -> tuple[Array, str]:
     """Return a covariance of fitted parameters that allows for rounded readings, and the names of the parameters whose
     errors it enlarges by more than a factor of 1.2 (COARSE).
     """
     model, finite = solution.model, np.where(np.isfinite(inverse), inverse, 0.0)
     noise = noise_beside(model.time, solution.residual, quantum)
     shift = solution.velocity * float(np.median(np.diff(model.time)))
-    seen = model.angles(solution.values)[0]
     least = rounding_covariance(seen, solution.jacobian, finite, quantum, noise, shift)
     pairs = zip(model.names, np.diag(covariance), np.diag(least), strict=True)
     return _widened(covariance, least), ", ".join(name for name, own, other in pairs if other > COARSE**2 * own)

@@ -166,7 +166,7 @@ class Fit(Plotted):
     @cached_property
     def errors(self) -> Errors:
         """Covariance matrix of the parameters, its degrees of freedom, and the method of its calculation."""
-        return errors_of(self.solution, self.recording.quantum)
+        return errors_of(self.solution, self.recording.angle, self.recording.quantum)
 
     @cached_property
     def grade(self) -> Grade:

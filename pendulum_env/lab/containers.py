@@ -1,0 +1,129 @@
+"""The text of a recording's file: plain text, or the table in a zip archive, a workbook or a Tracker project."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import zipfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from pendulum_env.lab.checked import RecordingError
+from pendulum_env.physics.units import shown
+
+_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
+_OLD_WORKBOOK = b"\xd0\xcf\x11\xe0"
+"""First bytes of a workbook of Excel 97 (.xls)."""
+_TABLES = (".csv", ".txt", ".tsv", ".dat")
+_META = re.compile(r"(?:^|/)(?:meta|__MACOSX)/|(?:^|/)\.", re.IGNORECASE)
+"""Names in archives of files that describe the device, such as those of phyphox."""
+_LEAST = 3
+"""Fewest rows of numbers of a sheet that holds a recording."""
+
+
+def text_of(name: str, part: str | None = None) -> tuple[str, list[str]]:
+    """Return the text of a file with a table, and notes on where the table was.
+
+    A text may be UTF-16 with a byte-order mark, UTF-8, or else Latin-1 (older sensor software). Of a zip archive the
+    table of numbers is read, as phyphox exports it; of a workbook (.xlsx, .xls) the sheet; of a Tracker project (.trk)
+    the track of a point mass, in metres.
+
+    Args:
+        name: the file's name.
+        part: name of the file in an archive, of the sheet, or of the track; None: the only one with numbers.
+
+    Raises RecordingError for a file that cannot be read, is empty, holds other binary data or several tables, and if
+    python-calamine, which reads workbooks, is not installed.
+    """
+    try:
+        data = Path(name).read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise RecordingError(f"{name}: expected a text file that can be read: {reason}") from error
+    if data[:4] == b"PK\x03\x04":
+        return _unpacked(name, data, part)
+    if data[:4] == _OLD_WORKBOOK:
+        return _sheet(name, data, part)
+    text = decoded(name, data)
+    if text.lstrip()[:5] == "<?xml" and "cabrillo.tracker" in text:
+        from pendulum_env.lab.tracker import track_table
+
+        return track_table(name, text, part)
+    if part is not None:
+        raise RecordingError(f"{name}: part={shown(part)} is for archives, workbooks and Tracker projects; "
+                             "this is a file of text")
+    return text, []
+
+
+def decoded(name: str, data: bytes) -> str:
+    """Return the text that bytes hold; RecordingError if there is none, or for binary data."""
+    try:
+        text = data.decode("utf-16" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    if not text.strip():
+        raise RecordingError(f"{name}: expected lines with a time [s] and an angle, the file is empty")
+    if _CONTROL.search(text):
+        raise RecordingError(f"{name}: expected a text file, found binary data")
+    return text
+
+
+def chosen(name: str, what: str, parts: Sequence[str], part: str | None) -> str:
+    """Return the part of a file to read: the given one, or the only one.
+
+    ``what`` names the parts, as "sheet". Raises RecordingError if there is none, or several and none is given.
+    """
+    if part is not None:
+        if part not in parts:
+            raise RecordingError(f"{name}: there is no {what} {shown(part)}; there are {', '.join(parts) or 'none'}")
+        return part
+    if len(parts) == 1:
+        return parts[0]
+    if not parts:
+        raise RecordingError(f"{name}: expected a {what} with numbers, found none")
+    raise RecordingError(f"{name}: expected one {what} with numbers, found {', '.join(parts)}; choose one by part=")
+
+
+def _unpacked(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
+    """Return the text of the table in a zip archive, which may be a workbook, and a note on its name."""
+    try:
+        archive = zipfile.ZipFile(io.BytesIO(data))
+        names = archive.namelist()
+        if "xl/workbook.xml" in names or "content.xml" in names:
+            return _sheet(name, data, part)
+        tables = [entry for entry in names if entry.lower().endswith(_TABLES) and not _META.search(entry)]
+        entry = chosen(name, "table", tables, part)
+        return decoded(f"{name}/{entry}", archive.read(entry)), [f"archive: {entry} is read"]
+    except zipfile.BadZipFile as error:
+        raise RecordingError(f"{name}: expected a text file, found binary data, or a broken archive: {error}") from None
+
+
+def _sheet(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
+    """Return the sheet of a workbook as text with tabs between columns, and a note on its name."""
+    try:
+        from python_calamine import CalamineError, CalamineWorkbook
+    except ImportError:
+        raise RecordingError(f"{name}: reading a workbook needs python-calamine; pip install 'lab-pendulum[sheets]', "
+                             "or save the sheet as CSV") from None
+    try:
+        book = CalamineWorkbook.from_filelike(io.BytesIO(data))
+        sheets = {title: book.get_sheet_by_name(title).to_python() for title in book.sheet_names}
+    except CalamineError as error:
+        raise RecordingError(f"{name}: expected a workbook that can be read: {error}") from None
+    entry = chosen(name, "sheet", [title for title, rows in sheets.items() if _numeric(rows) >= _LEAST], part)
+    lines = io.StringIO()
+    csv.writer(lines, delimiter="\t", lineterminator="\n").writerows([map(_cell, row) for row in sheets[entry]])
+    return lines.getvalue(), [f"workbook: sheet {entry} is read"]
+
+
+def _numeric(rows: Iterable[Sequence[Any]]) -> int:
+    """Return the number of rows with at least one number and no text."""
+    return sum(any(isinstance(cell, (int, float)) for cell in row)
+               and not any(isinstance(cell, str) and cell for cell in row) for row in rows)
+
+
+def _cell(value: Any) -> str:
+    """Return a cell of a workbook as text; numbers keep all digits."""
+    return value.isoformat() if hasattr(value, "isoformat") else repr(value) if isinstance(value, float) else str(value)
