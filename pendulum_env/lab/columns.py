@@ -21,16 +21,25 @@ _TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|[m�
 _COUNT = re.compile(r"(?<![a-z])(?:frames?|index|idx|samples?|no|nr|n)(?![a-z])", re.IGNORECASE)
 _ANGLE = re.compile(r"angle|winkel|theta|θ|phi|φ|ϕ|°|(?<![a-z])(?:deg|degrees?|rad|radians?)(?![a-z])", re.IGNORECASE)
 _RATE_OF_CHANGE = re.compile(
-    r"veloc|speed|accel|gyro|omega|ω|geschw|dot(?![a-z])|\u0307|(?<![a-z])(?:rate(?![a-z])|d(?:theta|phi|θ|φ))"
+    r"veloc|speed|accel|gyro|omega|ω|(?<![a-z])w[xyz](?![a-z])|geschw|dot(?![a-z])|\u0307|(?<![a-z])(?:rate(?![a-z])|d(?:theta|phi|θ|φ))"
     r"|(?:rad|deg\w*|°|m|1)\s*/\s*s|s\^?-\d", re.IGNORECASE)
 _OTHER = re.compile(
-    r"counter|state|gate|energy|voltage|force|temp|humid|press|battery|mass|marker|(?<![a-z])(?:ke|pe|te|run)(?![a-z])",
+    r"counter|state|gate|energy|voltage|force|temp|humid|press|battery|mass|marker|(?<![a-z])(?:ke|pe|te)(?![a-z])",
     re.IGNORECASE)
 """Columns that are never an angle."""
 _DISTANCE = re.compile(r"distance|position|displacement|abstand|weg|(?<![a-z])pos(?![a-z])", re.IGNORECASE)
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 """Unit of length -> its size [m]."""
 _LENGTH_UNIT = re.compile(r"[(\[,]?\s*(?<![a-z])(mm|cm|m)\s*(?:[)\]]|$)")
+_RATE = re.compile(
+    r"gyro|rotation|(?<![a-z])w[xyz](?![a-z])|angular[ _]*(?:velocity|speed|rate)|winkelgeschw|omega|ω"
+    r"|(?:rad\w*|deg\w*|°)\s*/\s*s|(?<![a-z])dps(?![a-z])", re.IGNORECASE)
+"""Columns of an angular velocity."""
+_RATE_UNITS = {"deg": re.compile(r"(?:deg\w*|°)\s*/\s*s|(?<![a-z])dps(?![a-z])", re.IGNORECASE),
+               "rad": re.compile(r"rad\w*\s*/\s*s|(?<![a-z])w[xyz](?![a-z])|gyro", re.IGNORECASE)}
+"""Unit of an angular velocity, per s; those of gyroscopes of phones are in rad/s if their titles have no unit."""
+_ABSOLUTE = re.compile(r"absolut|magnitude|norm|total", re.IGNORECASE)
+RATE = "rate"
 _FEW = 3
 """Number of values of each column that a refusal prints."""
 _ON_CIRCLE = 0.02
@@ -50,18 +59,20 @@ TRACK = "xy"
 class ColumnLayout(NamedTuple):
     """Numbers, from 0, of the columns of time (None: no such column) and angle, or time, x and y; with notes.
 
-    ``length``: the unit [m] of a column that holds a displacement or distance in place of an angle; else 0.
+    ``length``: the unit [m] of a column that holds a displacement or distance in place of an angle; else 0. ``rate``:
+    the unit, "deg" or "rad" per s, of columns that hold an angular velocity about one or more axes; else "".
     """
 
     time: int | None
     values: tuple[int, ...]
     notes: list[str]
     length: float = 0.0
+    rate: str = ""
 
     @property
     def track(self) -> bool:
         """True if the columns hold the x and y of a track, as of a filmed bob; False if they hold an angle."""
-        return len(self.values) == 2
+        return len(self.values) == 2 and not self.rate
 
     @property
     def expected(self) -> str:
@@ -84,6 +95,9 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
         layout = _circular(table, titles) or _named(table, titles, timed or table.rate is not None)
         if layout.length:
             return layout
+        rates = _rates(titles, layout)
+        if rates is not None:
+            return rates
         wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
         if wrong:
             raise RecordingError(f"{table.name}: expected an angle, the header names {wrong[0]!r}; "
@@ -102,8 +116,29 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
         layout = _track(titles, timed) or _first_of_track(table, timed)
     else:
         layout = _selected(table, titles, columns, timed)
+        wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
+        if wrong and not layout.rate and not (isinstance(columns, str) and "angle" in columns):
+            raise RecordingError(f"{table.name}: {wrong[0]!r} is the name of an angular velocity; choose it by "
+                                 f"columns='time=1,{RATE}=2', or by columns='time=1,angle=2' if it is an angle")
     places = [*([] if layout.time is None else [layout.time]), *layout.values]
-    return ColumnLayout(layout.time, layout.values, [f"columns: {_list(places, titles)}, as given"])
+    return layout._replace(notes=[f"columns: {_list(places, titles)}, as given"])
+
+
+def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
+    """Return the columns of an angular velocity whose unit is known, where the header names no angle; else None.
+
+    Those of all axes are taken, and an absolute value only if there is nothing else.
+    """
+    if layout.track or layout.time is None or not _RATE_OF_CHANGE.search(titles[layout.values[0]]):
+        return None
+    places = [i for i, title in enumerate(titles) if _RATE.search(title) and i != layout.time and "accel" not in
+              title.lower()]
+    places = [i for i in places if not _ABSOLUTE.search(titles[i])] or places[:1]
+    units = {unit for i in places for unit, form in _RATE_UNITS.items() if form.search(titles[i])}
+    if not places or len(units) != 1:
+        return None
+    note = f"columns: {_list([layout.time, *places], titles)}, an angular velocity in {min(units)}/s"
+    return ColumnLayout(layout.time, tuple(places), [note], rate=min(units))
 
 
 def described(table: TextTable, titles: list[str]) -> str:
@@ -205,6 +240,7 @@ def _first_of_track(table: TextTable, timed: bool) -> ColumnLayout:
 
 def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) -> ColumnLayout:
     """Return the columns of a recording's file that the caller selects by name, or by number from 1."""
+    rated = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{RATE}\s*=", columns) is not None
     if isinstance(columns, str) and "=" in columns:
         columns = _by_kind(table, columns)
     given = list(columns) if isinstance(columns, Sequence) and not isinstance(columns, (str, bytes)) else []
@@ -216,16 +252,19 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
         raise RecordingError(f"columns must be different ones, got {shown(columns)}")
     if len(places) == 1 and not timed and table.rate is None:
         raise RecordingError(f"columns must include the time unless rate= is given, got {shown(columns)}")
+    if rated:
+        units = {unit for unit, form in _RATE_UNITS.items() if form.search(titles[places[1]])}
+        return ColumnLayout(places[0], tuple(places[1:]), [], rate=min(units) if len(units) == 1 else "rad")
     return ColumnLayout(None, (places[0],), []) if len(places) == 1 else ColumnLayout(places[0], tuple(places[1:]), [])
 
 
 def _by_kind(table: TextTable, columns: str) -> tuple[str | int, ...]:
     """Return the columns that a text such as "time=2,angle=5" or "time=1,x=2,y=3" names, in the usual order."""
     parts = {kind.strip(): place.strip() for kind, _, place in (part.partition("=") for part in columns.split(","))}
-    kinds = next((kinds for kinds in (("time", "angle"), ("time", "x", "y"), ("angle",), ("x", "y"))
+    kinds = next((kinds for kinds in (("time", "angle"), ("time", "x", "y"), ("time", RATE), ("angle",), ("x", "y"))
                   if set(kinds) == parts.keys()), None)
     if kinds is None:
-        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, or time, x and y, as in "
+        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate or x and y, as in "
                              "columns='time=2,angle=5'")
     return tuple(int(parts[kind]) if parts[kind].isdigit() else parts[kind] for kind in kinds)
 

@@ -15,6 +15,7 @@ from pendulum_env.lab.columns import ColumnLayout, layout_of
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.displacement import displacement_angle
 from pendulum_env.lab.noise import quantum_level
+from pendulum_env.lab.rates import along_axis, integrated, with_sign
 from pendulum_env.lab.table import DAY, DECIMALS, SEPARATORS, TextTable
 from pendulum_env.lab.tracks import Y_AXES, track_angle
 from pendulum_env.physics.units import SceneError, number, shown
@@ -31,6 +32,7 @@ _OTHER_UNIT = re.compile(
 BENCH = (0.2, 20.0)
 """Periods of pendulums on a bench [s], of 1 cm to 100 m."""
 _BACK, _LEAST = 3, 300  # times that go back so often or less, once in so many readings or more, are dropped
+_LOST = 3  # number of successive readings of exactly 0 that show that the sensor lost its signal
 _COARSE = 0.05  # coarser steps are not radians, since no sensor reads in steps of 3 degrees
 _SHOWN = 3  # number of gaps that are listed one by one
 _WORDS: dict[str, Iterable[str]] = {
@@ -79,12 +81,16 @@ class ReadOptions(NamedTuple):
 
 
 class FileReadings(NamedTuple):
-    """The readings of a file: times [s], angles [rad], notes on what was inferred, and the file's angle unit in rad."""
+    """The readings of a file: times [s], angles [rad], notes on what was inferred, and the file's angle unit in rad.
+
+    ``rate``: the angular velocities [rad/s] from which the angles were integrated; None if the file holds angles.
+    """
 
     time: FloatArray
     angle: FloatArray
     notes: list[str]
     unit: float
+    rate: FloatArray | None = None
 
 
 def read_file(name: str, options: ReadOptions) -> FileReadings:
@@ -103,6 +109,8 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     notes += dropped
     gaps = gaps_of(time)
     notes += _gap_notes(time, gaps)
+    if layout.rate:
+        return _rates(table, layout, options, time, values, notes)
     if layout.track:
         unit = "rad"
         try:
@@ -121,11 +129,33 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
         unit, why = _unit(table, layout, values[:, 0], options.unit)
         notes.append(f"unit: {unit}, {why}")
         angle = values[:, 0] * UNITS[unit]
+    if not layout.track and not layout.length:
+        time, angle, lost = _without_lost(time, angle)
+        notes += lost
+        gaps = gaps_of(time) if lost else gaps
     angle, turns = _unwrapped(angle, gaps, by_track=layout.track)
     notes += turns
     if options.scale != 1.0:
         notes.append(f"scale: angle multiplied by {options.scale:g}")
     return FileReadings(time, angle * options.scale, notes, UNITS[unit] * options.scale)
+
+
+def _rates(
+    table: TextTable, layout: ColumnLayout, options: ReadOptions, time: FloatArray, values: FloatArray, notes: list[str]
+) -> FileReadings:
+    """Return the readings of a file that holds angular velocities; RecordingError if they cannot be integrated."""
+    unit = options.unit or layout.rate
+    names = [" ".join(table.titles[i]) for i in layout.values]
+    try:
+        rate, how = along_axis(values, names)
+        if len(names) == 1 and np.min(rate) >= 0.0:
+            rate, how = with_sign(rate), f"{how}, an absolute value, which changes its sign where it is nearly 0"
+        rate = rate * UNITS[unit] * options.scale
+        angle = integrated(time, rate)
+    except RecordingError as error:
+        raise RecordingError(f"{table.name}: {error}") from None
+    notes += [how, "angle: the integral of the angular velocity; a fit compares the angular velocity itself"]
+    return FileReadings(time, angle, notes, UNITS[unit] * options.scale, rate)
 
 
 def _times(
@@ -145,7 +175,7 @@ def _times(
             return time + DAY * days, ["time: times of day, counted from the first"]
         title = " ".join(table.titles[layout.time])
         named = next((unit for unit, form in _TIME_WORDS.items() if form.search(title)), None)
-        likely, seconds = ("s", "") if unit or named else _likely_unit(time[:, 0], values[:, 0])
+        likely, seconds = ("s", "") if unit or named else _likely_unit(time[:, 0], values)
         guessed = f"as {seconds or 'the header names no unit'} (time_unit= overrides)"
         inferred = "as the header says" if named else guessed
         why = "as given" if unit else inferred
@@ -168,9 +198,13 @@ def _likely_unit(time: FloatArray, values: FloatArray) -> tuple[str, str]:
 
     It is "s" unless the period would then be outside of BENCH and inside of it in just one other unit.
     """
-    seen = np.isfinite(time) & np.isfinite(values)
-    side = np.sign(values[seen] - 0.5 * (np.max(values[seen], initial=0.0) + np.min(values[seen], initial=0.0)))
-    turns = np.count_nonzero(np.diff(side[side != 0.0]))
+    seen = np.isfinite(time) & np.isfinite(values).all(axis=1)
+    if not seen.any():
+        return "s", ""
+    swing = values[seen][:, int(np.argmax(values[seen].std(axis=0)))]
+    swing = swing - 0.5 * (float(swing.max()) + float(swing.min()))
+    side = np.sign(swing[np.abs(swing) > 0.25 * float(swing.max())])  # noise near the middle is no swing
+    turns = np.count_nonzero(np.diff(side))
     if turns < 4:
         return "s", ""
     period = 2.0 * float(np.ptp(time[seen])) / turns
@@ -227,6 +261,27 @@ def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str 
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"
     unit, side = ("deg", "above") if largest > 2 * math.pi else ("rad", "not above")
     return unit, f"inferred: the largest |angle|, {largest:g}, is {side} 2 pi (unit= overrides)"
+
+
+def _without_lost(time: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
+    """Return the readings without runs of at least three that are exactly 0, and a note; a sensor that lost its signal.
+
+    At both ends of such a run the angle must jump, by four times the step that 95 % of all readings do not exceed. So
+    a bob that is slow near 0, or at rest there, keeps its readings.
+    """
+    still = np.concatenate([[False], angle == 0.0, [False]])
+    edges = np.flatnonzero(np.diff(still.astype(np.int8)))
+    lost = np.zeros(len(angle), dtype=np.bool_)
+    steps = np.abs(np.diff(angle[angle != 0.0]))
+    jump = 4.0 * float(np.quantile(steps, 0.95)) if len(steps) else math.inf
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        beside = [abs(float(angle[i])) for i in (first - 1, end) if 0 <= i < len(angle)]
+        if end - first >= _LOST and beside and min(beside) > jump > 0.0:
+            lost[first:end] = True
+    if not lost.any():
+        return time, angle, []
+    note = f"lost: {np.count_nonzero(lost)} readings of exactly 0 between others that are far from it, left out"
+    return time[~lost], angle[~lost], [note]
 
 
 def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:

@@ -10,6 +10,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
@@ -34,6 +35,8 @@ class Recording(Plotted):
         notes: one line for every setting that was inferred or given.
         release: time [s] of the cut at the release, on the clock of the uncut recording; None: not cut.
         zero: angle [rad] that was subtracted to put the equilibrium at 0; None: nothing was subtracted.
+        rate: array of angular velocities [rad/s] of a gyroscope, from which the angles were integrated, and which a fit
+            compares with the model; None if the angles were recorded.
 
     Raises RecordingError for arrays of different shapes, fewer than 3 points, values that are not finite, or
     times that do not increase.
@@ -45,6 +48,7 @@ class Recording(Plotted):
     notes: tuple[str, ...] = ()
     release: float | None = None
     zero: float | None = None
+    rate: FloatArray | None = None
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.time)} readings in {self.time[-1] - self.time[0]:.4g} s")
@@ -54,7 +58,7 @@ class Recording(Plotted):
             raise RecordingError(f"source must be text, got {shown(self.source)}")
         if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
             raise RecordingError(f"{self.source}: notes must be a tuple of texts, got {shown(self.notes)}")
-        for name in ("time", "angle"):
+        for name in ("time", "angle", *(() if self.rate is None else ("rate",))):
             values = numbers(getattr(self, name), f"{self.source}: {name}")
             values.setflags(write=False)
             object.__setattr__(self, name, values)
@@ -64,6 +68,9 @@ class Recording(Plotted):
         if self.time.ndim != 1 or self.time.shape != self.angle.shape:
             shapes = f"found shapes {self.time.shape} and {self.angle.shape}"
             raise RecordingError(f"{self.source}: expected time and angle of one length, {shapes}")
+        if self.rate is not None and (self.rate.shape != self.time.shape or not np.isfinite(self.rate).all()):
+            raise RecordingError(f"{self.source}: expected a finite rate for each of {len(self.time)} times, found "
+                                 f"shape {self.rate.shape}")
         if len(self.time) < 3:
             raise RecordingError(f"{self.source}: expected at least 3 points, found {len(self.time)}")
         if not (np.isfinite(self.time).all() and np.isfinite(self.angle).all()):
@@ -134,9 +141,38 @@ class Recording(Plotted):
         zero = None if zero is None else one_number(zero, "zero")
         file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit,
                                            part, run))
-        recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes))._kept(until, drop)
+        recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes), rate=file.rate)._kept(until, drop)
         recording = recording if release is None else recording.released(release)
         return recording if zero is None else recording.centred(zero * file.unit)
+
+    @property
+    def readings(self) -> FloatArray:
+        """What the sensor measured, which a fit compares with the model: the angle [rad], or its rate [rad/s]."""
+        return self.angle if self.rate is None else self.rate
+
+    @property
+    def unit(self) -> str:
+        """Unit of ``readings``: "rad" or "rad/s"."""
+        return "rad" if self.rate is None else "rad/s"
+
+    @cached_property
+    def reading_quantum(self) -> float:
+        """Smallest step between ``readings``, in their unit; 0 if they show none."""
+        return self.quantum if self.rate is None else quantum_level(self.rate)
+
+    @cached_property
+    def reading_noise(self) -> float:
+        """Standard deviation of one of the ``readings``, in their unit, its rounding included."""
+        return self.noise if self.rate is None else noise_level(self.time, self.rate)
+
+    def where(self, keep: NDArray[np.bool_], note: str, before: float = 0.0, **changes: float) -> Recording:
+        """Return the recording with only the readings in the mask ``keep``, and a further note.
+
+        ``before`` is the time [s] that becomes 0, and ``changes`` are other attributes.
+        """
+        rate = None if self.rate is None else self.rate[keep]
+        return replace(self, time=self.time[keep] - before, angle=self.angle[keep], rate=rate,
+                       notes=(*self.notes, note), **changes)  # type: ignore[arg-type]
 
     @cached_property
     def quantum(self) -> float:
@@ -213,11 +249,11 @@ class Recording(Plotted):
             end = f"the recording ends at {self.time[-1]:g} s"
             raise RecordingError(f"{self.source}: release must leave at least 3 points, {at:g} s leaves {left} ({end})")
         note = f"release: time zero at {at:g} s, {len(keep) - left} earlier points cut off{why}"
-        return replace(self, time=self.time[keep] - at, angle=self.angle[keep], notes=(*self.notes, note), release=at)
+        return self.where(keep, note, at, release=at)
 
     def _kept(self, until: float | None, drop: Sequence[float] | str | None) -> Recording:
         """Return the recording without readings after ``until`` [s] and without those between the times ``drop``."""
-        keep, notes = np.ones(len(self.time), dtype=np.bool_), list(self.notes)
+        keep, notes = np.ones(len(self.time), dtype=np.bool_), []
         if until is not None:
             keep &= self.time <= one_number(until, "until")
             notes.append(f"until: {np.count_nonzero(~keep)} readings after {until:g} s left out, as given")
@@ -226,11 +262,11 @@ class Recording(Plotted):
             lost = keep & (self.time >= first) & (self.time <= last)
             keep &= ~lost
             notes.append(f"drop: {np.count_nonzero(lost)} readings from {first:g} to {last:g} s left out, as given")
-        if keep.all() and len(notes) == len(self.notes):
+        if not notes:
             return self
         if np.count_nonzero(keep) < 3:
             raise RecordingError(f"{self.source}: until and drop must leave at least 3 readings of {len(keep)}")
-        return replace(self, time=self.time[keep], angle=self.angle[keep], notes=tuple(notes))
+        return self.where(keep, "; ".join(notes))
 
     def centred(self, zero: float | None = None) -> Recording:
         """Return the recording with its angle measured from the equilibrium.

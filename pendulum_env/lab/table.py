@@ -15,6 +15,8 @@ from pendulum_env.lab.checked import FloatArray, RecordingError
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
 _HEADER_LINES = 12
+_END = 20
+"""Largest number of lines at the end of a file that are left out as text after the readings."""
 _RUN = re.compile(r"(?<![a-z])(?:run|set|trial|lauf|messung)\s*[#:]?\s*(\d+)", re.IGNORECASE)
 """Number of a run in a column's title."""
 _MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf"}
@@ -194,12 +196,15 @@ class TextTable:
     def _cut_end(self) -> int:
         """Remove the lines after the last reading: text, and a last line that breaks off; return their number.
 
-        At most half of the lines may be removed, as text among readings is an error.
+        They begin with the first line without all numbers among the last 20 (_END), or the last tenth of a short file.
         """
         def whole(row: tuple[int, list[str]]) -> bool:
             return len(row[1]) >= min(self.width, 2) and None not in map(self.number, row[1])
 
-        keep = next((i + 1 for i in range(len(self.rows) - 1, -1, -1) if whole(self.rows[i])), 0)
+        least = len(self.rows) - min(_END, max(len(self.rows) // 10, 1))
+        keep = next((i for i in range(least, len(self.rows)) if not whole(self.rows[i])), len(self.rows))
+        if not keep:
+            return 0
         last = self.rows[keep - 1][1]
         keep -= self.width > 2 and len(last) < self.width and len(self.rows[keep - 2][1]) == self.width
         cut = len(self.rows) - keep

@@ -258,7 +258,7 @@ def test_lines_after_the_last_reading_are_left_out_and_others_refused(tmp_path: 
     found = Recording.read(path)
     assert len(found.time) == 50_000
     assert "end: 2 lines without all numbers left out after the last reading" in found.notes
-    path.write_text(f"{rows}oops\n50.0,1\n")
+    path.write_text(f"{rows}oops\n{''.join(f'{50 + i},1{chr(10)}' for i in range(20))}")
     with pytest.raises(RecordingError, match="line 50001: expected a time and an angle, found 'oops'"):
         Recording.read(path)
 

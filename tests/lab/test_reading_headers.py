@@ -3,6 +3,7 @@ refused."""
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,10 @@ def test_a_rate_of_change_is_no_angle(tmp_path: Path, name: str) -> None:
     sentence = re.escape(f"expected an angle, the header names {name!r}; column 1 (t) begins with")
     with pytest.raises(RecordingError, match=sentence):
         read(tmp_path, table(f"t,{name}\n", TIME, OTHER))
-    assert len(read(tmp_path, table(f"t,{name}\n", TIME, OTHER), columns=(1, 2)).time) == len(TIME)
+    with pytest.raises(RecordingError, match="is the name of an angular velocity; choose it by columns='time=1,rate=2'"):
+        read(tmp_path, table(f"t,{name}\n", TIME, OTHER), columns=(1, 2))
+    found = read(tmp_path, table(f"t,{name}\n", TIME, DEGREES), columns="time=1,angle=2", unit="deg")
+    np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)
 
 
 def test_a_slash_before_seconds_is_no_rate_of_change(tmp_path: Path) -> None:
@@ -83,8 +87,10 @@ def test_two_tracks_are_not_an_angle(tmp_path: Path) -> None:
 
 def test_axes_of_a_gyroscope_are_no_track(tmp_path: Path) -> None:
     axes = (f"Gyroscope {axis} (rad/s)" for axis in "xyz")
-    with pytest.raises(RecordingError, match=r"expected an angle, the header names 'Gyroscope x \(rad/s\)'"):
-        read(tmp_path, table(f"Time (s),{','.join(axes)}\n", TIME, OTHER, OTHER**2, OTHER))
+    found = read(tmp_path, table(f"Time (s),{','.join(axes)}\n", TIME, 0.01 * DEGREES, 0.1 * DEGREES, 0.0 * DEGREES))
+    assert found.rate is not None
+    np.testing.assert_allclose(np.abs(found.rate), math.sqrt(0.0101) * np.abs(DEGREES), atol=1e-3)
+    assert any(note.startswith("axis: the direction of the largest swing, 0.100 Gyro") for note in found.notes)
 
 
 @pytest.mark.parametrize("names", ["frame,x,y", "frame,angle (deg)", "sample,theta"])

@@ -45,7 +45,8 @@ def fit(
 ) -> Fit:
     """Fit the parameters of a scene to a recording, by least squares of the whole trajectory.
 
-    The model is ``angle_i = zero + scale theta(t_i)``. Fitted are the start, the sensor's zero, the parameters in
+    The model is ``angle_i = zero + scale theta(t_i)``, and for a gyroscope ``rate_i = zero + scale theta'(t_i)``, with
+    its bias as zero. Fitted are the start, the sensor's zero, the parameters in
     ``free``, and those of the dampings. With several models, the best by the Bayesian information criterion is
     returned, and its ``comparison`` lists all of them.
 
@@ -90,7 +91,7 @@ def fit(
     free_swing = recording.released()
     swing = _moving(free_swing)
     models = [_model(place, damping, swing, names) for damping in wanted]
-    sigma = max(swing.noise, 1e-12 * float(np.ptp(swing.angle)))
+    sigma = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings)))
     with telling_of(progress, "fit") as telling:
         solutions = solve_all(models, swing, sigma, telling)
     rest, measured = float(free_swing.time[-1] - swing.time[-1]), Measured.of(swing)
@@ -110,7 +111,7 @@ def fit(
 
 def _moving(swing: Recording) -> Recording:
     """Return a free swing without the equal readings of a bob at rest at its end, except for one period of them."""
-    changes = np.flatnonzero(swing.angle != swing.angle[-1])
+    changes = np.flatnonzero(swing.readings != swing.readings[-1])
     if not len(changes):
         return swing
     rest = float(swing.time[changes[-1]])
@@ -120,7 +121,7 @@ def _moving(swing: Recording) -> Recording:
     if keep.all():
         return swing
     note = f"rest: from {rest:.4g} s on the reading does not change, {np.count_nonzero(~keep)} readings left out"
-    return replace(swing, time=swing.time[keep], angle=swing.angle[keep], notes=(*swing.notes, note))
+    return swing.where(keep, note)
 
 
 def _checked(free: Sequence[str], place: Scene) -> tuple[str, ...]:
@@ -164,7 +165,7 @@ def _undetermined(place: Scene, damping: Names, free: Names) -> bool:
 def _model(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]) -> Model:
     """Return the model of a swing with the given dampings; RecordingError for too few readings to fit its parameters.
     """
-    model = Model.of(place, damping, swing.time, free, program(place, damping))
+    model = Model.of(place, damping, swing.time, free, program(place, damping), rate=swing.rate is not None)
     if len(swing.time) <= len(model.names):
         problem = f"{len(model.names)} parameters needs more readings than the {len(swing.time)} from the release on"
         raise RecordingError(f"{swing.source}: a fit of {problem}")

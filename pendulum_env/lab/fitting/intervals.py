@@ -130,7 +130,7 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | No
         nonlocal better
         start = fit.values + tangent * (other - value)
         start[at] = other
-        _, squares = refit(fit.model, fit.recording.angle, start, slopes, others)
+        _, squares = refit(fit.model, fit.recording.readings, start, slopes, others)
         better = better or squares < best - 0.01 * variance
         return math.sqrt(max(squares - best, 0.0) / variance) - wanted
 
@@ -224,7 +224,7 @@ def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool | None) 
     length = math.ceil(max(readings ** (1.0 / 3.0), LONG * fit.correlation_time))
     length = min(length, max(readings // 4, 1))
     grown = (residual - residual.mean()) * math.sqrt(readings / fit.degrees_of_freedom)
-    motion = fit.recording.angle - residual
+    motion = fit.recording.readings - residual
     starts, within = readings - length + 1, np.arange(length)
     refits: list[Array] = []
     with telling_of(progress, "bootstrap") as tell:

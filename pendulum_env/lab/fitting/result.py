@@ -112,7 +112,7 @@ class Fit(Plotted):
         It is at least that of a rounding error, quantum / sqrt(12), which neighbours that are rounded alike do not
         show.
         """
-        quantum = self.recording.quantum
+        quantum = self.recording.reading_quantum
         if not quantum:
             return reading_error(self.recording.time, self.residual)
         return math.hypot(noise_beside(self.recording.time, self.residual, quantum), quantum / math.sqrt(12.0))
@@ -120,7 +120,7 @@ class Fit(Plotted):
     @cached_property
     def rounded_alike(self) -> bool:
         """True if the readings scatter by less than half the sensor's step, so that neighbours are rounded alike."""
-        quantum = self.recording.quantum
+        quantum = self.recording.reading_quantum
         return noise_beside(self.recording.time, self.residual, quantum) < 0.5 * quantum
 
     @property
@@ -166,12 +166,12 @@ class Fit(Plotted):
     @cached_property
     def errors(self) -> Errors:
         """Covariance matrix of the parameters, its degrees of freedom, and the method of its calculation."""
-        return errors_of(self.solution, self.recording.angle, self.recording.quantum)
+        return errors_of(self.solution, self.recording.readings, self.recording.reading_quantum)
 
     @cached_property
     def grade(self) -> Grade:
         """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
-        swing = self.recording.angle - self.values[self.names.index(ZERO)]
+        swing = self.recording.readings - self.values[self.names.index(ZERO)]
         rms = math.sqrt(float(self.residual @ self.residual) / self.degrees_of_freedom)
         return graded([*self.faults, *of_lost(self.damping, self.solution.followed, self.recording.time, swing),
                        *of_misfit(self.damping, rms, self.noise, self.runs.z, self.rounded_alike)])

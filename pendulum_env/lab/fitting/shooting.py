@@ -314,7 +314,7 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        first = solve(model, swing.angle, weights, start, tell, pause=last if dry else 0)
+        first = solve(model, swing.readings, weights, start, tell, pause=last if dry else 0)
         solutions[i] = _settled(first, swing, weights)
         if leader is None and not solutions[i].lost:
             leader = solutions[i]
@@ -323,7 +323,7 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
             if set(simpler.damping) < set(models[i].damping) and _worse(solutions[i], solutions[j]):
                 start = HINT * sizes(models[i], solutions[i].values)
                 start = _with(start, models[i], solutions[j], simpler.names)
-                again = _settled(solve(models[i], swing.angle, weights, start), swing, weights)
+                again = _settled(solve(models[i], swing.readings, weights, start), swing, weights)
                 solutions[i] = again if _worse(solutions[i], again) else solutions[i]
     return [solutions[i] for i in range(len(models))]
 
@@ -336,9 +336,9 @@ def _settled(solution: FitSolution, swing: Recording, weights: Array) -> FitSolu
     """
     if solution.lost:
         return solution
-    values, squares = refit(solution.model, swing.angle, solution.values, solution.jacobian)
+    values, squares = refit(solution.model, swing.readings, solution.values, solution.jacobian)
     better = squares < float(solution.residual @ solution.residual) * (1.0 - WORSE)
-    return solution_at(solution.model, values, swing.angle, weights) if better else solution
+    return solution_at(solution.model, values, swing.readings, weights) if better else solution
 
 
 def _with(start: Array, model: Model, other: FitSolution, names: Sequence[str]) -> Array:

@@ -47,6 +47,7 @@ class Measured:
         period: period at small amplitude [s].
         angle, velocity: angle and velocity at the first reading [rad, rad/s].
         zero: reading of the sensor at the equilibrium [rad].
+        bias: reading of a gyroscope at rest [rad/s].
     """
 
     points: TurningPoints
@@ -54,6 +55,7 @@ class Measured:
     angle: float
     velocity: float
     zero: float
+    bias: float = 0.0
 
     @classmethod
     def of(cls, recording: Recording) -> Measured:
@@ -70,11 +72,12 @@ class Measured:
         if len(points.amplitude) < 3:
             raise RecordingError(f"{recording.source}: a fit needs 3 turning points, found {len(points.amplitude)}")
         small = small_period(swing, points)
-        return cls(points, small, *_beginning(swing, small), float(np.median(recording.angle - swing.angle)))
+        bias = 0.0 if swing.rate is None else float(np.mean(swing.rate - np.gradient(swing.angle, swing.time)))
+        return cls(points, small, *_beginning(swing, small), float(np.median(recording.angle - swing.angle)), bias)
 
     def start(self, model: Model) -> Array:
         """Return the starting values of a model's parameters for a fit, in the order of ``model.names``."""
-        given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: self.zero, SCALE: 1.0}
+        given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: self.bias if model.rate else self.zero, SCALE: 1.0}
         place = with_period(model.scene, model.free, self.period)
         known = place.parameters()
         given |= {name: float(known[name] or 0.0) for name in model.free if name not in given}
