@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,13 +50,13 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
     from pendulum_env.lab.recording import Recording
     from pendulum_env.lab.turning import turning_points
 
-    swing, zero = fit.recording, fit.parameters["zero"].value
+    swing = fit.recording
     period, end = math.tau / fit.scene.omega0, float(swing.time[-1])
     fine = np.linspace(0.0, end, int(min(end / period * POINTS, MOST)) + 2)
-    angle, velocity = (rows[0] for rows in replace(fit.model, time=fine).motion(fit.values))
-    seen, curve = np.degrees(swing.angle - zero), np.degrees(angle - zero)
+    angle, velocity = fit.motion(fine)
+    seen, curve = np.degrees(fit.swing), np.degrees(angle)
     few = min(FEW * period, end / 3.0)
-    turns = turning_points(Recording(swing.time, swing.angle - zero, swing.source))
+    turns = turning_points(Recording(swing.time, fit.swing, swing.source))
     still = min(float(turns.time[-1]) + 0.5 * period, end)
     spans = (0.0, few), (still - few, still)
     drawing = blank(SIZE, figure)
@@ -74,7 +73,7 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
         _residual(rest, fit)
         _envelope(drawing.add_subplot(grid[3, 0]), fit, turns, fine)
         _phase(drawing.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
-        rms = f"residual {math.degrees(fit.rms):.2g}° rms"
+        rms = f"residual {math.degrees(fit.rms):.2g}{_sign(fit)} rms"
         headline(drawing, f"{swing.source} · {fit.damping} damping · {rms} · {fit.grade.word}")
     return drawing
 
@@ -89,16 +88,21 @@ def _over_time(
     at.set(xlabel="time since the release [s]", ylabel="angle [degrees]", xlim=span)
 
 
+def _sign(fit: Fit) -> str:
+    """Return the sign of the unit of a fit's residuals: ° or °/s."""
+    return "°" if fit.recording.rate is None else "°/s"
+
+
 def _residual(at: Axes, fit: Fit) -> None:
     """Draw the residual of a fit over time [s], with the error of a reading shaded."""
     time, rest = fit.recording.time, np.degrees(fit.residual)
     at.axhspan(-math.degrees(fit.noise), math.degrees(fit.noise), color="#E6E6E6", zorder=1.0, linewidth=0.0,
-               label=f"± {math.degrees(fit.noise):.2g}°, the error of a reading")
+               label=f"± {math.degrees(fit.noise):.2g}{_sign(fit)}, the error of a reading")
     many = len(time) > CROWDED
     at.plot(time, rest, color=FAINT_INK, linewidth=0.0 if many else 0.5, zorder=2.0)
     at.plot(time, rest, markersize=0.9 if many else 1.8, zorder=2.5, **{**READING, "color": BEST})
     at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2)
-    at.set(xlabel="time since the release [s]", ylabel="recording \N{MINUS SIGN} model\n[degrees]",
+    at.set(xlabel="time since the release [s]", ylabel=f"recording \N{MINUS SIGN} model\n[{fit.degrees}]",
            xlim=(0.0, float(time[-1])))
 
 
@@ -113,14 +117,14 @@ def _envelope(at: Axes, fit: Fit, points: TurningPoints, fine: FloatArray) -> No
     words = {one.damping: f", {word}" for one, word in zip(models.fits, models.verdicts, strict=True)
              if one.damping != fit.damping and fit.grade.usable} if models else {}
     for i, one in enumerate((fit, *models.drawn[1:]) if models else (fit,)):
-        rows = replace(one.model, time=fine).motion(one.values)[0][0] - one.parameters["zero"].value
+        rows, _ = one.motion(fine)
         known = np.isfinite(rows)
         if np.count_nonzero(known) < 3:
             continue
         turns = turning_points(Recording(fine[known], rows[known], one.damping))
         colour, (dashes, width) = OTHERS[i % len(OTHERS) - 1] if i else BEST, LINES[i % len(LINES)]
         at.plot(turns.time, np.degrees(turns.amplitude), color=colour, linestyle=dashes, linewidth=width,
-                label=f"{one.damping} ({math.degrees(one.rms):.2g}° rms{words.get(one.damping, '')})",
+                label=f"{one.damping} ({math.degrees(one.rms):.2g}{_sign(one)} rms{words.get(one.damping, '')})",
                 zorder=2.5 + 0.05 * i)
     amplitudes(at)
     at.legend(loc="best", fontsize=9)

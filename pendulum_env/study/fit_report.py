@@ -53,7 +53,7 @@ def goodness(found: Fit) -> str:
 
     Without a comparison of models, which says it too, the grade of the fit comes last.
     """
-    runs, degrees = found.runs, math.degrees
+    runs, degrees, sign = found.runs, math.degrees, "°" if found.recording.rate is None else "°/s"
     order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
         "the signs change more often than in random order, as rounding can make them; a misfit makes them change less "
         "often" if runs.z > 0.0 else
@@ -61,9 +61,9 @@ def goodness(found: Fit) -> str:
         if found.rounded_alike and found.rms < EXCESS * found.noise else
         "the residual has a pattern, which this model does not explain")
     return "\n".join((
-        f"{found.damping} damping: residual {degrees(found.rms):.3g}° rms, the error of a reading is "
-        f"{degrees(found.noise):.2g}°; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of freedom, "
-        f"{_chance(found.p_value)}.",
+        f"{found.damping} damping: residual {degrees(found.rms):.3g}{sign} rms, the error of a reading is "
+        f"{degrees(found.noise):.2g}{sign}; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of "
+        f"freedom, {_chance(found.p_value)}.",
         f"Runs test of the signs of the residual: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
         found.how,
         *(() if found.comparison is not None else (found.grade.text,)),
@@ -121,8 +121,8 @@ def write(
 
     ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
     swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
-    with error and correlations, ``residuals.csv`` time [s], recorded angle, model and residual [rad]; ``scene.json`` is
-    a scene for ``gym.make("LabPendulum-v0", scene=...)``. Other files in the folder stay unchanged.
+    with error and correlations, ``residuals.csv`` time [s], reading, model and residual [rad, or rad/s of a gyroscope];
+    ``scene.json`` is a scene for ``gym.make("LabPendulum-v0", scene=...)``. Other files in the folder stay unchanged.
 
     Raises OutputError where the folder cannot be written.
     """
@@ -143,8 +143,9 @@ def write(
         (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
         for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
     swing = found.recording
-    write_csv(paths[3], ("time_s", "recorded_rad", "model_rad", "residual_rad"),
-              _rows(swing.time, swing.angle, swing.angle - found.residual, found.residual), origin)
+    unit = swing.unit.replace("/", "_per_")
+    write_csv(paths[3], ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))),
+              _rows(swing.time, swing.readings, swing.readings - found.residual, found.residual), origin)
     if models is not None:
         paths.append(place / "models.csv")
         _table(paths[-1], models.table, origin)

@@ -170,7 +170,9 @@ def of_lost(damping: str, followed: float, time: Array, swing: Array) -> list[Fa
                   f"{size:.2g} degrees of the equilibrium", False)]
 
 
-def of_misfit(damping: str, rms: float, noise: float, z: float, alike: bool) -> list[Fault]:
+def of_misfit(
+    damping: str, rms: float, noise: float, z: float, alike: bool, unit: str = "degrees"
+) -> list[Fault]:
     """Return a list with the misfit of a model, if its residuals exceed the error of a reading.
 
     They exceed it clearly by a factor of 2 (EXCESS). By less, they must have a pattern too, and a misfit of half an
@@ -182,12 +184,13 @@ def of_misfit(damping: str, rms: float, noise: float, z: float, alike: bool) -> 
         noise: error of a reading [rad].
         z: result of the runs test; below 0 for too few runs.
         alike: True if neighbouring readings are rounded alike, which makes a pattern without a misfit.
+        unit: unit of the message, "degrees" or "degrees/s" for rms and noise in rad/s.
     """
     pattern = z < -PATTERN and not alike and rms > noise * math.hypot(1.0, BESIDE)
     if rms < EXCESS * noise and not pattern:
         return []
     return [Fault(f"the model {damping} does not fit to within the noise: its rms residual is {math.degrees(rms):.3g} "
-                  f"degrees, the error of a reading {math.degrees(noise):.2g} (runs test: z = {z:.3g})", False)]
+                  f"{unit}, the error of a reading {math.degrees(noise):.2g} (runs test: z = {z:.3g})", False)]
 
 
 def graded(faults: Sequence[Fault]) -> Grade:

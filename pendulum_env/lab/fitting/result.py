@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -69,6 +69,30 @@ class Fit(Plotted):
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.recording.source}, {self.damping} damping, rms {self.rms:.2g} rad")
+
+    @property
+    def degrees(self) -> str:
+        """Unit of residuals in texts and figures: "degrees", or "degrees/s" for a gyroscope."""
+        return "degrees" if self.recording.rate is None else "degrees/s"
+
+    @property
+    def swing(self) -> Array:
+        """The recorded angle about the equilibrium [rad]; for a gyroscope, the integral of its readings."""
+        zero = self.values[self.names.index(ZERO)] if self.recording.rate is None else 0.0
+        return np.asarray(self.recording.angle - zero)
+
+    def motion(self, time: Array) -> tuple[Array, Array]:
+        """Return the angle about the equilibrium [rad], as the sensor shows it, and the velocity [rad/s] of the model.
+
+        ``time`` are times since the release [s].
+        """
+        values = np.where([name == ZERO for name in self.names], 0.0, self.values)
+        angle, velocity = replace(self.model, time=time, rate=False).motion(values)
+        return angle[0], velocity[0]
+
+    def _unit(self, name: str) -> str:
+        """Return the unit of a fitted parameter."""
+        return self.recording.unit if name == ZERO else unit_of(self.model.scene, name)
 
     @property
     def model(self) -> Model:
@@ -171,10 +195,9 @@ class Fit(Plotted):
     @cached_property
     def grade(self) -> Grade:
         """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
-        swing = self.recording.readings - self.values[self.names.index(ZERO)]
         rms = math.sqrt(float(self.residual @ self.residual) / self.degrees_of_freedom)
-        return graded([*self.faults, *of_lost(self.damping, self.solution.followed, self.recording.time, swing),
-                       *of_misfit(self.damping, rms, self.noise, self.runs.z, self.rounded_alike)])
+        return graded([*self.faults, *of_lost(self.damping, self.solution.followed, self.recording.time, self.swing),
+                       *of_misfit(self.damping, rms, self.noise, self.runs.z, self.rounded_alike, self.degrees)])
 
     @property
     def how(self) -> str:
@@ -251,7 +274,7 @@ class Fit(Plotted):
     def parameters(self) -> dict[str, Measurement]:
         """Fitted parameters by name, with their standard errors and units."""
         errors = np.sqrt(np.diag(self.covariance))
-        return {name: Measurement(float(value), float(error), unit_of(self.model.scene, name))
+        return {name: Measurement(float(value), float(error), self._unit(name))
                 for name, value, error in zip(self.names, self.values, errors, strict=True)}
 
     @cached_property
@@ -400,7 +423,7 @@ class FitComparison:
         if self.unlikely:
             sentences.append(f"Unlikely: {_listed(self.unlikely)}.")
         if self.ruled_out:
-            out = [f"{name} ({math.degrees(self[name].rms):.3g} degrees"
+            out = [f"{name} ({math.degrees(self[name].rms):.3g} {self[name].degrees}"
                    + (", does not follow the swings)" if not self[name].grade.usable else ")")
                    for name in self.ruled_out]
             sentences.append(f"Ruled out: {_listed(out)}.")
@@ -419,7 +442,9 @@ class FitComparison:
 
         If not even the best fit is usable, the table has no verdicts.
         """
-        head = ("model", "parameters", "rms [deg]", "largest [deg]", "envelope [deg]", "delta BIC", "runs z", "verdict")
+        unit = "deg" if self.best.recording.rate is None else "deg/s"
+        head = ("model", "parameters", f"rms [{unit}]", f"largest [{unit}]", "envelope [deg]", "delta BIC", "runs z",
+                "verdict")
         rows = []
         for one, delta, verdict in zip(self.fits, self.delta_bic, self.verdicts, strict=True):
             largest = float(np.max(np.abs(one.residual)))
@@ -451,14 +476,18 @@ def envelope_misfit(fit: Fit) -> float:
     """Return the largest difference between recording and model at a turning point [rad].
 
     The residual is averaged over a sixth of the half swing about every turning point of the recording, which reduces
-    the noise.
+    the noise. For a gyroscope it is the largest difference at the passages, a quarter of a period later, divided by
+    omega0.
     """
     points = turning_points(fit.recording)
     if len(points.time) < 2:
         return float(np.max(np.abs(fit.residual)))
     reach = float(np.median(np.diff(points.time))) / 12.0
-    ends = np.searchsorted(fit.recording.time, [points.time - reach, points.time + reach])
-    means = [abs(float(np.mean(fit.residual[first:last]))) for first, last in ends.T if last > first]
+    at, unit = points.time, 1.0
+    if fit.recording.rate is not None:
+        at, unit = at + 6.0 * reach, 1.0 / fit.scene.omega0
+    ends = np.searchsorted(fit.recording.time, [at - reach, at + reach])
+    means = [unit * abs(float(np.mean(fit.residual[first:last]))) for first, last in ends.T if last > first]
     return max(means, default=0.0)
 
 
@@ -499,7 +528,7 @@ def _called(damping: str) -> str:
 
 def _rms(fit: Fit) -> str:
     """Return the words "with an rms residual of ... degrees" for a fit."""
-    return f"with an rms residual of {math.degrees(fit.rms):.3g} degrees"
+    return f"with an rms residual of {math.degrees(fit.rms):.3g} {fit.degrees}"
 
 
 def _listed(words: Sequence[str]) -> str:
