@@ -21,6 +21,7 @@ from pendulum_env.cli.effects import effects
 from pendulum_env.cli.exercise import exercise
 from pendulum_env.cli.fit import fit
 from pendulum_env.cli.list import list_
+from pendulum_env.cli.measure import measure
 from pendulum_env.cli.record import record
 from pendulum_env.cli.section import section
 from pendulum_env.cli.show import show
@@ -30,8 +31,9 @@ from pendulum_env.cli.web import web
 NAME = "lab-pendulum"
 """Name of the program."""
 COMMANDS: dict[str, Callable[..., None]] = {
-    "compare": compare, "cost": cost, "demo": demo, "auto": auto, "fit": fit, "exercise": exercise, "show": show,
-    "stress": stress, "effects": effects, "section": section, "code": code, "web": web, "record": record, "list": list_,
+    "compare": compare, "cost": cost, "demo": demo, "auto": auto, "fit": fit, "measure": measure,
+    "exercise": exercise, "show": show, "stress": stress, "effects": effects, "section": section, "code": code,
+    "web": web, "record": record, "list": list_,
 }
 """Every command by its name, in the order of the help. A command imports the code that it runs only when it is run."""
 

@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.lab.cycles import Cycles, corrected_periods
+from pendulum_env.lab.gates import GateSheet, measure_gate
 from pendulum_env.lab.losses import Losses, losses
 from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period, small_amplitude_period
 from pendulum_env.lab.noise import noise_level, quantum_level, scatter_level
@@ -24,6 +25,7 @@ __all__ = [
     "Circle",
     "Cycles",
     "Fit",
+    "GateSheet",
     "LabSheet",
     "Losses",
     "Measurement",
@@ -38,6 +40,7 @@ __all__ = [
     "fit_circle",
     "losses",
     "measure",
+    "measure_gate",
     "noise_level",
     "period",
     "quantum_level",

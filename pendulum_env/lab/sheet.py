@@ -156,6 +156,28 @@ class LabSheet(Plotted):
         return Table(("quantity", "value", "how"), tuple(rows))
 
     @property
+    def numbers(self) -> Table:
+        """Table of the lab sheet for further calculation: quantity, value, standard error and unit in columns."""
+        from pendulum_env.common.tables import Table
+
+        size, error = np.degrees(self.points.amplitude), np.degrees(self.points.error)
+        rows = [("first amplitude", size[0], error[0], "deg"), ("last amplitude", size[-1], error[-1], "deg"),
+                *((name, one.value, one.error, one.unit) for name, one in (
+                    ("period T", self.period), ("period at small amplitude T0", self.small_period),
+                    ("omega0", self.omega0), ("length of a point pendulum", self.length),
+                    (f"gamma, {min(READ, len(size))} readings", self.short_decay), ("gamma, all", self.decay),
+                    ("quality factor", self.quality)))]
+        if self.losses is not None:
+            rows += [(f"{law} part of the loss", 100.0 * part.value, 100.0 * part.error, "%")
+                     for law, part in self.losses.shares.items()]
+        if self.reynolds is not None:
+            rows += [(f"{which} Reynolds number", one, math.nan, "1")
+                     for which, one in zip(("first", "last"), self.reynolds, strict=True)]
+        return Table(("quantity", "value", "error", "unit"),
+                     tuple((name, *("" if not math.isfinite(x) else f"{x:.9g}" for x in pair), unit)
+                           for name, *pair, unit in rows))
+
+    @property
     def text(self) -> str:
         """Summary of the lab sheet, the quantities measured on a free swing, in a few sentences."""
         lines = [

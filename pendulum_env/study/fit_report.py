@@ -134,7 +134,7 @@ def write(
     tell, place, origin = told_by(progress), output_folder(folder), facts(found)
     paths = [place / name for name in ("measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv")]
     points = sheet.points
-    _table(paths[0], sheet.table, origin)
+    _table(paths[0], sheet.numbers, origin)
     write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
               _rows(points.time, points.amplitude, points.error), origin)
     models = found.comparison

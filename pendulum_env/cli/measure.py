@@ -1,0 +1,60 @@
+"""The command ``lab-pendulum measure``, which measures a recording without a fit, and the files of photogates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pendulum_env.cli.console import print_files, print_table, print_text
+from pendulum_env.cli.options import Out, Reading, recording_of
+
+
+def measure(
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="Recording of a swing, or states, passages or periods of a photogate; by default a "
+                            "simulated recording."),
+    ] = None,
+    length: Annotated[float | None, typer.Option(help="Measured distance from pivot to bob's centre, in m.")] = None,
+    length_error: Annotated[float | None, typer.Option(help="Error of the measured length, in m.")] = None,
+    gravity: Annotated[float | None, typer.Option(help="Gravity in m/s²; by default 9.81.")] = None,
+    radius: Annotated[float | None, typer.Option(help="Radius of the bob in m, for the Reynolds number.")] = None,
+    oscillations: Annotated[
+        int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
+    ] = None,
+    out: Out = Path("out/measure"),
+    read: Reading = None,
+) -> None:
+    """Measure a free swing: period, amplitudes, decay, length and Reynolds number, with errors.
+
+    Files of photogates give the period, the period at small amplitude, the length and, with --length, gravity.
+    measured.csv has value, error and unit of each quantity.
+    """
+    from pendulum_env.common.provenance import output_folder, provenance, write_csv
+    from pendulum_env.lab.gates import is_gate, measure_gate
+    from pendulum_env.lab.sheet import measure as run
+    from pendulum_env.lab.simulated import FILE
+    from pendulum_env.physics.units import SceneError
+
+    if length_error is not None and length is None:
+        raise SceneError("--length-error needs --length; give the measured length.")
+    given: dict[str, Any] = {name: value for name, value in (("length", length), ("gravity", gravity))
+                             if value is not None}
+    if file is not None and not read and is_gate(file):
+        gate = measure_gate(file, length_error=length_error or 0.0, **given)
+        print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
+        print_text(gate.text)
+        path = output_folder(out) / "measured.csv"
+        write_csv(path, gate.table.head, gate.table.rows, provenance())
+    else:
+        data = recording_of(FILE if file is None else file, read)
+        print_text(data.text)
+        given |= {} if radius is None else {"radius": radius}
+        sheet = run(data, n=oscillations, **given)
+        print_table(sheet.table, "the lab sheet")
+        print_text(sheet.text)
+        path = output_folder(out) / "measured.csv"
+        write_csv(path, sheet.numbers.head, sheet.numbers.rows, provenance(notes=list(data.notes)))
+    print_files([path])

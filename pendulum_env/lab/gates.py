@@ -1,0 +1,252 @@
+"""Photogates: the small-amplitude period, and g or the length, from gate states, passages or periods."""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pendulum_env.common.shown import Displayed, one_line
+from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
+from pendulum_env.lab.columns import described
+from pendulum_env.lab.containers import text_of
+from pendulum_env.lab.fitting.statistics import correlation_time
+from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.table import TextTable
+from pendulum_env.physics import exact
+from pendulum_env.physics.units import SceneError, file_path
+
+if TYPE_CHECKING:
+    from pendulum_env.common.tables import Table
+
+FEWEST = 4
+"""Fewest periods from which the decay of the amplitude can be found."""
+GRAVITY = 9.81
+"""Gravity [m/s²] unless it is given."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GateSheet(Displayed):
+    """Periods measured with a photogate, and what follows from them; :func:`measure_gate` returns it.
+
+    Attributes:
+        source: name of the file or other source.
+        periods: period of each cycle [s]; cycles may overlap by half.
+        amplitudes: amplitude of each cycle [rad], given or from the decay of the periods; nan where unknown.
+        period: mean period [s].
+        small_period: period at small amplitude [s].
+        length: length of the point pendulum with this period [m], with the given gravity.
+        gravity: gravity [m/s²] at the given length; None if no length was given.
+        how: sentences on how the periods and the amplitudes were found.
+    """
+
+    source: str
+    periods: FloatArray
+    amplitudes: FloatArray
+    period: Measurement
+    small_period: Measurement
+    length: Measurement
+    gravity: Measurement | None
+    how: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.source}, {len(self.periods)} periods, T0 = {self.small_period}")
+
+    @property
+    def table(self) -> Table:
+        """Table of the sheet: one row per quantity, with value, standard error and unit."""
+        from pendulum_env.common.tables import Table
+
+        rows = [("mean period T", self.period), ("small-amplitude period T0", self.small_period),
+                ("length, from T0 and g", self.length)]
+        rows += [("g, from T0 and the length", self.gravity)] if self.gravity is not None else []
+        return Table(("quantity", "value", "error", "unit"),
+                     tuple((name, f"{one.value:.7g}", f"{one.error:.2g}", one.unit) for name, one in rows))
+
+    @property
+    def text(self) -> str:
+        """The sheet's sentences on how the periods and the amplitudes were found, one per line."""
+        return "\n".join(self.how)
+
+
+def measure_gate(
+    path: str | os.PathLike[str], *, gravity: float = GRAVITY, length: float | None = None, length_error: float = 0.0
+) -> GateSheet:
+    """Measure the period of a pendulum from the file of a photogate at the bottom of its swing.
+
+    ``T = T0 / agm(1, cos(A/2))`` is the period at the amplitude A (Carvalhaes & Suppes 2008, Am. J. Phys. 76, 1150),
+    and ``T0 = 2 pi sqrt(L/g)``. T0 is fitted by least squares to all periods. Their amplitudes are those of the file,
+    else proportional to 1/(time in the beam), else exponential in time, if the periods show it; otherwise T0 is the
+    mean period.
+
+    Args:
+        path: a text file of one of four kinds: times and gate states (1: blocked); times of passages, one per line;
+            periods, one per line; or amplitudes [degrees, or rad by its title] and periods.
+        gravity: gravity [m/s²], for the length.
+        length, length_error: measured length and its error [m], for the gravity.
+
+    Raises RecordingError for another file, for less than two periods, and for invalid numbers.
+    """
+    try:
+        name = str(file_path(path, "path"))
+    except SceneError as error:
+        raise RecordingError(str(error)) from None
+    text, notes = text_of(name)
+    table = TextTable(name, text)
+    titles = [" ".join(title).lower() for title in table.titles]
+    places = tuple(range(min(table.width, 2)))
+    values, _ = table.values(places, "numbers")
+    values = values[np.isfinite(values).all(axis=1)]
+    if table.width == 1:
+        sheet = _of_list(name, values[:, 0], " ".join(table.header).lower())
+    elif any(word in title for word in ("state", "gate", "block") for title in titles) or set(values[:, 1]) == {0, 1}:
+        sheet = _of_states(name, *values.T)
+    elif any("period" in title for title in titles):
+        at = next(i for i, title in enumerate(titles) if "period" in title)
+        degrees = "rad" not in titles[1 - at]
+        sizes = np.radians(values[:, 1 - at]) if degrees else values[:, 1 - at]
+        how = f"Amplitudes are those of the file, in {'degrees' if degrees else 'rad'}."
+        sheet = _decaying(name, values[:, at], np.arange(float(len(values))), sizes, (how,), given=True)
+    else:
+        raise RecordingError(f"{name}: expected gate states, passages or periods of a photogate; "
+                             f"{described(table, titles)}")
+    return _with_size(replace(sheet, source=Path(name).name, how=(*notes, *sheet.how)), gravity, length, length_error)
+
+
+def is_gate(path: str | os.PathLike[str]) -> bool:
+    """Return True if the titles of a file, or its single column without a rate, show that a photogate wrote it."""
+    try:
+        table = TextTable(str(path), text_of(str(path))[0])
+    except RecordingError:
+        return False
+    titles = " ".join(" ".join(title) for title in table.titles).lower()
+    if table.width == 1:
+        return table.rate is None and "angle" not in " ".join(table.header).lower()
+    words = "gatestate" in titles.replace(" ", "") or ("period" in titles and "amplitude" in titles)
+    return words and "angle" not in titles and "winkel" not in titles
+
+
+def _of_list(name: str, values: FloatArray, header: str) -> GateSheet:
+    """Return the sheet of a list of passages, which increase, or of periods, which do not."""
+    spread = np.diff(values)
+    if "period" not in header and len(values) > 2 and (spread > 0.0).all() and values[-1] > 3.0 * abs(values[0]):
+        return _of_passages(name, values, None)
+    half = "half" in header
+    periods = 2.0 * values if half else values
+    times = np.concatenate([[0.0], np.cumsum(periods[:-1])]) + 0.5 * periods
+    return _decaying(name, periods, times, None, ("Each line is the time of half a swing." if half else
+                                                  "Each line is one period.",))
+
+
+def _of_states(name: str, time: FloatArray, state: FloatArray) -> GateSheet:
+    """Return the sheet of times at which the beam is blocked (1) and free again (0)."""
+    blocked = state > 0.5
+    starts = np.flatnonzero(blocked[:-1] & ~blocked[1:])
+    middles, spans = 0.5 * (time[starts] + time[starts + 1]), time[starts + 1] - time[starts]
+    first = np.flatnonzero(~blocked[:-1] & blocked[1:]) + 1
+    if len(first) != len(starts) or not (first == starts).all():  # a row for each reading, not for each change
+        begins = np.array([time[max(first[first <= end], default=end)] for end in starts])
+        middles, spans = 0.5 * (begins + time[starts]), time[starts] - begins
+    return _of_passages(name, middles, spans)
+
+
+def _of_passages(name: str, times: FloatArray, spans: FloatArray | None) -> GateSheet:
+    """Return the sheet of successive passages through a gate near the bottom, two in each period.
+
+    A gate beside the bottom makes the two halves of a period unequal, so that only whole periods are taken.
+    """
+    if len(times) < 5:
+        raise RecordingError(f"{name}: expected at least 5 passages of the gate, found {len(times)}")
+    periods, middle = times[2:] - times[:-2], times[1:-1]
+    usual = float(np.median(periods))
+    whole = np.abs(periods / usual - 1.0) < 0.2
+    relative = None if spans is None or not (spans > 0.0).all() else np.median(spans) / spans[1:-1][whole]
+    lost = np.count_nonzero(~whole)
+    how = ["Each period lasts from one passage to the next but one."]
+    how += [f"{lost} periods left out, as passages are missing or double."] if lost else []
+    return _decaying(name, periods[whole], middle[whole], relative, tuple(how))
+
+
+def _decaying(
+    name: str, periods: FloatArray, times: FloatArray, relative: FloatArray | None, how: tuple[str, ...],
+    given: bool = False,
+) -> GateSheet:
+    """Return the sheet of periods whose amplitudes A are unknown, or sin(A/2) but for a factor (``relative``).
+
+    With ``given``, ``relative`` are amplitudes at the release, which are a little larger than those of the whole cycle,
+    by a factor that is fitted.
+    """
+    from scipy.optimize import least_squares
+
+    if len(periods) < 2:
+        raise RecordingError(f"{name}: expected at least 2 periods, found {len(periods)}")
+    if given:
+        flat = _fitted(name, periods, np.asarray(relative), how)
+    else:
+        unknown = (*how, "The periods show no amplitude: T0 is their mean.")
+        flat = _fitted(name, periods, np.zeros(len(periods)), unknown)
+    if len(periods) < FEWEST:
+        return flat
+    since = (times - times[0]) / max(float(times[-1] - times[0]), 1e-300)
+
+    def sizes(x: FloatArray) -> FloatArray:
+        if relative is None:
+            return np.asarray(np.clip(x[1] * np.exp(-x[2] * since), 0.0, 3.0))
+        return np.asarray(np.clip(x[1] * relative, 0.0, 3.0) if given else
+                          2.0 * np.arcsin(np.clip(0.5 * x[1] * relative, 0.0, 0.999)))
+
+    def miss(x: FloatArray) -> FloatArray:
+        return np.asarray(exact.period(sizes(x), math.tau / x[0]) - periods) / float(np.mean(periods))
+
+    start = [float(periods.min()), 0.4, *([1.0] if relative is None else [])]
+    bounds = ([0.5 * start[0], 1e-3, 0.0][: len(start)], [1.5 * start[0], 2.9, 50.0][: len(start)])
+    found = least_squares(miss, start, bounds=bounds, x_scale=[0.01 * start[0], 0.1, 1.0][: len(start)])
+    count, own = len(periods), float(np.sum(found.fun**2))
+    rest = float(np.sum((periods / periods.mean() - 1.0) ** 2))
+    # Bayesian information criterion: the amplitude must explain more than its one or two parameters (Schwarz 1978).
+    if not count * math.log(max(rest, 1e-300) / max(own, 1e-300)) > (len(start) - 1) * math.log(count) + 6.0:
+        return flat
+    slopes = np.asarray(found.jac)
+    covariance = np.linalg.pinv(slopes.T @ slopes) * own / max(count - len(start), 1) * max(
+        correlation_time(np.asarray(found.fun)), 1.0)
+    what = "exponential in time" if relative is None else "in proportion to the speed in the beam"
+    first, last = (math.degrees(sizes(found.x)[i]) for i in (0, -1))
+    size = f"The amplitude falls from {first:.3g} to {last:.3g} degrees, {what}, as the periods show."
+    if given:
+        size = f"The mean amplitudes of the cycles are {found.x[1]:.3g} times these, as the periods show."
+    small = Measurement(float(found.x[0]), math.sqrt(float(covariance[0, 0])), "s")
+    return replace(flat, amplitudes=sizes(found.x), small_period=small, how=(*how, size))
+
+
+def _fitted(name: str, periods: FloatArray, sizes: FloatArray, how: tuple[str, ...]) -> GateSheet:
+    """Return the sheet of periods with known amplitudes; T0 is the mean of the periods corrected for them."""
+    if len(periods) < 2:
+        raise RecordingError(f"{name}: expected at least 2 periods, found {len(periods)}")
+    if not ((periods > 0.0).all() and (sizes >= 0.0).all() and (sizes < math.pi).all()):
+        raise RecordingError(f"{name}: periods must be above 0 s, and amplitudes from 0 to below 180 degrees")
+    count = len(periods)
+    small = periods / np.asarray(exact.period(sizes, math.tau))
+    mean, error = float(np.mean(periods)), float(np.std(periods, ddof=1)) / math.sqrt(count)
+    value, own = float(np.mean(small)), float(np.std(small, ddof=1)) / math.sqrt(count)
+    unknown = Measurement(math.nan, math.nan, "m")
+    return GateSheet(name, numbers(periods, "periods"), sizes, Measurement(mean, error, "s"),
+                     Measurement(value, own, "s"), unknown, None, how)
+
+
+def _with_size(sheet: GateSheet, gravity: float, length: float | None, length_error: float) -> GateSheet:
+    """Return a sheet with the length that follows from T0 and gravity, and gravity from T0 and a given length."""
+    gravity = one_number(gravity, "gravity", above=0.0, unit="m/s^2")
+    own = one_number(length_error, "length_error", least=0.0, unit="m")
+    small, error = sheet.small_period.value, sheet.small_period.error
+    reach = gravity * (small / math.tau) ** 2
+    value = None
+    if length is not None:
+        known = one_number(length, "length", above=0.0, unit="m")
+        result = known * (math.tau / small) ** 2
+        value = Measurement(result, result * math.hypot(2.0 * error / small, own / known), "m/s^2")
+    return replace(sheet, length=Measurement(reach, 2.0 * reach * error / small, "m"), gravity=value)
+

@@ -1,0 +1,175 @@
+"""Files of recordings in the formats that students have, from a writer that does not know the readers: read right."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from bench_files import BENCH_FILES, BenchFile
+
+import pendulum_env
+from pendulum_env.lab import Recording, RecordingError, fit, measure_gate
+
+FORMATS = {one.name: one for one in BENCH_FILES}
+UNREAD = {
+    "phyphox acceleration": "expected an angle, the header names 'Acceleration x (m/s^2)'",
+    "acceleration along the string": "expected an angle, the header names 'Acceleration y (m/s^2)'",
+}
+"""Formats without a reader -> how they are refused."""
+GATES = ("gate", "periods")
+SWINGS = [name for name, one in FORMATS.items() if one.kind not in GATES and name not in UNREAD]
+README = Path(pendulum_env.__file__).parent / "lab" / "README.md"
+
+
+def written(name: str, folder: Path, seed: int = 5) -> tuple[Path, dict[str, float]]:
+    """Write a file of a format, drawn by a seed and the format's name, and return its path and its truth."""
+    one: BenchFile = FORMATS[name]
+    path = folder / one.suffix
+    return path, one.write(path, np.random.default_rng([seed, zlib.crc32(name.encode())]))
+
+
+@pytest.mark.filterwarnings("ignore:The fit is", "ignore:The fitted gamma holds")
+@pytest.mark.parametrize("name", SWINGS)
+@pytest.mark.parametrize("seed", [5, pytest.param(6, marks=pytest.mark.slow), pytest.param(7, marks=pytest.mark.slow)])
+def test_a_swing_is_read_and_fitted(name: str, seed: int, tmp_path: Path) -> None:
+    """Length to 0.5 %, amplitude at the release to 5 %."""
+    path, truth = written(name, tmp_path, seed)
+    found = fit(Recording.read(path), "linear", mass=1.0).parameters
+    assert found["length"].value == pytest.approx(truth["length"], rel=5e-3)
+    assert abs(found["angle"].value) == pytest.approx(truth["amplitude"], rel=0.05)
+
+
+@pytest.mark.parametrize("name", [name for name, one in FORMATS.items() if one.kind in GATES])
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_a_photogate_gives_the_period_at_small_amplitude(name: str, seed: int, tmp_path: Path) -> None:
+    path, truth = written(name, tmp_path, seed)
+    sheet = measure_gate(path, length=truth["length"], length_error=1e-3)
+    assert sheet.small_period.value == pytest.approx(truth["period"], rel=1.5e-3)
+    assert sheet.length.value == pytest.approx(truth["length"], rel=3e-3)
+    assert sheet.gravity is not None
+    assert sheet.gravity.value == pytest.approx(9.81, rel=3e-3)
+    assert sheet.period.value > sheet.small_period.value
+    assert [row[3] for row in sheet.table.rows] == ["s", "s", "m", "m/s^2"]
+
+
+@pytest.mark.parametrize("name", UNREAD)
+def test_a_format_without_a_reader_is_refused_with_its_columns(name: str, tmp_path: Path) -> None:
+    path, _ = written(name, tmp_path)
+    with pytest.raises(RecordingError, match=re.escape(UNREAD[name])) as refused:
+        Recording.read(path)
+    assert "begins with" in str(refused.value)
+    assert "choose by columns='time=1,angle=2'" in str(refused.value)
+
+
+def test_the_table_of_formats_has_a_row_for_each() -> None:
+    rows = re.findall(r"^\| (\d+) \| ([^|]+?) \|", README.read_text(encoding="utf-8"), re.MULTILINE)
+    assert rows == [(str(i), name) for i, name in enumerate(FORMATS, 1)]
+
+
+# --- what a reader says, and what a person chooses -------------------------------------------------------------------
+
+
+def test_a_gyroscope_is_fitted_by_its_own_readings(tmp_path: Path) -> None:
+    """The bias is a fitted number, and residuals are angular velocities."""
+    path, truth = written("phyphox gyroscope csv", tmp_path)
+    recording = Recording.read(path)
+    assert recording.rate is not None
+    found = fit(recording, "linear", mass=1.0)
+    assert found.parameters["zero"].unit == "rad/s"
+    assert abs(found.parameters["zero"].value) == pytest.approx(abs(truth["zero"]), abs=3e-3)  # other axes add
+    assert found.degrees == "degrees/s"
+    assert found.rms < 1e-2
+    np.testing.assert_allclose(found.residual + found.model.angles(found.values)[0], found.recording.rate, atol=1e-12)
+    error = found.parameters["length"]
+    assert abs(error.value - truth["length"]) < 5.0 * error.error + 1e-4 * truth["length"]
+
+
+def test_a_run_is_chosen_and_the_others_are_named(tmp_path: Path) -> None:
+    path, _ = written("two runs", tmp_path)
+    first, second = Recording.read(path), Recording.read(path, run=2)
+    assert any(note.startswith("run: 1 of 1, 2, the first") for note in first.notes)
+    assert any(note.startswith("run: 2 of 1, 2, as given") for note in second.notes)
+    assert len(first.time) != len(second.time)
+    with pytest.raises(RecordingError, match="there is no run 3; there are 1, 2"):
+        Recording.read(path, run=3)
+
+
+CHOSEN: list[tuple[Any, str]] = [
+    ("time=2,angle=4", ""), ("angle=4", "columns must include the time"),
+    ("time=2,speed=4", "must name time and angle, rate or x and y"), ((2, 4), ""),
+]
+
+
+@pytest.mark.parametrize(("columns", "problem"), CHOSEN)
+def test_columns_are_chosen_by_kind(columns: Any, problem: str, tmp_path: Path) -> None:
+    path, _ = written("counter first", tmp_path)
+    if problem:
+        with pytest.raises(RecordingError, match=problem):
+            Recording.read(path, columns=columns)
+    else:
+        np.testing.assert_array_equal(Recording.read(path, columns=columns).angle, Recording.read(path).angle)
+
+
+def test_readings_are_left_out_on_request(tmp_path: Path) -> None:
+    path, _ = written("rotary sensor", tmp_path)
+    whole, part = Recording.read(path), Recording.read(path, until=20.0, drop="12.5:13.1")
+    assert part.time[-1] <= 20.0 < whole.time[-1]
+    assert not np.any((part.time >= 12.5) & (part.time <= 13.1))
+    assert any("after 20 s left out, as given; drop: " in note for note in part.notes)
+    for wrong in ("13:12", "x", (1.0,), 3.0):
+        with pytest.raises(RecordingError, match="drop must be two times"):
+            Recording.read(path, drop=wrong)  # type: ignore[arg-type]
+    with pytest.raises(RecordingError, match="must leave at least 3 readings"):
+        Recording.read(path, until=-1.0)
+
+
+def test_parts_of_archives_are_named_and_chosen(tmp_path: Path) -> None:
+    path, _ = written("phyphox gyroscope xlsx", tmp_path)
+    with pytest.raises(RecordingError, match=r"there is no sheet 'x'; there are "):
+        Recording.read(path, part="x")
+    path, _ = written("rotary sensor", tmp_path)
+    with pytest.raises(RecordingError, match="this is a file of text"):
+        Recording.read(path, part="x")
+
+
+TRK = """<?xml version="1.0" encoding="UTF-8"?>
+<object class="org.opensourcephysics.cabrillo.tracker.TrackerPanel">{}</object>"""
+
+
+@pytest.mark.parametrize(("inside", "problem"), [
+    ("<broken>", "its XML ends with an error"), ("", "expected a point mass with numbers, found none"),
+    ('<object class="org.PointMass"><property name="name" type="string">a</property></object>',
+     "expected the time between frames"),
+    ('<object class="org.PointMass"><property name="name">a</property></object>'
+     '<object class="org.PointMass"><property name="name">b</property></object>', "found a, b; choose one by part="),
+])
+def test_a_tracker_project_without_a_track_is_refused(inside: str, problem: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.trk").write_text(TRK.format(inside))
+    with pytest.raises(RecordingError, match=problem):
+        Recording.read(tmp_path / "bad.trk")
+
+
+def test_milliseconds_without_a_title_are_said_and_may_be_overridden(tmp_path: Path) -> None:
+    path, _ = written("bare milliseconds", tmp_path)
+    found = Recording.read(path)
+    assert any(re.match(r"time: in ms, as a swing would last .* s in seconds", note) for note in found.notes)
+    assert Recording.read(path, time_unit="s").time[-1] == pytest.approx(1e3 * found.time[-1])
+
+
+GATE_FAULTS = {
+    "t,angle\n0,1\n1,2\n2,1\n": "expected gate states, passages or periods",
+    "Period (s)\n1.2\n": "expected at least 2 periods, found 1",
+    "Time (s),GateState\n0,0\n1,1\n1.1,0\n": "expected at least 5 passages",
+    "Amplitude (deg),Period (s)\n10,-1\n20,1\n": "periods must be above 0 s",
+}
+
+
+@pytest.mark.parametrize("text", GATE_FAULTS)
+def test_files_that_are_no_gate_are_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "gate.csv").write_text(text)
+    with pytest.raises(RecordingError, match=GATE_FAULTS[text]):
+        measure_gate(tmp_path / "gate.csv")
