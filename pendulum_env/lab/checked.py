@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,12 +71,12 @@ def gaps_of(time: FloatArray, least: float = 0.0) -> NDArray[np.intp]:
     return np.flatnonzero(steps > max(GAP * float(np.median(steps)), least)) if len(steps) else np.empty(0, np.intp)
 
 
-def count(n: Any, what: str) -> int | None:
+def count(n: Any, what: str, name: str = "n") -> int | None:
     """Check and return ``n``, the number of things to use, None for all; error messages call the things ``what``."""
     try:
-        return None if n is None else whole_number(n, "n")
+        return None if n is None else whole_number(n, name)
     except SceneError:
-        raise RecordingError(f"n must be a whole number of {what} from 1, got {shown(n)}") from None
+        raise RecordingError(f"{name} must be a whole number of {what} from 1, got {shown(n)}") from None
 
 
 def known(value: Any, name: str, allowed: Iterable[str]) -> str:
@@ -88,3 +88,19 @@ def known(value: Any, name: str, allowed: Iterable[str]) -> str:
     near = difflib.get_close_matches(str(shown(value)), words, 1, 0.3)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
     raise RecordingError(f"{name} must be {' or '.join(map(repr, words))}, got {shown(value)}{hint}")
+
+
+def chosen(name: str, what: str, parts: Sequence[str], part: str | None) -> str:
+    """Return the part of a file to read: the given one, or the only one.
+
+    ``what`` names the parts, as "sheet". Raises RecordingError if there is none, or several and none is given.
+    """
+    if part is not None:
+        if part not in parts:
+            raise RecordingError(f"{name}: there is no {what} {shown(part)}; there are {', '.join(parts) or 'none'}")
+        return part
+    if len(parts) == 1:
+        return parts[0]
+    if not parts:
+        raise RecordingError(f"{name}: expected a {what} with numbers, found none")
+    raise RecordingError(f"{name}: expected one {what} with numbers, found {', '.join(parts)}; choose one by part=")

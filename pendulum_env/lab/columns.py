@@ -121,7 +121,8 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
             raise RecordingError(f"{table.name}: {wrong[0]!r} is the name of an angular velocity; choose it by "
                                  f"columns='time=1,{RATE}=2', or by columns='time=1,angle=2' if it is an angle")
     places = [*([] if layout.time is None else [layout.time]), *layout.values]
-    return layout._replace(notes=[f"columns: {_list(places, titles)}, as given"])
+    note = f"columns: {_list(places, titles)}, as given"
+    return ColumnLayout(layout.time, layout.values, [note], layout.length, layout.rate)
 
 
 def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:

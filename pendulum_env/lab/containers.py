@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.checked import RecordingError, chosen
 from pendulum_env.physics.units import shown
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
@@ -68,22 +68,6 @@ def decoded(name: str, data: bytes) -> str:
     if _CONTROL.search(text):
         raise RecordingError(f"{name}: expected a text file, found binary data")
     return text
-
-
-def chosen(name: str, what: str, parts: Sequence[str], part: str | None) -> str:
-    """Return the part of a file to read: the given one, or the only one.
-
-    ``what`` names the parts, as "sheet". Raises RecordingError if there is none, or several and none is given.
-    """
-    if part is not None:
-        if part not in parts:
-            raise RecordingError(f"{name}: there is no {what} {shown(part)}; there are {', '.join(parts) or 'none'}")
-        return part
-    if len(parts) == 1:
-        return parts[0]
-    if not parts:
-        raise RecordingError(f"{name}: expected a {what} with numbers, found none")
-    raise RecordingError(f"{name}: expected one {what} with numbers, found {', '.join(parts)}; choose one by part=")
 
 
 def _unpacked(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, gaps_of, known
+from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, count, gaps_of, known
 from pendulum_env.lab.columns import ColumnLayout, layout_of
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.displacement import displacement_angle
@@ -77,7 +77,7 @@ class ReadOptions(NamedTuple):
             scale = 0.0
         if not scale:
             raise RecordingError(f"scale must be a finite number other than 0, got {shown(self.scale)}")
-        return self._replace(rate=rate, scale=scale)
+        return self._replace(rate=rate, scale=scale, run=count(self.run, "runs", "run"))
 
 
 class FileReadings(NamedTuple):

@@ -165,15 +165,6 @@ class Recording(Plotted):
         """Standard deviation of one of the ``readings``, in their unit, its rounding included."""
         return self.noise if self.rate is None else noise_level(self.time, self.rate)
 
-    def where(self, keep: NDArray[np.bool_], note: str, before: float = 0.0, **changes: float) -> Recording:
-        """Return the recording with only the readings in the mask ``keep``, and a further note.
-
-        ``before`` is the time [s] that becomes 0, and ``changes`` are other attributes.
-        """
-        rate = None if self.rate is None else self.rate[keep]
-        return replace(self, time=self.time[keep] - before, angle=self.angle[keep], rate=rate,
-                       notes=(*self.notes, note), **changes)  # type: ignore[arg-type]
-
     @cached_property
     def quantum(self) -> float:
         """Smallest step between readings of the sensor [rad], 0 if the readings show none; see
@@ -249,7 +240,7 @@ class Recording(Plotted):
             end = f"the recording ends at {self.time[-1]:g} s"
             raise RecordingError(f"{self.source}: release must leave at least 3 points, {at:g} s leaves {left} ({end})")
         note = f"release: time zero at {at:g} s, {len(keep) - left} earlier points cut off{why}"
-        return self.where(keep, note, at, release=at)
+        return part_of(self, keep, note, at, release=at)
 
     def _kept(self, until: float | None, drop: Sequence[float] | str | None) -> Recording:
         """Return the recording without readings after ``until`` [s] and without those between the times ``drop``."""
@@ -266,7 +257,7 @@ class Recording(Plotted):
             return self
         if np.count_nonzero(keep) < 3:
             raise RecordingError(f"{self.source}: until and drop must leave at least 3 readings of {len(keep)}")
-        return self.where(keep, "; ".join(notes))
+        return part_of(self, keep, "; ".join(notes))
 
     def centred(self, zero: float | None = None) -> Recording:
         """Return the recording with its angle measured from the equilibrium.
@@ -335,3 +326,15 @@ def _span(drop: Sequence[float] | str) -> tuple[float, float]:
     if not first <= last:
         raise RecordingError(f"drop must be two times in s, the earlier first, as in '12.5:13.1', got {shown(drop)}")
     return first, last
+
+
+def part_of(
+    recording: Recording, keep: NDArray[np.bool_], note: str, before: float = 0.0, **changes: float
+) -> Recording:
+    """Return a recording with only the readings in the mask ``keep``, and a further note.
+
+    ``before`` is the time [s] that becomes 0, and ``changes`` are other attributes.
+    """
+    rate = None if recording.rate is None else recording.rate[keep]
+    return replace(recording, time=recording.time[keep] - before, angle=recording.angle[keep], rate=rate,
+                   notes=(*recording.notes, note), **changes)  # type: ignore[arg-type]

@@ -11,6 +11,7 @@ from statistics import mode
 import numpy as np
 
 from pendulum_env.lab.checked import FloatArray, RecordingError
+from pendulum_env.physics.units import shown
 
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
@@ -119,10 +120,10 @@ class TextTable:
         runs = list(dict.fromkeys(number for number in numbers if number is not None))
         if len(runs) < 2:
             if run not in (None, *runs):
-                raise RecordingError(f"{self.name}: there is no run {run}; the file has one run")
+                raise RecordingError(f"{self.name}: there is no run {shown(run)}; the file has one run")
             return []
         if run is not None and run not in runs:
-            raise RecordingError(f"{self.name}: there is no run {run}; there are {', '.join(map(str, runs))}")
+            raise RecordingError(f"{self.name}: there is no run {shown(run)}; there are {', '.join(map(str, runs))}")
         chosen = runs[0] if run is None else run
         keep = [i for i, number in enumerate(numbers) if number in (None, chosen)]
         own = [i for i, number in enumerate(numbers) if number == chosen]

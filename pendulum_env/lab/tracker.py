@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from xml.etree.ElementTree import Element, ParseError, fromstring
 
-from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.checked import RecordingError, chosen
 
 _FRAME = re.compile(r"\[(\d+)\]")
 
@@ -22,8 +22,6 @@ def track_table(name: str, text: str, part: str | None) -> tuple[str, list[str]]
     ``y`` points up. ``part`` is the name of the point mass; None: the only one. Raises RecordingError for text that is
     no such project, for several point masses, and for a track without the time between frames.
     """
-    from pendulum_env.lab.containers import chosen
-
     try:
         root = fromstring(text)  # Python's parser opens no files and no addresses
     except ParseError as error:

@@ -25,6 +25,7 @@ TEXTS = {
 OPTIONS: Mapping[str, str] = {
     "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
     "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
+    "gravity": "positive",
     "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",
     "damping": "word", "over": "none of these", "basins": "count", "transient": "count or none", "phase": "number",
     "period": "positive", "period_error": "positive", "name": "short text",

@@ -38,6 +38,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder to work in, with a recording and files that must stay as they are."""
     monkeypatch.chdir(tmp_path)
     np.savetxt("swing.txt", np.stack([TIME, np.cos(TIME)], axis=1))
+    np.savetxt("gate.txt", 2.0 + 0.03 * np.exp(-0.1 * np.arange(10.0)), header="Period (s)", comments="")
     for name in ("x", "1", "kept.npy", "scene.json"):
         Path(name).write_text("kept")
     before = contents(tmp_path)

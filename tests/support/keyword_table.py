@@ -46,7 +46,7 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 """Documented functions of rooms without such a list."""
 UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
-                     "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses",
+                     "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses", "lab.GateSheet",
                      "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution", "testing.VectorCheck",
                      "testing.VectorReport"), "a result, which the package makes"),
@@ -136,7 +136,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "integrators.System": {"acceleration": lambda t, q, v: -q},
     "integrators.fitting": {"system": integrators.System(lambda t, q, v: -q)},
     "Recording": {"time": TIME, "angle": np.cos(TIME), "source": "swing"},
-    "Recording.read": {"path": "swing.txt"},
+    "Recording.read": {"path": "swing.txt"}, "lab.measure_gate": {"path": "gate.txt"},
     "lab.crossings": {"time": TIME, "angle": np.cos(TIME)},
     "lab.noise_level": {"time": TIME, "angle": np.cos(TIME)}, "lab.quantum_level": {"angle": np.cos(TIME)},
     "lab.scatter_level": {"time": TIME, "angle": np.cos(TIME)},

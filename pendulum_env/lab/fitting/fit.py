@@ -19,7 +19,7 @@ from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.shooting import solve_all
 from pendulum_env.lab.fitting.start import Measured
-from pendulum_env.lab.recording import Recording, RecordingError
+from pendulum_env.lab.recording import Recording, RecordingError, part_of
 from pendulum_env.lab.sheet import apparatus
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.damping import NONE, with_damping
@@ -121,7 +121,7 @@ def _moving(swing: Recording) -> Recording:
     if keep.all():
         return swing
     note = f"rest: from {rest:.4g} s on the reading does not change, {np.count_nonzero(~keep)} readings left out"
-    return swing.where(keep, note)
+    return part_of(swing, keep, note)
 
 
 def _checked(free: Sequence[str], place: Scene) -> tuple[str, ...]:

@@ -77,14 +77,14 @@ class Fit(Plotted):
 
     @property
     def swing(self) -> Array:
-        """The recorded angle about the equilibrium [rad]; for a gyroscope, the integral of its readings."""
+        """The recorded angle about the equilibrium [rad], an array; for a gyroscope, the integral of its readings."""
         zero = self.values[self.names.index(ZERO)] if self.recording.rate is None else 0.0
         return np.asarray(self.recording.angle - zero)
 
     def motion(self, time: Array) -> tuple[Array, Array]:
         """Return the angle about the equilibrium [rad], as the sensor shows it, and the velocity [rad/s] of the model.
 
-        ``time`` are times since the release [s].
+        ``time`` is an array of times since the release [s]; angle and velocity are arrays at these times.
         """
         values = np.where([name == ZERO for name in self.names], 0.0, self.values)
         angle, velocity = replace(self.model, time=time, rate=False).motion(values)
