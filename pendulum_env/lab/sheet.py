@@ -24,7 +24,7 @@ from pendulum_env.physics.flow import regime, reynolds_number
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import naming_keywords, shown
+from pendulum_env.physics.units import SceneError, naming_keywords, shown
 
 if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
@@ -234,6 +234,8 @@ def measure(
     taken = count(n, "oscillations")
     with naming_keywords(measure):
         known = apparatus(scene, parameters)
+    if not known.gravity > 0.0:
+        raise SceneError("gravity must be above 0 m/s^2, as the length follows from it and the period.")
     swing = recording.released().centred()
     mean, points = period(swing, taken), turning_points(swing)
     if taken is None:
