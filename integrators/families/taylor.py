@@ -12,6 +12,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
@@ -38,9 +39,9 @@ class Taylor(Method):
     family: ClassVar[str] = "Taylor"
 
     def __post_init__(self) -> None:
-        super().__post_init__()
-        if not LOWEST <= self.order <= HIGHEST:
+        if not (isinstance(self.order, Real) and LOWEST <= self.order <= HIGHEST):
             raise MethodError(f"Taylor series have orders from {LOWEST} to {HIGHEST} here, not {self.order}.")
+        super().__post_init__()
 
     @property
     def needs(self) -> frozenset[str]:

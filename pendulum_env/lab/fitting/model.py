@@ -34,7 +34,7 @@ METHOD = "tsit5"
 STEPS = 64
 """Steps per small-angle period. With cubic Hermite interpolation between them, the error is below 4e-7 of the amplitude
 up to 170 degrees."""
-RATE_STEPS = 192
+RATE_STEPS = 128
 """Steps per small-angle period for readings of a gyroscope, as the derivative of the interpolation is less accurate."""
 DECOY = 1e-3
 """Relative change of the parameters in an extra first run, so that no parameter is equal in all runs of a batch and the
