@@ -21,6 +21,7 @@ from pendulum_env.physics.units import SceneError, file_path, shown
 
 __all__ = ["Recording", "RecordingError"]
 
+_HELD = 0.25  # of the first half swing: a bob that is held so long before its turning point is cut there
 _EVEN = 0.01  # of the median step: time stamps whose steps vary by less count as even
 
 
@@ -227,10 +228,12 @@ class Recording(Plotted):
         if start is None:
             raise RecordingError(f"{self.source}: expected a swing that turns back, found none above noise")
         step = float(np.median(np.diff(self.time)))
-        if start == 0 and 0 <= self.time[0] < step:
+        first = float(self.time[extremes(self.time, self.angle)[0]])
+        held = len(self._turns.time) > 0 and first - self.time[0] > _HELD * (float(self._turns.time[0]) - first)
+        if start == 0 and not held and 0 <= self.time[0] < step:
             return self
-        zero = float(self._turns.time[start - 1] if start else self.time[0])
-        return self._cut(zero)
+        zero = self._turns.time[start - 1] if start else first if held else self.time[0]
+        return self._cut(float(zero))
 
     def _cut(self, at: float, why: str = "") -> Recording:
         """Return the recording from time ``at`` [s] on, with time 0 there and a note on the cut."""

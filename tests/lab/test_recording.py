@@ -392,3 +392,14 @@ def test_the_encoder() -> None:
     small = small_amplitude_period(period(swing), points.amplitude[:-1])
     uniform_rod = 2 * math.pi * math.sqrt(2 * 0.124 / (3 * 9.81))
     assert small.value == pytest.approx(uniform_rod, rel=0.02)
+
+
+@pytest.mark.parametrize("peak", [0.1, 0.5, 0.95])
+def test_a_bob_that_is_held_for_a_second_is_released_where_it_starts(peak: float) -> None:
+    """Wherever the noise of the hold is largest."""
+    time = np.arange(0.0, 20.0, 0.02)
+    angle = np.where(time < 1.0, 0.6, 0.6 * np.exp(-0.01 * (time - 1.0)) * np.cos(4.5 * (time - 1.0)))
+    angle[np.searchsorted(time, peak)] += 2e-3
+    free = Recording(time, angle, "held").released()
+    assert free.release is not None
+    assert free.release > 0.9 or free.release == pytest.approx(1.0 + math.pi / 4.5, abs=0.05)
