@@ -183,7 +183,8 @@ replace those of the class."""
 EQUATIONS = {
     VOLTAGE: "+ {motor_rate:.6g} control - {motor_brake:.6g} theta'",
     TORQUE: "+ 0.5 |{motor_rate:.6g} control + {motor_brake:.6g} theta' + {motor_stall:.6g}| "
-            "- 0.5 |{motor_rate:.6g} control + {motor_brake:.6g} theta' - {motor_stall:.6g}| - {motor_brake:.6g} theta'",
+            "- 0.5 |{motor_rate:.6g} control + {motor_brake:.6g} theta' - {motor_stall:.6g}| "
+            "- {motor_brake:.6g} theta'",
 }
 """What the control sets -> the term of a motor with a no-load speed in the equation of motion."""
 SWITCHES = ("lag", "ramp", "control_quantum", "dead_zone")

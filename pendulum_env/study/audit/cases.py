@@ -98,7 +98,8 @@ def _present(scene: Scene, effect: Effect) -> AuditCase:
         note += f"; compared with {simpler.name} in its place"
         return AuditCase(effect.name, True, effect, scene, other, (simpler,), needed=True, note=note)
     if effect.controlled:
-        note = f"at full control, towards the release side; without control it {'brakes' if effect.flow else 'does nothing'}"
+        still = "brakes" if effect.flow else "does nothing"
+        note = f"at full control, towards the release side; without control it {still}"
         return AuditCase(effect.name, True, effect, scene, rest, control=1.0, note=note)
     return AuditCase(effect.name, True, effect, scene, rest)
 
