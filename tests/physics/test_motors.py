@@ -19,6 +19,7 @@ import mpmath
 import numpy as np
 import pytest
 from effect_checks import SPEEDS, bound, close, slope
+from given_effects import Blow
 from in_node import Case, differing, needs_node
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -249,6 +250,13 @@ def test_methods_that_need_more_say_what() -> None:
         assert "velocity_verlet" in fitting(scene_with(law))
         with pytest.raises(integrators.MethodError, match="forces free of the velocity"):
             Machine(scene_with(law), "chin4a")
+
+
+def test_a_drive_of_the_velocity_without_a_flow_does_not_fit_splitting_methods() -> None:
+    scene = Scene("blow", BODY, effects=(Gravity(), Blow()))
+    assert "rk4" in fitting(scene)
+    with pytest.raises(integrators.MethodError, match="velocity_verlet needs forces free of the velocity"):
+        Machine(scene, "velocity_verlet")
 
 
 def test_a_motor_that_brakes_counts_as_damping() -> None:

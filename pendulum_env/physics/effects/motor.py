@@ -201,8 +201,8 @@ class Motor(Effect):
     On its way to the motor, once per control step and in this order, the control may be slowed down (it moves by at
     most ``span/ramp`` in a control step of ``span`` seconds, from 0), rounded to multiples of ``control_quantum`` (and
     to at most 1), and stopped by a dead zone d: the share is 0 for ``|control| <= d`` and ``sign(control) (|control| -
-    d)/(1 - d)`` beyond (Tao & Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities,
-    chapter 2). With a ``lag`` the motor's share of ``max_torque`` then follows by ``lag share' = control - share``,
+    d)/(1 - d)`` beyond (Tao & Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities).
+    With a ``lag`` the motor's share of ``max_torque`` then follows by ``lag share' = control - share``,
     from 0; this is advanced exactly, and the mean share acts during the control step.
 
     With a ``no_load_speed`` w0, the motor's own voltage grows with the speed and leaves less of the supply for a
@@ -212,7 +212,7 @@ class Motor(Effect):
       whenever it turns faster than the control asks for, also without control (Franklin, Powell & Emami-Naeini 2019,
       Feedback Control of Dynamic Systems, section 2.3).
     - ``control_sets="torque"``: a current controller gives the torque M control as long as the supply lasts: it stays
-      between -S (1 + w/w0) and S (1 - w/w0) (Krishnan 2001, Electric Motor Drives, section 4.3). ``max_torque`` is the
+      between -S (1 + w/w0) and S (1 - w/w0) (Krishnan 2001, Electric Motor Drives, chapter 4). ``max_torque`` is the
       limit of the current, S that of the supply at rest.
 
     The work of the motor in the ledger is that of its shaft, torque times velocity: negative where the motor brakes.
@@ -241,7 +241,9 @@ class Motor(Effect):
     exclusive: ClassVar[str] = "motor"
     number_name: ClassVar[str] = "u/(omega0² A)"
     equation: ClassVar[str] = "+ {motor_rate:.6g} control"
-    source: ClassVar[str] = "Spong 1995, IEEE Control Systems 15 (1), 49"
+    source: ClassVar[str] = (
+        "Spong 1995, IEEE Control Systems 15 (1), 49; at a speed: Franklin, Powell & Emami-Naeini 2019, Feedback "
+        "Control of Dynamic Systems, section 2.3; dead zone: Tao & Kokotovic 1996")
     torque = staticmethod(motor_torque)
     store = staticmethod(motor_store)
 
