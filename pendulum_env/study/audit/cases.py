@@ -138,5 +138,7 @@ def _absent(scene: Scene, kind: type[Effect]) -> AuditCase:
 
 
 def _numbers(kind: type[Effect]) -> str:
-    names = [f.name for f in fields(kind) if "unit" in f.metadata and f.default != 0.0]  # type: ignore[arg-type]
+    found = [f for f in fields(kind) if "unit" in f.metadata and f.default != 0.0]  # type: ignore[arg-type]
+    # Beside numbers with defaults, a number without one is an option, as the no-load speed of a motor.
+    names = [f.name for f in found if f.default is not None] or [f.name for f in found]
     return f"needs {', '.join(names)}" if names else "the scene does not determine it"
