@@ -38,7 +38,7 @@ MOTORS = (
     Motor(control_sets="voltage", no_load_speed=9.0), Motor(no_load_speed=6.0, stall_torque=0.06),
     Motor(no_load_speed=0.9, ramp=0.05),
 )
-"""Motors with options of every kind; the supply limits the torque of the last one from the start on, of others never."""
+"""Motors with options of every kind; the supply limits the torque of the last one from the start on."""
 MODELS: tuple[Effect, ...] = (
     *(GIVEN.get(name) or effect() for name, effect in EFFECTS.items()),
     *(SphereDrag(law=law) for law in LAWS), *MOTORS, AddedMass(boundary_layer=True),
