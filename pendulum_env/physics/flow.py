@@ -161,7 +161,8 @@ def quality_factor(scene: Surroundings, amplitude: float) -> float:
     """Return the quality factor ``Q = omega0/gamma_eq`` of a swing of this amplitude [rad].
 
     ``gamma_eq`` is the linear damping rate that takes as much energy from a harmonic swing at omega0 as all dissipative
-    effects together, dry friction and motors that brake without control included. Q is inf without losses and 0 without a restoring torque.
+    effects together, dry friction and motors that brake without control included. Q is inf without losses and 0 without
+    a restoring torque.
     """
     if natural_rate(scene) == 0.0:
         return 0.0
