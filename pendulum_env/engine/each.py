@@ -82,8 +82,11 @@ class Each:
         limits = _sequence(speed_limit, "speed_limit", size, what)
         self._own, self._watched = own, watched
         first = {name: values[0] for name, values in own.items()}
+        mixed = {name.rpartition(".")[2] for name, values in own.items() if any(values) and not all(values)}
         try:
             self.scene = build_scene(scene, damping, {**parameters, **first})
+            if mixed:
+                self.scene = self.scene.with_effects(effect.general(mixed) for effect in self.scene.effects)
         except SceneError as error:
             if not own:
                 raise

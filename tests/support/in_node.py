@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 import integrators
-from pendulum_env import SCENES
+from pendulum_env import SCENES, Scene
 from pendulum_env.engine.generate import Program, program
 from pendulum_env.engine.javascript import javascript
 from pendulum_env.engine.machine import Machine, fitting
@@ -59,22 +59,27 @@ for (const job of JSON.parse(readFileSync(process.argv[2], "utf8"))) {
 
 @dataclass(frozen=True)
 class Case:
-    """A run to compare: a scene, a method, and how it steps ("fixed", "adaptive" or "compensated")."""
+    """A run to compare: a scene or its name, a method, and how it steps ("fixed", "adaptive" or "compensated")."""
 
-    scene: str
+    scene: str | Scene
     method: str
     steps: str = "fixed"
+
+    @property
+    def place(self) -> Scene:
+        """Return the scene itself, which may be given by its name."""
+        return SCENES[self.scene] if isinstance(self.scene, str) else self.scene
 
     def machine(self) -> Machine:
         """Return the interpreted simulator."""
         rtol = 1e-6 if self.steps == "adaptive" else None
-        return Machine(SCENES[self.scene], self.method, backend="python", rtol=rtol,
+        return Machine(self.place, self.method, backend="python", rtol=rtol,
                        compensated=self.steps == "compensated")
 
     def program(self) -> Program:
         """Return the generated program."""
         adaptive, compensated = self.steps == "adaptive", self.steps == "compensated"
-        return program(SCENES[self.scene], integrators.get(self.method), ("energy",), adaptive, compensated)
+        return program(self.place, integrators.get(self.method), ("energy",), adaptive, compensated)
 
 
 def cases_of(scene: str) -> list[Case]:
