@@ -66,10 +66,10 @@ def collect(
 ) -> MinariDataset:
     """Collect whole episodes of a policy in many environments at once, and write them as a Minari data set.
 
-    Episode ``k`` starts with ``reset(seed=seed + k)``, so that ``dataset.recover_environment()``, reset with
-    ``episode.seed``, repeats its observations, rewards and ends bit for bit with its actions. With ``episodes`` the data
-    do not depend on ``num_envs``, if an action depends on its own observation only. The data set appears once it is
-    complete; an interruption (Ctrl-C) leaves none.
+    Episode ``k`` starts with ``reset(seed=seed + k)``, so that ``dataset.recover_environment()``, reset with the
+    episode's seed, which ``dataset.storage.get_episode_metadata([k])`` has, repeats its observations, rewards and ends
+    bit for bit with its actions. With ``episodes`` the data do not depend on ``num_envs``, if an action depends on its
+    own observation only. The data set appears once it is complete; an interruption (Ctrl-C) leaves none.
 
     Args:
         policy: a function from observations, float32 of shape (n, 3), to actions of shape (n, 1), which are clipped to
@@ -90,11 +90,14 @@ def collect(
     tell, act = told_by(progress), None if policy is None else function(policy, "policy")
     if (episodes is None) == (steps is None):
         raise SceneError("Give either episodes or steps, the amount of data to collect.")
-    goal = (whole_number(episodes, "episodes", MOST_STEPS) if steps is None else whole_number(steps, "steps", MOST_STEPS))
+    amount, unit = (episodes, "episodes") if steps is None else (steps, "steps")
+    goal = whole_number(amount, unit, MOST_STEPS)
     first = whole_number(seed, "seed", MOST_SEED - MOST_STEPS, least=0)
     names = tuple(line(name, "An entry of info_names") for name in several(info_names, "info_names", "names"))
     texts = {"algorithm_name": algorithm_name, "author": author, "description": description}
-    metadata = {name: line(text, name) for name, text in texts.items() if text is not None}
+    metadata: dict[str, Any] = {name: line(text, name) for name, text in texts.items() if text is not None}
+    if author is not None:
+        metadata["author"] = {author}
     place = new_place(dataset_id)
     env = gymnasium.make(ENV, **keywords)
     spec = env.spec
@@ -105,13 +108,13 @@ def collect(
     size = whole_number(num_envs, "num_envs", 2**20)
     vector: Any = gymnasium.make_vec(
         ENV, num_envs=size if episodes is None else min(size, goal), vectorization_mode="vector_entry_point",
-        autoreset_mode="Disabled", **keywords)
+        autoreset_mode="Disabled", **{**keywords, "warn": False})
     with complete(place) as folder:
         storage = MinariStorage.new(folder / "data", observation_space=env.observation_space,
                                     action_space=env.action_space, env_spec=spec)
         storage.update_metadata({
             "dataset_id": dataset_id, "minari_version": importlib.metadata.version("minari"),
-            "requirements": [f"lab-pendulum=={__version__}"], **metadata})
+            "requirements": [f"lab-pendulum>={__version__}"], **metadata})
         ready: list[Any] = []
         for episode in episodes_of(vector, act, goal, steps is not None, first, names, tell):
             ready.append(episode)
@@ -193,7 +196,8 @@ def checked_actions(actions: Any, size: int) -> NDArray[np.float32]:
         fine = False
     if not fine:
         raise SceneError(f"policy must return finite numbers of the shape ({size}, 1), not {shown(actions)}.")
-    return np.clip(array, -1.0, 1.0).astype(np.float32)
+    clipped: NDArray[np.float32] = np.clip(array, -1.0, 1.0).astype(np.float32)
+    return clipped
 
 
 def new_place(dataset_id: Any) -> Path:

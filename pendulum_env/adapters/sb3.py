@@ -102,8 +102,9 @@ class LabPendulumVecEnv(VecEnv):  # type: ignore[misc]
         self.last_infos, over = told, terminated | truncated
         infos: list[Info] = [RUNNING] * self.num_envs
         if self._names:
-            columns = (told[name].tolist() for name in self._names)
-            infos = [{**RUNNING, **dict(zip(self._names, row, strict=True))} for row in zip(*columns, strict=True)]
+            names = (*RUNNING, *self._names)
+            columns = ([False] * self.num_envs, *(told[name].tolist() for name in self._names))
+            infos = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
         if (ended := np.flatnonzero(over)).size:
             rows, masks = entries(told["final_info"])
             last = told["final_obs"]

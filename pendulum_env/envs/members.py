@@ -346,7 +346,9 @@ class Members:
         if values is None:
             raise SceneError("A state to restore in a vector must be that of an environment that has been reset.")
         random = checked_random(saved["random"], np.random.PCG64(0))
-        by_field = {FIELDS.get(name, name): value for name, value in zip(machine.names, values, strict=True)}
+        # What is reported comes after the state itself, partly under the same names.
+        by_field = {FIELDS.get(name, name): value
+                    for name, value in reversed([*zip(machine.names, values, strict=True)])}
         return {name: by_field.get(name, 0.0) for name in self._batch.layout.moving}, words_of(random)
 
 
