@@ -170,6 +170,11 @@ class Each:
             raise SceneError(f"its {names} would need another program than that of the first, but all share one.")
         return scene, self._numbers(scene, self._limits[place])
 
+    @property
+    def alike(self) -> bool:
+        """Return True if no parameter of the scene was given with one value for each environment."""
+        return not self._own
+
     def corners(self) -> list[Scene]:
         """Return the scenes of environment 0 and of those with the extreme values of every parameter that differs."""
         places = {0: None}

@@ -22,6 +22,7 @@ from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
+from pendulum_env.envs.members import Members
 from pendulum_env.envs.settings import (
     MANY,
     START,
@@ -50,7 +51,7 @@ NOBODY: Places = np.empty(0, dtype=np.intp)
 """Empty array of environment indices."""
 
 
-class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """Vector environment of ``num_envs`` pendulums, advanced together by compiled loops.
 
     ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives

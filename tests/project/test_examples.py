@@ -50,7 +50,7 @@ def test_what_is_missing_for_training_is_said_in_one_sentence(tmp_path: Path) ->
     told = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=False,
                           env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])})
     assert told.returncode == 1
-    assert told.stderr == "torch is not installed; this example needs: pip install stable-baselines3\n"
+    assert told.stderr == "torch is not installed; this example needs: pip install 'lab-pendulum[sb3]'\n"
 
 
 def test_examples_are_numbered_without_gaps() -> None:

@@ -42,6 +42,7 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.plots": (*RUNS, "pendulum_env.render", "pendulum_env.lab", "pendulum_env.study",
                            "pendulum_env.hard_cases"),
     "pendulum_env.testing": ("pendulum_env.common",),
+    "pendulum_env.adapters": ("pendulum_env.common",),
     "pendulum_env.exercise": (*BASE, "pendulum_env.lab", "pendulum_env.render", "pendulum_env.plots"),
     "pendulum_env.web": (*BASE, "pendulum_env.engine", "pendulum_env.render"),
     "pendulum_env.notebook": (*BASE, *(f"pendulum_env.{room}" for room in (

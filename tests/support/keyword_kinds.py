@@ -122,6 +122,8 @@ OWN: Mapping[str, str] = {
     "rollout.angle": "numbers", "rollout.velocity": "numbers",
     "LabPendulumVectorEnv.render_tiles.count": "count", "LabPendulumVectorEnv.render_tiles.columns": "count",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
+    "LabPendulumVectorEnv.get_state.which": "count or none", "LabPendulumVectorEnv.set_state.which": "none of these",
+    "LabPendulumVectorEnv.set_attr.values": "anything",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Recording.read.part": "none of these", "Recording.read.run": "none of these", "Recording.read.until": "number",
     "Recording.read.drop": "none of these", "Recording.rate": "none of these",
