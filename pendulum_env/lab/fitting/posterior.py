@@ -39,9 +39,18 @@ BURNT = 5.0
 FEWEST = 10
 """Smallest number of steps of an interrupted chain that is returned."""
 JUMPS, ALONG, ACROSS = 0.5, 0.4, 0.1
-"""Shares of the proposals: from the fit's errors, along the difference of two walkers, and by their projections."""
+"""Shares of the proposals: independent of the present parameters, along the difference of two walkers, and by their
+projections."""
 TAILS = 6.0
-"""Degrees of freedom of the proposals from the fit's errors, whose tails must be wider than the posterior's."""
+"""Degrees of freedom of the independent proposals, whose tails must be wider than the posterior's."""
+WARM, LONGEST, LEARNT = 0.2, 300, 10
+"""Share and largest number of first steps after which the independent proposals, first those of the fit's errors, take
+mean and covariance from the second half of these steps; smallest number of samples per parameter for that."""
+AGAIN = 20
+"""Most draws of an independent proposal until one is within the priors' ranges."""
+RARE, CLOSER, TRIES = 1e-3, 0.7, 100
+"""The walkers start within the probability 1 - RARE of a normal distribution; factor by which draws are closer to the fit
+if hardly any is; most rounds of draws."""
 SKEWED = 1.3
 """A parameter counts as not Gaussian if one side of its 95 % interval is this many times longer than the other."""
 LEVELS = (0.68, 0.95)
@@ -59,6 +68,7 @@ class Posterior(Plotted):
         acceptance: share of accepted proposals, an array of walkers.
         priors: prior of every parameter, in the order of ``names``.
         asked: number of steps that were requested; an interrupted chain is shorter.
+        warm: number of first steps, after which the proposals were adapted to the posterior.
         seed: seed of the random numbers.
     """
 
@@ -68,6 +78,7 @@ class Posterior(Plotted):
     acceptance: Array
     priors: tuple[Prior, ...]
     asked: int
+    warm: int
     seed: int
 
     def __repr__(self) -> str:
@@ -91,14 +102,15 @@ class Posterior(Plotted):
         """Integrated autocorrelation time of every parameter [steps], an array: 2 steps of a chain that are further
         apart count as independent (Goodman & Weare 2010, Commun. Appl. Math. Comput. Sci. 5, 65).
         """
-        return integrated_time(self.chain)
+        return integrated_time(self.chain[self.warm:])
 
     @property
     def discarded(self) -> int:
-        """Number of first steps that are left out, because they depend on the start: 5 autocorrelation times, but at
-        most half of the chain.
+        """Number of first steps that are left out, because they depend on the start: at least ``warm`` and 5
+        autocorrelation times, but at most half of the chain.
         """
-        return min(math.ceil(BURNT * float(np.max(self.autocorrelation_time))), len(self.chain) // 2)
+        burnt = max(self.warm, math.ceil(BURNT * float(np.max(self.autocorrelation_time))))
+        return min(burnt, len(self.chain) // 2)
 
     @cached_property
     def samples(self) -> Array:
@@ -120,11 +132,11 @@ class Posterior(Plotted):
     @property
     def problem(self) -> str:
         """Sentence on a chain that is too short or whose walkers disagree; "" for a good one."""
-        steps, longest = len(self.chain), float(np.max(self.autocorrelation_time))
+        steps, longest = len(self.chain) - self.warm, float(np.max(self.autocorrelation_time))
         worst, away = self.names[int(np.argmax(self.r_hat))], float(np.max(self.r_hat))
         if steps < ENOUGH * longest:
-            return (f"The chain is too short: {steps} steps are {steps / longest:.2g} autocorrelation times, and at "
-                    f"least {ENOUGH:g} are needed; give steps={math.ceil(1.2 * ENOUGH * longest / 100.0) * 100}.")
+            return (f"The chain is too short: {steps} steps after the warm-up are {steps / longest:.2g} autocorrelation times, and at "
+                    f"least {ENOUGH:g} are needed; give steps={math.ceil(1.5 * ENOUGH * longest / 100.0) * 100}.")
         if away > MIXED:
             return (f"The walkers disagree about {worst}: R-hat is {away:.3g}, and at most {MIXED:g} is allowed; give "
                     "more steps.")
@@ -195,7 +207,7 @@ class Posterior(Plotted):
         steps, walkers, _ = self.chain.shape
         tau = float(np.max(self.autocorrelation_time))
         wider = np.sqrt(np.diag(self.fit.covariance)) / np.sqrt(np.maximum(np.diag(self.fit.errors.plain), 1e-300))
-        widened = [f"{name} by {x:.2g}" for name, x in zip(self.names, wider, strict=True) if 1.005 < x < math.inf]
+        widened = [f"{name} by {x:.2g}" for name, x in zip(self.names, wider, strict=True) if 1.05 < x < math.inf]
         given = [f"{name} {prior.text}" for name, prior in zip(self.names, self.priors, strict=True)]
         return "\n".join(filter(None, (
             f"Posterior: {walkers} walkers, {steps} steps, the first {self.discarded} discarded; {len(self.samples)} "
@@ -295,9 +307,10 @@ def posterior(
 
     density = LogDensity(fit, own)
     source = np.random.default_rng(key)
-    factor = _factor(fit, own)
-    start = _start(fit, own, density, factor, count, source)
-    moves = [(emcee.moves.MHMove(_jump(fit.values, factor)), JUMPS), (emcee.moves.DEMove(), ALONG),
+    ends = np.array([(one.low, one.high) for one in own]).T
+    factor, warm = _factor(fit, own), min(round(WARM * length), LONGEST)
+    start, jump = _start(fit, own, density, factor, count, source), _Jump(fit.values, factor, *ends)
+    moves = [(emcee.moves.MHMove(jump), JUMPS), (emcee.moves.DEMove(), ALONG),
              (emcee.moves.DESnookerMove(), ACROSS)]
     sampler = emcee.EnsembleSampler(count, len(fit.names), density, moves=moves, vectorize=True)
     sampler.random_state = np.random.RandomState(key).get_state()
@@ -305,13 +318,16 @@ def posterior(
         try:
             for i, _ in enumerate(sampler.sample(start, iterations=length, skip_initial_state_check=True)):
                 tell((i + 1) / length, f"step {i + 1} of {length}")
+                if i + 1 == warm:
+                    jump.learn(sampler.get_chain(discard=warm // 2, flat=True))
         except KeyboardInterrupt:
             if sampler.backend.iteration < FEWEST:
                 raise
             warn(f"The posterior was interrupted after {sampler.backend.iteration} of {length} steps; these are "
                  "returned.")
-    found = Posterior(fit, np.array(sampler.get_chain()), np.array(sampler.get_log_prob()),
-                      np.array(sampler.acceptance_fraction), own, length, key)
+    chain = np.array(sampler.get_chain())
+    found = Posterior(fit, chain, np.array(sampler.get_log_prob()), np.array(sampler.acceptance_fraction), own, length,
+                      min(warm, len(chain) // 2), key)
     if found.problem:
         warn(found.problem)
     return found
@@ -325,46 +341,79 @@ def _factor(fit: Fitted, priors: tuple[Prior, ...]) -> Array:
     variances = np.array([variance if math.isfinite(variance) else (
         one.error if math.isfinite(one.error) else (one.high - one.low) / math.sqrt(12.0)) ** 2
         for variance, one in zip(np.diag(fit.covariance), priors, strict=True)])
-    scale = np.sqrt(np.maximum(variances, 1e-300))
-    sizes, axes = np.linalg.eigh(fit.correlations)
-    return np.asarray((axes * np.sqrt(np.maximum(sizes, 1e-10))).T * scale)
+    return _root(fit.correlations, np.sqrt(np.maximum(variances, 1e-300)))
 
 
 def _start(
     fit: Fitted, priors: tuple[Prior, ...], density: LogDensity, factor: Array, count: int, source: np.random.Generator
 ) -> Array:
-    """Return the walkers' first parameters, scattered as the fit's errors, within the ranges of the priors.
+    """Return the walkers' first parameters: scattered as the fit's errors, but only where the density is not too small.
 
-    Raises RecordingError if the density is 0 at all of them.
+    The smallest density is that beyond which a normal distribution has the probability 0.001 (RARE). Where it excludes
+    nine draws in ten, because the fit's errors are too wide for the posterior, the next draws are closer to the fit.
+
+    Raises RecordingError if no draw has a density above 0.
     """
-    rows = fit.values + source.standard_normal((count, len(factor))) @ factor
-    rows = np.where(rows < fit.model.least, 2.0 * np.where(np.isfinite(fit.model.least), fit.model.least, 0.0) - rows,
-                    rows)
-    for column, one in zip(rows.T, priors, strict=True):
-        outside = (column < one.low) | (column > one.high)
-        column[outside] = one.drawn(int(np.count_nonzero(outside)), source) if outside.any() else 0.0
-    known = np.isfinite(density(rows))
-    if not known.any():
-        raise RecordingError(f"{fit.recording.source}: no motion within the priors' ranges can be simulated")
-    rows[~known] = rows[known][source.integers(0, np.count_nonzero(known), np.count_nonzero(~known))]
-    return rows
+    from scipy.stats import chi2
+
+    depth = 0.5 * float(chi2.isf(RARE, len(factor)))
+    least = fit.model.least
+    centre = np.array([one.nearest(value) for one, value in zip(priors, fit.values.tolist(), strict=True)])
+    rows, logs, scale = centre[None], density(centre), 1.0
+    for _ in range(TRIES):
+        drawn = centre + scale * source.standard_normal((4 * count, len(factor))) @ factor
+        drawn = np.where(drawn < least, 2.0 * np.where(np.isfinite(least), least, 0.0) - drawn, drawn)
+        for column, one in zip(drawn.T, priors, strict=True):
+            outside = (column < one.low) | (column > one.high)
+            column[outside] = one.drawn(int(np.count_nonzero(outside)), source) if outside.any() else 0.0
+        fresh = density(drawn)
+        rows, logs = np.concatenate([rows, drawn]), np.concatenate([logs, fresh])
+        good = logs >= logs.max() - depth
+        rows, logs = rows[good], logs[good]
+        if len(rows) > count and np.isfinite(logs).all():
+            return rows[source.permutation(len(rows))[:count]]
+        scale *= CLOSER if np.count_nonzero(good[-len(fresh):]) < 0.1 * len(fresh) else 1.0
+    raise RecordingError(f"{fit.recording.source}: hardly any parameters within the priors' ranges fit the recording")
 
 
-def _jump(centre: Array, factor: Array) -> Any:
-    """Return a function that proposes parameters around the fit, with the fit's covariance and wide tails (TAILS).
+class _Jump:
+    """Proposals around a centre with a given covariance and wide tails, which do not depend on the present parameters
+    (Tierney 1994, Ann. Stat. 22, 1701).
 
-    Proposals do not depend on the present parameters (Tierney 1994, Ann. Stat. 22, 1701). Returned are the proposals and
-    the logarithm of the ratio of the proposal's densities.
+    Args:
+        centre: mean of the proposals.
+        factor: square root of their covariance; normal numbers times it have the covariance.
+        low, high: ends of the ranges outside which nothing is proposed, arrays of parameters.
     """
-    inverse, size = np.linalg.inv(factor), len(centre)
 
-    def density(rows: Array) -> Array:
-        squares = np.sum(((rows - centre) @ inverse) ** 2, axis=1)
-        return np.asarray(-0.5 * (TAILS + size) * np.log1p(squares / TAILS))
+    def __init__(self, centre: Array, factor: Array, low: Array, high: Array) -> None:
+        self.centre, self.factor, self.inverse = centre, factor, np.linalg.inv(factor)
+        self.low, self.high = low, high
 
-    def propose(rows: Array, source: Any) -> tuple[Array, Array]:
-        wide = np.sqrt(source.chisquare(TAILS, (len(rows), 1)) / TAILS)
-        proposed = centre + (source.standard_normal(rows.shape) / wide) @ factor
-        return proposed, density(rows) - density(proposed)
+    def learn(self, samples: Array) -> None:
+        """Take mean and covariance from samples, ``(samples, parameters)``, if these are not degenerate."""
+        scale = samples.std(axis=0)
+        if len(samples) > LEARNT * samples.shape[1] and (scale > 0.0).all():
+            root = _root(np.atleast_2d(np.corrcoef(samples, rowvar=False)), scale)
+            self.centre, self.factor, self.inverse = samples.mean(axis=0), root, np.linalg.inv(root)
 
-    return propose
+    def _density(self, rows: Array) -> Array:
+        squares = np.sum(((rows - self.centre) @ self.inverse) ** 2, axis=1)
+        return np.asarray(-0.5 * (TAILS + len(self.centre)) * np.log1p(squares / TAILS))
+
+    def __call__(self, rows: Array, source: Any) -> tuple[Array, Array]:
+        """Return a proposal for every row, and the logarithms of the ratios of the proposals' densities."""
+        proposed, wanted = rows.copy(), np.arange(len(rows))
+        for _ in range(AGAIN):
+            wide = np.sqrt(source.chisquare(TAILS, (len(wanted), 1)) / TAILS)
+            proposed[wanted] = self.centre + (source.standard_normal((len(wanted), rows.shape[1])) / wide) @ self.factor
+            wanted = np.flatnonzero(((proposed < self.low) | (proposed > self.high)).any(axis=1))
+            if not len(wanted):
+                break
+        return proposed, self._density(rows) - self._density(proposed)
+
+
+def _root(correlations: Array, scale: Array) -> Array:
+    """Return a square root of a covariance matrix from its correlations and standard deviations."""
+    sizes, axes = np.linalg.eigh(correlations)
+    return np.asarray((axes * np.sqrt(np.maximum(sizes, 1e-10))).T * scale)

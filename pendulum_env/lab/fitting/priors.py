@@ -47,6 +47,11 @@ class Prior:
         """True if the density is proper, so that it alone gives the parameter a finite error."""
         return self.kind == NORMAL or math.isfinite(self.high - self.low)
 
+    def nearest(self, value: float) -> float:
+        """Return a value if it is well within the range, else the nearest one that is."""
+        room = 0.01 * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
+        return min(max(value, self.low + room), self.high - room)
+
     def drawn(self, n: int, source: np.random.Generator) -> Array:
         """Return ``n`` random values within the range of a bounded prior, not too far from its mean if it is normal."""
         if self.kind == NORMAL:
