@@ -105,8 +105,9 @@ def _axis(posterior: Posterior, i: int) -> _Axis:
     sign = "\N{MINUS SIGN}" if reference > 0.0 else "+"
     label = f"{name} {sign} {abs(reference):.10g}" if reference else name
     fit = posterior.fit
-    return _Axis((values - reference) / factor, (float(fit.values[i]) - reference) / factor,
-                 math.sqrt(float(fit.covariance[i, i])) / factor, (ends[0] / factor, ends[1] / factor), f"{label}\n[{unit}]")
+    fitted, own = float(fit.values[i]) - reference, math.sqrt(float(fit.covariance[i, i]))
+    return _Axis((values - reference) / factor, fitted / factor, own / factor, (ends[0] / factor, ends[1] / factor),
+                 f"{label}\n[{unit}]")
 
 
 def _alone(at: Axes, one: _Axis) -> None:
@@ -125,10 +126,10 @@ def _pair(at: Axes, across: _Axis, down: _Axis, correlation: float) -> None:
     """Draw the joint distribution of two parameters and the ellipses of the fit's normal distribution."""
     from scipy.ndimage import gaussian_filter
 
-    turned = np.eye(2)
-    points = np.stack([across.values, down.values])
-    if abs(np.corrcoef(points)[0, 1]) > NARROW:
-        turned = np.linalg.cholesky(np.cov(points))
+    points, turned = np.stack([across.values, down.values]), np.eye(2)
+    spread = np.cov(points).reshape(2, 2)
+    if spread[0, 1] ** 2 > NARROW**2 * spread[0, 0] * spread[1, 1]:
+        turned = np.asarray(np.linalg.cholesky(spread))
     own = np.linalg.solve(turned, points)
     corners = np.linalg.solve(turned, np.array([across.limits, down.limits]))
     spans = [(float(line.min()), float(line.max())) for line in own] if turned[1, 0] else corners.tolist()

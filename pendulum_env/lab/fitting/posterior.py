@@ -38,7 +38,7 @@ BURNT = 5.0
 """Number of autocorrelation times after which the start no longer matters; these steps are discarded."""
 FEWEST = 10
 """Smallest number of steps of an interrupted chain that is returned."""
-JUMPS, ALONG, ACROSS = 0.5, 0.4, 0.1
+JUMPS, ALONG, ACROSS = 0.3, 0.6, 0.1
 """Shares of the proposals: independent of the present parameters, along the difference of two walkers, and by their
 projections."""
 TAILS = 6.0
@@ -49,8 +49,8 @@ mean and covariance from the second half of these steps; smallest number of samp
 AGAIN = 20
 """Most draws of an independent proposal until one is within the priors' ranges."""
 RARE, CLOSER, TRIES = 1e-3, 0.7, 100
-"""The walkers start within the probability 1 - RARE of a normal distribution; factor by which draws are closer to the fit
-if hardly any is; most rounds of draws."""
+"""The walkers start within the probability 1 - RARE of a normal distribution; factor by which draws are closer to the
+fit if hardly any is; most rounds of draws."""
 SKEWED = 1.3
 """A parameter counts as not Gaussian if one side of its 95 % interval is this many times longer than the other."""
 LEVELS = (0.68, 0.95)
@@ -135,8 +135,8 @@ class Posterior(Plotted):
         steps, longest = len(self.chain) - self.warm, float(np.max(self.autocorrelation_time))
         worst, away = self.names[int(np.argmax(self.r_hat))], float(np.max(self.r_hat))
         if steps < ENOUGH * longest:
-            return (f"The chain is too short: {steps} steps after the warm-up are {steps / longest:.2g} autocorrelation times, and at "
-                    f"least {ENOUGH:g} are needed; give steps={math.ceil(1.5 * ENOUGH * longest / 100.0) * 100}.")
+            return (f"The chain is too short: {steps} steps after the warm-up are {steps / longest:.2g} autocorrelation "
+                    f"times, and at least {ENOUGH:g} are needed; give steps={math.ceil(1.5 * ENOUGH * longest / 100.0) * 100}.")
         if away > MIXED:
             return (f"The walkers disagree about {worst}: R-hat is {away:.3g}, and at most {MIXED:g} is allowed; give "
                     "more steps.")
@@ -169,7 +169,7 @@ class Posterior(Plotted):
                 for name, mean, error, unit in zip(self.names, self.mean, self.std, self.units, strict=True)}
 
     def interval(self, name: str, level: float = 0.95) -> Interval:
-        """Return the interval of a parameter that has the probability ``level`` and equal probabilities beyond its ends.
+        """Return the interval of a parameter with the probability ``level`` and equal probabilities beyond its ends.
 
         Raises RecordingError for a name that was not fitted, SceneError for a level that is not between 0 and 1.
         """
@@ -211,8 +211,8 @@ class Posterior(Plotted):
         given = [f"{name} {prior.text}" for name, prior in zip(self.names, self.priors, strict=True)]
         return "\n".join(filter(None, (
             f"Posterior: {walkers} walkers, {steps} steps, the first {self.discarded} discarded; {len(self.samples)} "
-            f"samples, worth {self.independent:.0f} independent ones (autocorrelation time up to {tau:.2g} steps, R-hat "
-            f"up to {float(np.max(self.r_hat)):.4f}); {float(np.mean(self.acceptance)):.0%} of the proposals accepted.",
+            f"samples, worth {self.independent:.0f} independent ones (autocorrelation time up to {tau:.2g} steps, "
+            f"R-hat up to {float(np.max(self.r_hat)):.4f}); {float(np.mean(self.acceptance)):.0%} of the proposals accepted.",
             self.problem,
             "Likelihood: normal errors of all readings, with their standard deviation sigma integrated out with the "
             "prior 1/sigma" + (f"; wider, as the errors of the fit are, in {', '.join(widened)}." if widened else "."),
