@@ -13,6 +13,7 @@ from pendulum_env.cli.console import bar, print_files, print_table, print_text, 
 from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
 
 if TYPE_CHECKING:
+    from pendulum_env.common.progress import Progress
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
 
@@ -90,6 +91,7 @@ def fit(
     if length_error is not None:
         number(length_error, "--length-error", above=0.0, unit="m")
     sampling = _sampling(posterior, steps, seed, prior)
+    part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
     data = recording_of(place, read, unit=unit, rate=rate, scale=scale)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
@@ -101,14 +103,17 @@ def fit(
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
         try:
-            best = run(data, effects, scene=scene, free=names, progress=progress, **known)
+            best = run(data, effects, scene=scene, free=names, progress=lambda done, text: progress(part * done, text),
+                       **known)
+            found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
         except (SceneError, RecordingError):
             tell_of(warned)
             raise
+        verdict = against_told(best, known["length"], length_error) if "length" in known else ""
+        paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
+        if found is not None:
+            paths[-1:-1] = write_posterior(found, out, svg)
     tell_of(warned, best.grade.text)
-    found = _sampled(best, sampling, posterior)
-    verdict = against_told(best, known["length"], length_error) if "length" in known else ""
-    paths = write(best, sheet, out, svg)
     if best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
         if best.grade.usable:
@@ -120,7 +125,6 @@ def fit(
     lines = (goodness(best), verdict, assumed, scene_line) if best.grade.usable else (scene_line, best.grade.text)
     print_text("\n".join(line for line in lines if line))
     if found is not None:
-        paths[-1:-1] = write_posterior(found, out, svg)
         print_table(found.table, f"posterior, {best.damping} damping")
         print_text(found.text)
     print_files(paths)
@@ -132,8 +136,11 @@ def fit(
 
 def _sampling(
     posterior: bool, steps: int | None, seed: int | None, prior: Sequence[str] | None
-) -> dict[str, Any]:
-    """Return the keywords of ``Fit.posterior`` that the options give; SceneError for options without --posterior."""
+) -> dict[str, Any] | None:
+    """Return the keywords of ``Fit.posterior`` that the options give, None without --posterior.
+
+    Raises SceneError for options that need --posterior.
+    """
     from pendulum_env.lab.fitting.posterior import needs_emcee
     from pendulum_env.physics.damping import typed
     from pendulum_env.physics.units import SceneError, shown, whole_number
@@ -143,7 +150,7 @@ def _sampling(
         if value is not None and not posterior:
             raise SceneError(f"--{name.removesuffix('s') if name == 'priors' else name} needs --posterior.")
     if not posterior:
-        return {}
+        return None
     needs_emcee()
     if steps is not None:
         whole_number(steps, "--steps")
@@ -156,21 +163,18 @@ def _sampling(
     return {"steps": 1500 if steps is None else steps, "seed": seed or 0, "priors": priors}
 
 
-def _sampled(best: Fit, sampling: Mapping[str, Any], posterior: bool) -> Posterior | None:
-    """Return the posterior of a fit; None if it is not wanted, or not possible, which is then said."""
+def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) -> Posterior | None:
+    """Return the posterior of a fit; None if it is not wanted or not possible, with a warning that says why."""
+    from pendulum_env.common.warn import warn
     from pendulum_env.lab.recording import RecordingError
 
-    if not posterior:
+    if sampling is None:
         return None
-    with warnings.catch_warnings(record=True) as warned, bar("posterior") as progress:
-        warnings.simplefilter("always", UserWarning)
-        try:
-            found = best.posterior(**sampling, progress=progress)
-        except RecordingError as error:
-            say(f"No posterior: {error}")
-            return None
-    tell_of(warned, found.problem)
-    return found
+    try:
+        return best.posterior(**sampling, progress=progress)
+    except RecordingError as error:
+        warn(f"No posterior: {error}")
+        return None
 
 
 def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> None:

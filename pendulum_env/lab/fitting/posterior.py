@@ -135,8 +135,9 @@ class Posterior(Plotted):
         steps, longest = len(self.chain) - self.warm, float(np.max(self.autocorrelation_time))
         worst, away = self.names[int(np.argmax(self.r_hat))], float(np.max(self.r_hat))
         if steps < ENOUGH * longest:
-            return (f"The chain is too short: {steps} steps after the warm-up are {steps / longest:.2g} autocorrelation "
-                    f"times, and at least {ENOUGH:g} are needed; give steps={math.ceil(1.5 * ENOUGH * longest / 100.0) * 100}.")
+            needed = 100 * math.ceil(1.5 * ENOUGH * longest / 100.0)
+            return (f"The chain is too short: {steps} steps after the warm-up are {steps / longest:.2g} "
+                    f"autocorrelation times, and at least {ENOUGH:g} are needed; give steps={needed}.")
         if away > MIXED:
             return (f"The walkers disagree about {worst}: R-hat is {away:.3g}, and at most {MIXED:g} is allowed; give "
                     "more steps.")
@@ -212,7 +213,8 @@ class Posterior(Plotted):
         return "\n".join(filter(None, (
             f"Posterior: {walkers} walkers, {steps} steps, the first {self.discarded} discarded; {len(self.samples)} "
             f"samples, worth {self.independent:.0f} independent ones (autocorrelation time up to {tau:.2g} steps, "
-            f"R-hat up to {float(np.max(self.r_hat)):.4f}); {float(np.mean(self.acceptance)):.0%} of the proposals accepted.",
+            f"R-hat up to {float(np.max(self.r_hat)):.4f}); {float(np.mean(self.acceptance)):.0%} of the proposals "
+            "accepted.",
             self.problem,
             "Likelihood: normal errors of all readings, with their standard deviation sigma integrated out with the "
             "prior 1/sigma" + (f"; wider, as the errors of the fit are, in {', '.join(widened)}." if widened else "."),
@@ -371,7 +373,7 @@ def _start(
         good = logs >= logs.max() - depth
         rows, logs = rows[good], logs[good]
         if len(rows) > count and np.isfinite(logs).all():
-            return rows[source.permutation(len(rows))[:count]]
+            return np.asarray(rows[source.permutation(len(rows))[:count]])
         scale *= CLOSER if np.count_nonzero(good[-len(fresh):]) < 0.1 * len(fresh) else 1.0
     raise RecordingError(f"{fit.recording.source}: hardly any parameters within the priors' ranges fit the recording")
 
