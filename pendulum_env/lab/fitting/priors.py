@@ -88,7 +88,7 @@ def priors_of(model: Model, given: Mapping[str, Any] | None) -> tuple[Prior, ...
     for key, entry in (given or {}).items():
         name = short.get(key, key) if isinstance(key, str) else key
         if name not in own:
-            raise SceneError(f"priors has {shown(key)}, which is not a fitted parameter{nearest(key, model.names)}")
+            raise SceneError(f"priors has {shown(key)}, which is not a fitted parameter{nearest(key, short)}")
         own[name] = _prior(key, entry, least[name], unit_of(model.scene, name))
     return tuple(own.values())
 
