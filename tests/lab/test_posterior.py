@@ -16,10 +16,13 @@ import emcee
 import numpy as np
 import pytest
 from emcee.autocorr import integrated_time as of_emcee
+from PIL import Image
 from scipy.stats import t
+from typer.testing import CliRunner
 from virtual_swings import recorded, swing
 
 from pendulum_env import Recording, fit, rollout
+from pendulum_env.cli import app
 from pendulum_env.lab import RecordingError, simulated_recording
 from pendulum_env.lab.fitting import posterior as sampling
 from pendulum_env.lab.fitting.density import LogDensity
@@ -238,8 +241,7 @@ def test_a_posterior_that_is_not_gaussian_against_a_grid() -> None:
         column = own.samples[:, own.names.index(name)]
         for part in PARTS:
             assert np.interp(np.quantile(column, part), ends, below) == pytest.approx(part, abs=0.025), name
-    low, high = own.interval("linear_drag.gamma")
-    assert low > 0.0
+    assert own.interval("linear_drag.gamma").low > 0.0
     assert set(own.skewed) & {*DRAGS}
 
 
@@ -370,7 +372,7 @@ def test_it_refuses_a_range_below_a_physical_bound() -> None:
 
 def test_it_refuses_a_fit_that_is_not_usable() -> None:
     bad = Fit(harmonic().recording, harmonic().solution, 1.0, faults=(Fault("the pendulum is driven", True),))
-    with pytest.raises(RecordingError, match="no posterior of a fit that is not usable.*driven"):
+    with pytest.raises(RecordingError, match=r"no posterior of a fit that is not usable.*driven"):
         bad.posterior()
 
 
@@ -425,3 +427,58 @@ def test_text_and_table_say_what_there_is() -> None:
     assert repr(found).startswith("<Posterior: harmonic, 32 walkers, 700 steps")
     assert emcee.__version__.split(".")[0] >= "3"
     assert Prior(0.0, math.inf).text == "flat above 0"
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+SHORT = ["fit", "--mass", "0.01", "--radius", "0.02", "--effects", "linear+quadratic", "--read", "until=10.6"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_the_command_writes_valid_files_even_if_it_is_interrupted(
+    interrupted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls, propose = [0], sampling._Jump.__call__
+
+    def stop(self: Any, rows: Any, source: Any) -> Any:
+        calls[0] += 1
+        if interrupted and calls[0] > 20:
+            raise KeyboardInterrupt
+        return propose(self, rows, source)
+
+    monkeypatch.setattr(sampling._Jump, "__call__", stop)
+    done = CliRunner().invoke(app, [*SHORT, "--posterior", "--steps", "120", "--seed", "3", "--svg", "--prior",
+                                    "gamma=normal:0.03:0.001", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.exception
+    names = {"posterior.csv", "posterior.npz", "corner.png", "corner.svg", "fit.png", "scene.json"}
+    assert names <= {path.name for path in tmp_path.iterdir()}
+    assert "gamma normal, 0.03 ± 0.001, above 0" in " ".join(done.output.split())
+    with np.load(tmp_path / "posterior.npz") as kept:
+        assert kept["chain"].shape[1:] == (32, 6)
+        assert (len(kept["chain"]) < 120) == interrupted
+        gamma = kept["chain"][kept["discarded"]:, :, kept["names"].tolist().index("linear_drag.gamma")]
+        assert abs(float(gamma.mean()) - 0.03) < 0.002
+        assert json.loads(str(kept["origin"]))["seed"] == "3"
+    with Image.open(tmp_path / "corner.png") as picture:
+        assert picture.info["seed"] == "3"
+
+
+@pytest.mark.parametrize(("words", "why"), [
+    (["--steps", "10"], "--steps needs --posterior"),
+    (["--seed", "1"], "--seed needs --posterior"),
+    (["--prior", "gamma=1:2"], "--prior needs --posterior"),
+    (["--posterior", "--steps", "0"], "--steps must be a whole number from 1"),
+    (["--posterior", "--prior", "gamma"], "--prior needs a name and a range"),
+])
+def test_the_command_refuses_before_it_reads(words: list[str], why: str, tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, [*SHORT, *words, "--out", str(tmp_path / "out")])
+    assert why in str(done.exception)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_the_command_refuses_an_unknown_prior_before_it_writes(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, [*SHORT, "--posterior", "--prior", "gama=1:2", "--out", str(tmp_path)])
+    assert "did you mean gamma?" in str(done.exception)
+    assert not list(tmp_path.iterdir())

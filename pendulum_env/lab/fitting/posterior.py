@@ -170,9 +170,10 @@ class Posterior(Plotted):
                 for name, mean, error, unit in zip(self.names, self.mean, self.std, self.units, strict=True)}
 
     def interval(self, name: str, level: float = 0.95) -> Interval:
-        """Return the interval of a parameter with the probability ``level`` and equal probabilities beyond its ends.
+        """Return the interval of a parameter, in its unit, with equal probabilities beyond its ends.
 
-        Raises RecordingError for a name that was not fitted, SceneError for a level that is not between 0 and 1.
+        ``level`` is the probability [1] of the interval. Raises RecordingError for a name that was not fitted,
+        SceneError for a level that is not between 0 and 1.
         """
         tail = 0.5 * (1.0 - level_of(level))
         low, high = np.quantile(self.samples[:, place_of(self.fit, name)], (tail, 1.0 - tail))
