@@ -97,7 +97,7 @@ def test_the_sum_of_squares_at_the_steps_is_that_of_the_readings(rate: bool) -> 
     rows = found.values * (1.0 + 0.02 * np.random.default_rng(1).standard_normal((6, len(found.values))))
     squares = [float(np.sum((found.recording.readings - found.model.angles(row)[0]) ** 2)) for row in rows]
     rise = (np.array(squares) - density.best) / density.variance
-    own = density._rises(rows) / density.variance
+    own = density.rises(rows) / density.variance
     assert own == pytest.approx(rise, rel=1e-4)
 
 
@@ -439,7 +439,7 @@ SHORT = ["fit", "--mass", "0.01", "--radius", "0.02", "--effects", "linear+quadr
 def test_the_command_writes_valid_files_even_if_it_is_interrupted(
     interrupted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    calls, propose = [0], sampling._Jump.__call__
+    calls, propose = [0], sampling.Jump.__call__
 
     def stop(self: Any, rows: Any, source: Any) -> Any:
         calls[0] += 1
@@ -447,7 +447,7 @@ def test_the_command_writes_valid_files_even_if_it_is_interrupted(
             raise KeyboardInterrupt
         return propose(self, rows, source)
 
-    monkeypatch.setattr(sampling._Jump, "__call__", stop)
+    monkeypatch.setattr(sampling.Jump, "__call__", stop)
     done = CliRunner().invoke(app, [*SHORT, "--posterior", "--steps", "120", "--seed", "3", "--svg", "--prior",
                                     "gamma=normal:0.03:0.001", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.exception

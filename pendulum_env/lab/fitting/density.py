@@ -64,19 +64,22 @@ class LogDensity:
         if not inside.any():
             return np.asarray(prior)
         rise = np.full(len(rows), math.nan)
-        rise[inside] = self._rises(self.centre + (rows[inside] - self.centre) / self.wider)
+        rise[inside] = self.rises(self.centre + (rows[inside] - self.centre) / self.wider)
         share = rise / (self.freedom * self.variance)
         power = 0.5 * (self.freedom + len(self.centre))
         return np.where(np.isfinite(share), prior - power * np.log1p(np.fmax(share, -0.5)), -math.inf)
 
-    def _rises(self, rows: Array) -> Array:
-        """Return the rises of the sum of squares above that of the fit; nan for parameters without a simulation."""
+    def rises(self, rows: Array) -> Array:
+        """Return the rise of the sum of squares above that of the fit for parameters of shape ``(runs, parameters)``.
+
+        It is nan for parameters without a simulation.
+        """
         try:
             return self._sums.rises(*self.model.nodes(rows, self.step)[1:])
         except SceneError:
             if len(rows) == 1:
                 return np.full(1, math.nan)
-            return np.concatenate([self._rises(row[None]) for row in rows])
+            return np.concatenate([self.rises(row[None]) for row in rows])
 
 
 class _Sums:

@@ -233,7 +233,7 @@ class Posterior(Plotted):
             start: True adds "angle" and "velocity" at time 0, for ``rollout(**posterior.sample(n, start=True))``.
 
         Returns the scene, and an array of n values for every fitted parameter of the scene. Draws are different samples
-        as long as there are enough.
+        as long as there are enough. Raises SceneError unless n and seed are whole numbers in their ranges.
         """
         count = whole_number(n, "n", MOST_DRAWS)
         source = np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
@@ -312,7 +312,7 @@ def posterior(
     source = np.random.default_rng(key)
     ends = np.array([(one.low, one.high) for one in own]).T
     factor, warm = _factor(fit, own), min(round(WARM * length), LONGEST)
-    start, jump = _start(fit, own, density, factor, count, source), _Jump(fit.values, factor, *ends)
+    start, jump = _start(fit, own, density, factor, count, source), Jump(fit.values, factor, *ends)
     moves = [(emcee.moves.MHMove(jump), JUMPS), (emcee.moves.DEMove(), ALONG),
              (emcee.moves.DESnookerMove(), ACROSS)]
     sampler = emcee.EnsembleSampler(count, len(fit.names), density, moves=moves, vectorize=True)
@@ -379,7 +379,7 @@ def _start(
     raise RecordingError(f"{fit.recording.source}: hardly any parameters within the priors' ranges fit the recording")
 
 
-class _Jump:
+class Jump:
     """Proposals around a centre with a given covariance and wide tails, which do not depend on the present parameters
     (Tierney 1994, Ann. Stat. 22, 1701).
 
