@@ -14,6 +14,7 @@ from pendulum_env.common.tables import Table
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
+from pendulum_env.lab.fitting.posterior import Posterior
 from pendulum_env.lab.fitting.result import Fit, against, measured
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.sheet import LabSheet
@@ -155,6 +156,21 @@ def write(
     found.scene.save(paths[-1], origin)
     tell(1.0, "written")
     return paths
+
+
+def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> list[Path]:
+    """Write ``posterior.csv``, ``posterior.npz`` and ``corner.png`` (with ``svg`` also as SVG); return the paths.
+
+    See :meth:`pendulum_env.lab.fitting.posterior.Posterior.save`. Raises OutputError where the folder cannot be
+    written.
+    """
+    from pendulum_env import plots
+    from pendulum_env.plots.corner import corner
+
+    place, origin = output_folder(folder), facts(found.fit, seed=found.seed)  # type: ignore[arg-type]
+    paths = [found.save(place / f"posterior.{ending}") for ending in ("csv", "npz")]
+    title = {**origin, "Title": f"posterior of {found.fit.recording.source}"}
+    return [*paths, *plots.save_all(corner(found), place / "corner", title, svg)]
 
 
 def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:

@@ -153,6 +153,7 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.motion.phase": lambda: (runs(),),
     "plots.motion.portraits": lambda: (runs(),),
     "plots.recorded.recorded": lambda: (fitted(),),
+    "plots.corner.corner": lambda: (fitted().posterior(steps=400),),
     "plots.swing.measured": lambda: (measure(swing()),),
     "plots.swing.readings": lambda: (swing(),),
     "plots.stability.regions": lambda: (TABLES,),

@@ -47,6 +47,7 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
                      "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses", "lab.GateSheet",
+                     "lab.Posterior",
                      "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution", "testing.VectorCheck",
                      "testing.VectorReport"), "a result, which the package makes"),

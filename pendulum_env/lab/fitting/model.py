@@ -127,7 +127,7 @@ class Model:
         from scipy.interpolate import CubicHermiteSpline
 
         rows = np.atleast_2d(values)
-        run = self._runs(rows)
+        run = self._runs(rows, self.step_for(rows[0]))
         angle, velocity = run.angle[1:], run.velocity[1:]
         ended = ~(np.isfinite(angle) & np.isfinite(velocity))
         angle, velocity = np.where(ended, 0.0, angle).T, np.where(ended, 0.0, velocity).T
@@ -140,7 +140,31 @@ class Model:
             curve *= rows[:, self.names.index(SCALE), None]
         return np.asarray(curve + rows[:, self.names.index(ZERO), None])
 
-    def _runs(self, rows: Array) -> Rollout:
+    def step_for(self, values: Array) -> float:
+        """Return the step of a simulation with the given parameter values [s]."""
+        return math.tau / self.scene_with(values).omega0 / (RATE_STEPS if self.rate else STEPS)
+
+    def nodes(self, values: Array, step: float) -> tuple[Array, Array, Array]:
+        """Return the curves between whose steps readings are interpolated: times [s], values and slopes at the steps.
+
+        The cubic Hermite interpolation of the curve has the sensor's readings as values or, of a gyroscope, as slopes.
+
+        Args:
+            values: parameters, shape ``(runs, names)``.
+            step: step of the simulation [s], the same for all runs.
+
+        Values and slopes have the shape ``(runs, steps)``; they are nan after a run stopped early.
+        """
+        rows = np.atleast_2d(values)
+        run = self._runs(rows, step)
+        scale = rows[:, self.names.index(SCALE), None] if SCALE in self.names else 1.0
+        zero = rows[:, self.names.index(ZERO), None]
+        value, slope = scale * run.angle[1:], scale * run.velocity[1:]
+        if self.rate:
+            return run.time, value + zero * run.time, slope + zero
+        return run.time, value + zero, slope
+
+    def _runs(self, rows: Array, step: float) -> Rollout:
         """Simulate a batch of runs, with an extra run in front whose parameters differ from all others.
 
         The engine compiles a parameter as a constant if it is equal in all runs, and would compile a new program for
@@ -153,7 +177,6 @@ class Model:
             name: np.append(value * (1.0 + DECOY) + 1e-9, given.get(name, np.full(len(rows), value)))
             for name, value in self._varied.items()
         }
-        step = math.tau / self.scene_with(rows[0]).omega0 / (RATE_STEPS if self.rate else STEPS)
         duration = max(float(self.time[-1]), step) + step
         return rollout(self._on_rod, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
                        diagnostics=(), warn=False, num_threads=1, **numbers)

@@ -20,6 +20,7 @@ from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
 from pendulum_env.lab.fitting.grade import Fault, Grade, graded, of_lost, of_misfit
 from pendulum_env.lab.fitting.intervals import Bootstrap, Interval, bootstrap, place_of, profile, sample, student
 from pendulum_env.lab.fitting.model import START, ZERO, Model, unit_of
+from pendulum_env.lab.fitting.posterior import Posterior, posterior
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
     FOUND,
@@ -261,6 +262,36 @@ class Fit(Plotted):
         finite error, or if hardly any draw is within the bounds.
         """
         return sample(self, n, seed, start)
+
+    def posterior(
+        self,
+        walkers: int = 32,
+        steps: int = 1500,
+        seed: int = 0,
+        priors: Mapping[str, Any] | None = None,
+        progress: Progress | bool | None = None,
+    ) -> Posterior:
+        """Sample the posterior distribution of the parameters with emcee (``pip install "lab-pendulum[posterior]"``).
+
+        The likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, whose standard
+        deviation sigma is integrated out with the prior 1/sigma. It is made wider where the standard errors allow for
+        correlated residuals, rounding or a drift; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
+        zero are sampled with the other parameters. The walkers start around the fit.
+
+        Args:
+            walkers: number of chains that move together, at least twice the number of parameters.
+            steps: number of steps of every walker.
+            seed: seed of the random numbers, a whole number from 0; equal seeds give equal samples.
+            priors: dict of a parameter's name, such as "length" or "gamma", to ``(low, high)`` for a flat prior,
+                ``("log", low, high)`` for one flat in the logarithm, or ``("normal", mean, error)``. By default all
+                priors are flat: above 0, but for the start and the zero without bound.
+            progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s.
+
+        Ctrl-C ends the sampling and returns the steps done so far, with a warning. Warns if the chain is too short.
+        Raises RecordingError if emcee is missing, if the fit is not usable, and for a parameter without a finite error
+        and without a prior range; SceneError for invalid values.
+        """
+        return posterior(self, walkers, steps, seed, priors, progress)
 
     def against(self, **told: tuple[float, float]) -> dict[str, float]:
         """Compare fitted parameters with independently measured values, as in ``fit.against(length=(0.65, 0.01))``.
