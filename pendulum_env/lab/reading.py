@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, count, gaps_of, known
-from pendulum_env.lab.columns import ColumnLayout, layout_of
+from pendulum_env.lab.accelerations import STANDARD, Mount, felt
+from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, count, gaps_of, known, one_number
+from pendulum_env.lab.columns import ColumnLayout, is_absolute, layout_of
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.displacement import displacement_angle
 from pendulum_env.lab.noise import quantum_level
@@ -53,6 +54,7 @@ class ReadOptions(NamedTuple):
     time_unit: str | None = None
     part: str | None = None
     run: int | None = None
+    sensor: float | None = None
 
     def checked(self) -> ReadOptions:
         """Return the settings after a check, with rate and scale as floats; RecordingError for an invalid value.
@@ -77,13 +79,15 @@ class ReadOptions(NamedTuple):
             scale = 0.0
         if not scale:
             raise RecordingError(f"scale must be a finite number other than 0, got {shown(self.scale)}")
-        return self._replace(rate=rate, scale=scale, run=count(self.run, "runs", "run"))
+        sensor = None if self.sensor is None else one_number(self.sensor, "sensor", above=0.0, unit="m")
+        return self._replace(rate=rate, scale=scale, run=count(self.run, "runs", "run"), sensor=sensor)
 
 
 class FileReadings(NamedTuple):
     """The readings of a file: times [s], angles [rad], notes on what was inferred, and the file's angle unit in rad.
 
-    ``rate``: the angular velocities [rad/s] from which the angles were integrated; None if the file holds angles.
+    ``rate``: the angular velocities [rad/s] from which the angles were integrated; ``force``: the specific forces
+    [m/s²] from which they were estimated, and ``mount`` that of the accelerometer; None if the file holds angles.
     """
 
     time: FloatArray
@@ -91,6 +95,8 @@ class FileReadings(NamedTuple):
     notes: list[str]
     unit: float
     rate: FloatArray | None = None
+    force: FloatArray | None = None
+    mount: Mount | None = None
 
 
 def read_file(name: str, options: ReadOptions) -> FileReadings:
@@ -111,6 +117,11 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     notes += _gap_notes(time, gaps)
     if layout.rate:
         return _rates(table, layout, options, time, values, notes)
+    if layout.force:
+        return _forces(table, layout, options, time, values, notes)
+    if options.sensor is not None:
+        raise RecordingError(f"{name}: sensor= is the distance of an accelerometer from the pivot; this file has no "
+                             "acceleration")
     if layout.track:
         unit = "rad"
         try:
@@ -156,6 +167,29 @@ def _rates(
         raise RecordingError(f"{table.name}: {error}") from None
     notes += [how, "angle: the integral of the angular velocity; a fit compares the angular velocity itself"]
     return FileReadings(time, angle, notes, UNITS[unit] * options.scale, rate)
+
+
+def _forces(
+    table: TextTable, layout: ColumnLayout, options: ReadOptions, time: FloatArray, values: FloatArray, notes: list[str]
+) -> FileReadings:
+    """Return the readings of a file that holds accelerations; RecordingError if no angle follows from them."""
+    titles = [" ".join(table.titles[i]) for i in layout.values]
+    unit = layout.force if layout.force > 0.0 else _unit_of_force(values)
+    if unit != 1.0:
+        notes.append(f"acceleration: in g of {STANDARD:g} m/s²")
+    try:
+        found = felt(time, values * unit * options.scale, titles, is_absolute(titles), options.sensor)
+    except RecordingError as error:
+        raise RecordingError(f"{table.name}: {error}") from None
+    where = f"sensor: {options.sensor:g} m from the pivot, as given" if options.sensor else (
+        "the distance of the sensor from the pivot is fitted, too (sensor= gives it)")
+    notes += [*found.notes, f"angle: estimated from the acceleration; a fit compares the acceleration itself; {where}"]
+    return FileReadings(time[:len(found.angle)], found.angle, notes, 1.0, None, found.force, found.mount)
+
+
+def _unit_of_force(values: FloatArray) -> float:
+    """Return the unit [m/s²] of accelerations whose titles name none: g if their mean is nearer to 1 than to 9.81."""
+    return STANDARD if 0.5 < float(np.linalg.norm(values.mean(axis=0))) < 2.0 else 1.0
 
 
 def _times(

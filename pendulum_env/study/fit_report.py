@@ -53,7 +53,7 @@ def goodness(found: Fit) -> str:
 
     Without a comparison of models, which says it too, the grade of the fit comes last.
     """
-    runs, degrees, sign = found.runs, math.degrees, "°" if found.recording.rate is None else "°/s"
+    runs, degrees, sign = found.runs, found.shown, found.sign
     order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
         "the signs change more often than in random order, as rounding can make them; a misfit makes them change less "
         "often" if runs.z > 0.0 else
@@ -121,7 +121,7 @@ def write(
 
     ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
     swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
-    with error and correlations, ``residuals.csv`` time [s], reading, model and residual [rad, or rad/s of a gyroscope];
+    with error and correlations, ``residuals.csv`` time [s], reading, model and residual, in the unit of the readings;
     ``scene.json`` is a scene for ``gym.make("LabPendulum-v0", scene=...)``. Other files in the folder stay unchanged.
 
     Raises OutputError where the folder cannot be written.
@@ -143,7 +143,7 @@ def write(
         (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
         for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
     swing = found.recording
-    unit = swing.unit.replace("/", "_per_")
+    unit = swing.unit.replace("/", "_per_").replace("^", "")
     write_csv(paths[3], ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))),
               _rows(swing.time, swing.readings, swing.readings - found.residual, found.residual), origin)
     if models is not None:

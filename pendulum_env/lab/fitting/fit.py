@@ -45,10 +45,11 @@ def fit(
 ) -> Fit:
     """Fit the parameters of a scene to a recording, by least squares of the whole trajectory.
 
-    The model is ``angle_i = zero + scale theta(t_i)``, and for a gyroscope ``rate_i = zero + scale theta'(t_i)``, with
-    its bias as zero. Fitted are the start, the sensor's zero, the parameters in
-    ``free``, and those of the dampings. With several models, the best by the Bayesian information criterion is
-    returned, and its ``comparison`` lists all of them.
+    The model is ``angle_i = zero + scale theta(t_i)``, for a gyroscope ``rate_i = zero + scale theta'(t_i)``, and for
+    an accelerometer ``force_i = zero + scale force(t_i)``, with the bias as zero. Fitted are the start, the sensor's
+    zero, the parameters in ``free``, those of the dampings, and an accelerometer's distance from the pivot and tilt.
+    With several models, the best by the Bayesian information criterion is returned, and its ``comparison`` lists all of
+    them.
 
     Args:
         recording: the recording as read. It is cut at the release, and one period after the readings have stopped to
@@ -165,7 +166,8 @@ def _undetermined(place: Scene, damping: Names, free: Names) -> bool:
 def _model(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]) -> Model:
     """Return the model of a swing with the given dampings; RecordingError for too few readings to fit its parameters.
     """
-    model = Model.of(place, damping, swing.time, free, program(place, damping), rate=swing.rate is not None)
+    model = Model.of(place, damping, swing.time, free, program(place, damping), rate=swing.rate is not None,
+                     mount=swing.mount)
     if len(swing.time) <= len(model.names):
         problem = f"{len(model.names)} parameters needs more readings than the {len(swing.time)} from the release on"
         raise RecordingError(f"{swing.source}: a fit of {problem}")
