@@ -96,6 +96,28 @@ def against_told(found: Fit, told: float, error: float | None = None) -> str:
             f"{'above' if away > 0.0 else 'below'}; the fit {word} the given length.")
 
 
+def against_track(found: Fit) -> str:
+    """Return a sentence that compares the radius of a track with the fitted length; "" without either.
+
+    If the unit of the track is not known, the sentence gives the length of that unit.
+    """
+    radius = found.recording.radius
+    if radius is None or LENGTH not in found.names:
+        return ""
+    length = measured(found, LENGTH)
+    if radius.unit != "m":
+        scale = length.value / radius.value
+        return (f"Track: its radius is {radius}; with the fitted length, {length}, one unit of the track is "
+                f"{scale:.4g} m ({1.0 / scale:.5g} units are 1 m).")
+    away = (radius.value - length.value) / math.hypot(radius.error, length.error)
+    word = next(word for most, word in AGREEMENT if abs(away) < most)
+    hint = "" if abs(away) < AGREEMENT[0][0] else (
+        f"; either the scale of the film is {abs(radius.value / length.value - 1.0):.2%} too "
+        f"{'large' if away > 0.0 else 'small'}, or gravity or the bob differ from those of the scene")
+    return (f"Track: its radius {radius} {word} the fitted length {length} ({abs(away):.1f} sigma "
+            f"{'above' if away > 0.0 else 'below'}){hint}.")
+
+
 def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
     """Return the shell command that compares integrators on the fitted scene with the recording.
 

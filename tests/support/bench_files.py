@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -17,6 +18,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
+from old_workbook import old_workbook
 from scipy.integrate import solve_ivp
 
 Array = NDArray[np.float64]
@@ -415,6 +417,16 @@ def phyphox_xlsx(path: Path, source: Source) -> Truth:
     return truth
 
 
+def phyphox_xls(path: Path, source: Source) -> Truth:
+    """The gyroscope of phyphox as a workbook of Excel 97, which it also exports."""
+    columns, truth = phyphox_columns(source, rest=False)
+    path.write_bytes(old_workbook([
+        ("Raw Data", [GYROSCOPE, *zip(*(column.tolist() for column in columns), strict=True)]),
+        ("Metadata Device", [("property", "value"), *DEVICE]),
+    ]))
+    return truth
+
+
 def physics_toolbox(path: Path, source: Source) -> Truth:
     """The gyroscope of Physics Toolbox."""
     columns, truth = gyroscope(source, rest=False)
@@ -798,7 +810,15 @@ BENCH_FILES: tuple[BenchFile, ...] = (
     BenchFile("absolute acceleration", "absolute_acceleration.csv", "acceleration", absolute_acceleration),
     BenchFile("acceleration across a rod", "acceleration_across.csv", "acceleration", across_acceleration, ACROSS),
     BenchFile("acceleration without g", "linear_acceleration.csv", "acceleration", linear_acceleration, LINEAR),
+    BenchFile("phyphox gyroscope xls", "gyroscope.xls", "rate", phyphox_xls),
 )
+
+
+def written(name: str, folder: Path, seed: int = 5) -> tuple[Path, Truth]:
+    """Writes a file of a format, drawn by a seed and the format's name; its path and its truth."""
+    one = next(one for one in BENCH_FILES if one.name == name)
+    path = folder / one.suffix
+    return path, one.write(path, np.random.default_rng([seed, zlib.crc32(name.encode())]))
 
 
 def main() -> None:
