@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
-from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
+from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Settings, Svg, Until, recording_of
 
 if TYPE_CHECKING:
     from pendulum_env.common.progress import Progress
@@ -57,6 +57,13 @@ def fit(
         list[str] | None,
         typer.Option(help="Prior of a parameter, as length=0.64:0.66, gamma=log:0.01:0.1, length=normal:0.65:0.01.")
     ] = None,
+    columns: Columns = None,
+    until: Until = None,
+    above: Above = None,
+    drop: Drop = None,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Let readings that are far off count less (soft L1).")
+    ] = False,
     svg: Svg = False,
     out: Out = Path("out/fit"),
     settings: Settings = None,
@@ -71,12 +78,14 @@ def fit(
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.lab.fitting.fit import fit as run
+    from pendulum_env.lab.fitting.robust import calmed
     from pendulum_env.lab.recording import RecordingError
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.physics.units import SceneError, number
     from pendulum_env.study.fit_report import (
         against_told,
+        against_track,
         goodness,
         parameter_table,
         to_lay_over,
@@ -93,18 +102,20 @@ def fit(
     sampling = _sampling(posterior, steps, seed, prior)
     part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
-    data = recording_of(place, read, unit=unit, rate=rate, scale=scale)
+    given = {"unit": unit, "rate": rate, "scale": scale, "columns": columns, "until": until,
+             "drop": ",".join(drop) if drop else None}
+    data = recording_of(place, read, **given)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     print_text(data.text)
-    sheet = measure(data, n=oscillations, scene=scene, **known)
+    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above, **known)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
     output_folder(out)
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
         try:
-            best = run(data, effects, scene=scene, free=names, progress=lambda done, text: progress(part * done, text),
-                       **known)
+            best = run(data, effects, scene=scene, free=names, above=above, robust=robust,
+                       progress=lambda done, text: progress(part * done, text), **known)
             found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
         except (SceneError, RecordingError):
             tell_of(warned)
@@ -122,13 +133,13 @@ def fit(
     assumed = "" if scene or "radius" in known else (
         f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
     scene_line = f"Scene: {best.scene.equation()}"
-    lines = (goodness(best), verdict, assumed, scene_line) if best.grade.usable else (scene_line, best.grade.text)
+    usable = [goodness(best), verdict, against_track(best), assumed, scene_line]
+    lines = usable if best.grade.usable else [scene_line, best.grade.text]
     print_text("\n".join(line for line in lines if line))
     if found is not None:
         print_table(found.table, f"posterior, {best.damping} damping")
         print_text(found.text)
     print_files(paths)
-    given = {"unit": unit, "rate": rate, "scale": scale}
     reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
     print_text("To compare the recording with other methods, run:")
     print(to_lay_over(best, place, paths[-1], reading))

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pendulum_env.lab.accelerations import STANDARD
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.table import TextTable
 from pendulum_env.lab.tracks import fit_circle
@@ -38,8 +39,16 @@ _RATE = re.compile(
 _RATE_UNITS = {"deg": re.compile(r"(?:deg\w*|°)\s*/\s*s|(?<![a-z])dps(?![a-z])", re.IGNORECASE),
                "rad": re.compile(r"rad\w*\s*/\s*s|(?<![a-z])w[xyz](?![a-z])|gyro", re.IGNORECASE)}
 """Unit of an angular velocity, per s; those of gyroscopes of phones are in rad/s if their titles have no unit."""
-_ABSOLUTE = re.compile(r"absolut|magnitude|norm|total", re.IGNORECASE)
+_ABSOLUTE = re.compile(r"absolut|magnitude|norm|total|betrag|(?<![a-z])(?:tg?f|at)(?![a-z])", re.IGNORECASE)
 RATE = "rate"
+_FORCE = re.compile(r"accel|beschleun|(?<![a-z])(?:g?f|a|acc)[ _-]?[xyz](?![a-z])|g[ -]?force", re.IGNORECASE)
+"""Columns of an acceleration."""
+_NO_FORCE = re.compile(r"linear|without g|ohne g|user|angular", re.IGNORECASE)
+"""Accelerations from which a phone has subtracted gravity, or of the angle."""
+_FORCE_UNITS = {1.0: re.compile(r"m\s*/?\s*s\s*(?:\^?-?2|²|⁻²|/s)", re.IGNORECASE),
+                STANDARD: re.compile(r"[(\[]\s*g\s*[)\]]|(?<![a-z])gf|g[ -]?force", re.IGNORECASE)}
+"""Size of the unit of an acceleration [m/s²] -> how a title names it."""
+FORCE = "acceleration"
 _FEW = 3
 """Number of values of each column that a refusal prints."""
 _ON_CIRCLE = 0.02
@@ -61,6 +70,7 @@ class ColumnLayout(NamedTuple):
 
     ``length``: the unit [m] of a column that holds a displacement or distance in place of an angle; else 0. ``rate``:
     the unit, "deg" or "rad" per s, of columns that hold an angular velocity about one or more axes; else "".
+    ``force``: the unit [m/s²] of columns that hold accelerations; -1 if the titles do not say it; else 0.
     """
 
     time: int | None
@@ -68,11 +78,12 @@ class ColumnLayout(NamedTuple):
     notes: list[str]
     length: float = 0.0
     rate: str = ""
+    force: float = 0.0
 
     @property
     def track(self) -> bool:
         """True if the columns hold the x and y of a track, as of a filmed bob; False if they hold an angle."""
-        return len(self.values) == 2 and not self.rate
+        return len(self.values) == 2 and not self.rate and not self.force
 
     @property
     def expected(self) -> str:
@@ -98,6 +109,9 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
         rates = _rates(titles, layout)
         if rates is not None:
             return rates
+        forces = _forces(table, titles, layout)
+        if forces is not None:
+            return forces
         wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
         if wrong:
             raise RecordingError(f"{table.name}: expected an angle, the header names {wrong[0]!r}; "
@@ -140,6 +154,43 @@ def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
         return None
     note = f"columns: {_list([layout.time, *places], titles)}, an angular velocity in {min(units)}/s"
     return ColumnLayout(layout.time, tuple(places), [note], rate=min(units))
+
+
+def _forces(table: TextTable, titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
+    """Return the columns of an acceleration with gravity, where the header names no angle; else None.
+
+    Those of all axes are taken, and the absolute value only if there is nothing else. Raises RecordingError for an
+    acceleration from which a phone has subtracted gravity.
+    """
+    if layout.time is None or _ANGLE.search(titles[layout.values[0]]):
+        return None
+    places = [i for i, title in enumerate(titles) if _FORCE.search(title) and i != layout.time
+              and not _RATE.search(title)]
+    if not places or (layout.values[0] not in places and not layout.track):
+        return None
+    without = [i for i in places if _NO_FORCE.search(titles[i])]
+    if len(without) == len(places):
+        raise RecordingError(
+            f"{table.name}: {titles[places[0]]!r} is an acceleration without gravity, which shows only the product of "
+            "the amplitude and the distance of the phone from the pivot: a small swing far from it or a large one near "
+            f"it; record the acceleration with g, or the gyroscope; {described(table, titles)}")
+    places = [i for i in places if i not in without]
+    places = [i for i in places if not _ABSOLUTE.search(titles[i])] or places[:1]
+    return _with_force(titles, layout.time, places[:3])
+
+
+def _with_force(titles: list[str], time: int, places: Sequence[int]) -> ColumnLayout:
+    """Return the layout of a file with a time and accelerations, whose unit is that in their titles."""
+    units = {unit for i in places for unit, form in _FORCE_UNITS.items() if form.search(titles[i])}
+    unit = units.pop() if len(units) == 1 else -1.0
+    said = {1.0: " in m/s²", STANDARD: " in g"}.get(unit, "")
+    return ColumnLayout(time, tuple(places), [f"columns: {_list([time, *places], titles)}, an acceleration{said}"],
+                        force=unit)
+
+
+def is_absolute(titles: Sequence[str]) -> bool:
+    """Return True if the titles are that of one column with an absolute value."""
+    return len(titles) == 1 and bool(_ABSOLUTE.search(titles[0]))
 
 
 def described(table: TextTable, titles: list[str]) -> str:

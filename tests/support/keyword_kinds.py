@@ -127,6 +127,7 @@ OWN: Mapping[str, str] = {
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Recording.read.part": "none of these", "Recording.read.run": "none of these", "Recording.read.until": "number",
     "Recording.read.drop": "none of these", "Recording.rate": "none of these",
+    "Recording.force": "none of these", "Recording.mount": "none of these", "Recording.read.sensor": "number",
     "lab.measure_gate.path": "none of these", "lab.measure_gate.length_error": "least",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
     "with_damping.scene": "none of these", "choose.scenes": "list", "Sweep.column.name": "none of these",

@@ -1,8 +1,9 @@
 """Logarithm of the posterior density of fitted parameters, for many sets of parameters at once.
 
-The sum of squares of N readings is a quadratic form of the simulated angles and velocities at the steps between which
-the readings are interpolated. Its coefficients are sums over the readings and calculated once, so that an evaluation
-takes as long as the simulation, for any number of readings.
+The sum of squares of N angles or angular velocities is a quadratic form of the simulated angles and velocities at the
+steps between which the readings are interpolated. Its coefficients are sums over the readings and calculated once, so that
+an evaluation takes as long as the simulation, for any number of readings. The readings of an accelerometer are no linear
+function of the motion: their sum of squares is added up anew.
 """
 
 from __future__ import annotations
@@ -51,7 +52,8 @@ class LogDensity:
             wider = np.sqrt(np.diag(fit.covariance) / variances)
         self.wider = np.where(np.isfinite(wider), np.maximum(wider, 1.0), 1.0)
         self.step = self.model.step_for(self.centre)
-        self._sums = _Sums(fit, self.step)
+        self._sums = _Sums(fit, self.step) if self.model.mount is None else None
+        self._fit = fit
 
     def __call__(self, rows: Array) -> Array:
         """Return the logarithm of the density for parameters of shape ``(runs, parameters)``, an array of runs.
@@ -75,7 +77,10 @@ class LogDensity:
         It is nan for parameters without a simulation.
         """
         try:
-            return self._sums.rises(*self.model.nodes(rows, self.step)[1:])
+            if self._sums is not None:
+                return self._sums.rises(*self.model.nodes(rows, self.step)[1:])
+            off = self._fit.recording.readings - self.model.angles(rows)
+            return np.asarray(np.sum(off * off, axis=1) - self.best)
         except SceneError:
             if len(rows) == 1:
                 return np.full(1, math.nan)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, START, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, SENSOR, START, TILT, VELOCITY, ZERO, Model
 from pendulum_env.lab.fitting.start import Measured, visible
 from pendulum_env.lab.fitting.statistics import reading_error
 from pendulum_env.lab.recording import Recording
@@ -174,8 +174,7 @@ def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Arr
     reading; two in a row mean that the model has lost the swing.
     """
     theirs = model.angles(values)[0] if shown is None else shown
-    zero = values[model.names.index(ZERO)]
-    size = _amplitude(model.time, angle - zero, math.tau / model.scene_with(values).omega0)
+    size = _amplitude(model.time, angle - model.rest(values), math.tau / model.scene_with(values).omega0)
     off = np.nan_to_num(np.abs(angle - theirs), nan=BEYOND)
     astray = off > ASTRAY * np.maximum(size, SMALL * float(size.max())) + 10.0 * sigma
     both = astray[1:] & astray[:-1]
@@ -198,10 +197,10 @@ def sizes(model: Model, values: Array) -> Array:
     """
     scene, given = model.scene_with(values), dict(zip(model.names, values, strict=True))
     swing = max(abs(given[ANGLE]), abs(given[VELOCITY]) / scene.omega0, 1e-3)
-    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, LENGTH: 1e-3 * scene.body.reach,
-             GRAVITY: 1e-3 * scene.gravity}
+    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, TILT: 0.01,
+             LENGTH: 1e-3 * scene.body.reach, GRAVITY: 1e-3 * scene.gravity}
     if not isinstance(scene.body, Body):
-        known |= {name: 1e-3 * abs(given[name]) for name in model.free if name != SCALE}
+        known |= {name: 1e-3 * abs(given[name]) for name in model.free if name not in SENSOR}
     least = dict(zip(model.numbers, visible(scene, model.numbers, swing), strict=True))
     return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
