@@ -140,11 +140,12 @@ def _rank(own: set[Any], wanted: set[Any], seen: set[Any], place: int) -> tuple[
 
 def _pairs_of(row: tuple[Any, ...]) -> set[tuple[tuple[int, Any], tuple[int, Any]]]:
     scene, method = (0, row[0]), (1, row[1])
-    return set(combinations(enumerate(row), 2)) - {(scene, method)} | {(scene, (1, kind(row[1])))}
+    return set(combinations(enumerate(row), 2)) - {(scene, method)} | {(scene, (1, kind(row[1]))), (method, method)}
 
 
 def check_pairs(found: Sequence[tuple[Any, ...]], axes: Sequence[Sequence[Any]]) -> None:
     """AssertionError unless every pair of values that fit is there, of scenes and methods every kind of method."""
+    assert {method for _, method, *_ in found} == set(axes[1])
     wanted = {(scene, kind(method)) for scene, method in product(*axes[:2]) if (scene, method) in FITS}
     assert {(scene, kind(method)) for scene, method, *_ in found} == wanted
     for (i, first), (j, second) in combinations(enumerate(axes), 2):
