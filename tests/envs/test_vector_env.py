@@ -89,8 +89,8 @@ def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[st
 
 
 def test_how_many_combinations() -> None:
-    print(f"\n{len(PAIRS)} combinations of scene x method x task x autoreset mode x diagnostics here, every pair among "
-          "them, so each method in each scene that it fits")
+    """Every pair of values, but of methods in scenes every kind: LAB_PENDULUM_GRID=full takes each method in each."""
+    print(f"\n{len(PAIRS)} combinations of scene x method x task x autoreset mode x diagnostics")
     check_pairs(PAIRS, AXES)
 
 
