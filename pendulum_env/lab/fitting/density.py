@@ -1,9 +1,9 @@
 """Logarithm of the posterior density of fitted parameters, for many sets of parameters at once.
 
 The sum of squares of N angles or angular velocities is a quadratic form of the simulated angles and velocities at the
-steps between which the readings are interpolated. Its coefficients are sums over the readings and calculated once, so that
-an evaluation takes as long as the simulation, for any number of readings. The readings of an accelerometer are no linear
-function of the motion: their sum of squares is added up anew.
+steps between which the readings are interpolated. Its coefficients are sums over the readings and calculated once, so
+that an evaluation takes as long as the simulation, for any number of readings. The readings of an accelerometer are no
+linear function of the motion: their sum of squares is added up anew.
 """
 
 from __future__ import annotations
