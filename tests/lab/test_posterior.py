@@ -15,6 +15,7 @@ from typing import Any
 import emcee
 import numpy as np
 import pytest
+from bench_files import written
 from emcee.autocorr import integrated_time as of_emcee
 from PIL import Image
 from scipy.stats import t
@@ -260,6 +261,17 @@ def test_it_agrees_with_errors_and_profiles_where_they_are_gaussian() -> None:
     run = rollout(**own.sample(20, start=True), integrator="rk4", dt=0.01, duration=5.0, diagnostics=())
     near = np.interp(run.time, found.recording.time, found.swing)
     assert np.sqrt(np.mean((run.angle - near) ** 2)) < 0.02
+
+
+@pytest.mark.slow
+def test_the_posterior_of_an_accelerometer_contains_the_truth(tmp_path: Path) -> None:
+    file, truth = written("phone on a rod", tmp_path)
+    one = fit(Recording.read(file), "linear")
+    found = one.posterior(steps=500, progress=False)
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(one.covariance)), rtol=0.15)
+    for name, value in {"length": truth["length"], "sensor_distance": truth["reach"]}.items():
+        low, high = found.interval(name, 0.999)
+        assert low <= value <= high, name
 
 
 @pytest.mark.slow
