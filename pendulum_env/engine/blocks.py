@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pendulum_env.engine import report
 from pendulum_env.engine.advance import advanced
 from pendulum_env.engine.calls import begin
+from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.shape import DIVERGED, LATE, LOST, UNSURE, indent, joined
 
@@ -19,14 +20,26 @@ from pendulum_env.engine.shape import DIVERGED, LATE, LOST, UNSURE, indent, join
 def loops(layout: Layout) -> list[str]:
     """Return the source of all loop functions of a program for many pendulums.
 
-    With a task they advance and observe environments, without one they advance and record runs. The last of them is the
-    function that Python calls.
+    With a task they advance and observe environments, without one they advance and record runs. The last of them, and
+    ``starts`` of a task that draws its starts by a function, are the functions that Python calls.
     """
     first = [_remember_block(layout)] if layout.shape.remembered else []
     first += [_begin_block(layout)] if layout.shape.memory else []
-    rest = [_observe(layout), _step_blocks(layout)] if layout.task else [_record(layout), _run_blocks(layout)]
+    rest = [_observe(layout), _step_blocks(layout)] if layout.goal else [_record(layout), _run_blocks(layout)]
     search = [_settle(layout)] if layout.shape.slack else []
-    return [*first, _advance(layout), *search, *rest]
+    begun = [_starts(layout.goal.begin.__name__)] if layout.goal and layout.goal.begin else []
+    return [*first, _advance(layout), *search, *rest, *begun]
+
+
+def _starts(begin: str) -> str:
+    """Write the source of ``starts``: the starts of many episodes, by a task's own function, from random numbers."""
+    return "\n".join([
+        "@entry",
+        "def starts(first, second, omega0, angle, velocity):",
+        "    for i in range(len(first)):",
+        f"        angle[i], velocity[i] = {begin}(first[i], second[i], omega0[i])",
+        "",
+    ])
 
 
 def _advance(layout: Layout) -> str:
@@ -123,17 +136,24 @@ def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
 
 def _observe(layout: Layout) -> str:
     """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block."""
-    reward, lost = layout.task or ("", "")
+    goal = layout.goal
+    assert goal is not None
+    turned = ["cosine = -cosine", "sine = -sine"] if goal.upright else []
     lines = [
         *_loaded(layout),
+        *layout.load(*goal.before),
         *report.motion(layout.shape),
+        *goal.aimed(),
         *_formulas(layout, report.ledger(layout.shape)),
         f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound",
         *([report.judged("status")] if layout.shape.ledger else []),
-        f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
-        f"{layout.out('reward')} = {reward}(phi, v/omega0, control)",
+        f"status = {LOST}.0 if {goal.call(goal.lost)} & (status == 0.0) else status",
+        f"{layout.out('reward')} = {goal.call(goal.reward)}",
+        *[f"{layout.at(name)} = {BEFORE[name]}" for name in goal.before],
+        *goal.ahead(),
+        *turned,
         f"{layout.out('late')} = 1.0 if late else 0.0",
-        *[f"{layout.out(name)} = {name}" for name in report.SEEN],
+        *[f"{layout.out(name)} = {name}" for name in goal.seen],
         f"{layout.out('ended')} = status",
         f"{layout.at('status')} = {LATE}.0 if late & (status == 0.0) else status",
         *[f"{layout.out(name)} = r_{name}" for name in layout.reports],
@@ -207,7 +227,7 @@ def _step_blocks(layout: Layout) -> str:
             f"        observe(s, o, n, h, bound{shared})",
             "        seen = observation[base:base + n]",
             "        for i in range(U(n)):",
-            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(report.SEEN)],
+            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(layout.goal.seen if layout.goal else ())],
             "        over = terminated[base:base + n]",
             "        for i in range(U(n)):",
             f"            over[i] = o[i + U({place['ended']})] != 0.0",

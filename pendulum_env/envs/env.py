@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from integrators import Method
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.each import frequency
+from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
@@ -37,9 +38,9 @@ from pendulum_env.films.reel import Reel, motion
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import line, naming_keywords, number, truth, whole_number
+from pendulum_env.physics.units import line, naming_keywords, number, shown, truth, whole_number
 from pendulum_env.render import View
-from pendulum_env.tasks import TASKS, Task
+from pendulum_env.tasks import TASKS, Task, TaskError
 from pendulum_env.tasks.action import SINGLE, torque_share
 from pendulum_env.window import Shown, window_of
 
@@ -180,7 +181,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         damping: Damping = "scene",
         dt: float = 0.02,
         substeps: int = 1,
-        task: str | None = None,
+        task: str | Task | None = None,
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: float | None = None,
         render_mode: str | None = None,
@@ -194,15 +195,18 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         render_panels: Sequence[str] = ("apparatus", "energy"),
         velocity_bound: float | None = None,
         speed_penalty: float = 0.0,
+        duration: float | None = None,
+        reward_rate: bool = False,
         **parameters: Any,
     ) -> None:
         names = check_diagnostics(diagnostics)
-        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names)
+        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
+                                 duration, reward_rate)
         with naming_keywords(type(self)):
             self._spec = RunSpec.of_episodes(
                 scene, damping, parameters, dt=setup.dt, diagnostics=names, speed_limit=speed_limit, backend=backend,
                 rtol=rtol, atol=atol, compensated=compensated,
-                choose=lambda scene: settled(setup, scene, integrator, accuracy, None, compensated, rtol, atol),
+                choose=lambda scene: settled(setup, scene, integrator, accuracy, setup.steps, compensated, rtol, atol),
             )
         self._machine = self._spec.machine()
         self._spec.tell()
@@ -213,11 +217,16 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self.metadata = {**METADATA, "render_fps": 1.0 / setup.dt}  # films run at true speed
         self._omega0 = frequency(self._scene)
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        bound, self.observation_space, self.action_space = spaces_of(velocity_bound)
+        bound, self.observation_space, self.action_space = spaces_of(velocity_bound, setup.task)
         self._velocity_bound = bound
         self._bounded = bound < UNBOUNDED
 
         self._h = self._spec.h
+        self._checks, self._rate = setup.task.own, setup.rate
+        self._before, self._upright = setup.task.goal.before, setup.task.goal.upright
+        self._steps = setup.steps
+        self._last = math.inf if setup.steps is None else (setup.steps - 1.0) * self._substeps
+        self._make_judge()
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened = self._machine.kept.get("slackened", 0)  # its index in a state; 0 when no warning is due
@@ -227,6 +236,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._camera = (Camera(self._machine, self._h, self.substeps, setup.render_size, setup.look)
                         if setup.render_mode else None)
         self.window = window_of(self.shown()) if setup.render_mode == "human" else None
+
+    def _make_judge(self) -> None:
+        """Make the functions that judge a step and look ahead along a reference."""
+        task, span = self._task, self._h * self._substeps
+        self._judge = task.judge(self._omega0, self._h)
+        self._ahead = looking_ahead(task.goal, self._h, span) if task.goal.reference else None
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.scene.name}, {self.integrator}, task {self.task.name}, dt = {self.dt:g} s")
@@ -242,7 +257,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
         if len(asked) < len(START):
-            drawn = self._task.start(self.np_random.random(), self.np_random.random(), self._omega0)
+            drawn = self._task.starts(self.np_random.random(), self.np_random.random(), self._omega0)
             angle = angle if "angle" in asked else float(drawn[0])
             velocity = velocity if "velocity" in asked else float(drawn[1])
         started = self._start(angle, velocity)
@@ -275,16 +290,23 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if self.window is not None:
             self.window.attend()
         self._share = share
+        before = earlier(self._state, self._machine.phi, self._before) if self._before else {}
         observation, code, values = self._run(self._substeps)
-        phi, velocity = values[self._machine.phi], values[VELOCITY]
+        index, angle, turns, velocity, phi = *values[:4], values[self._machine.phi]
         if self._slackened and (steps := values[self._slackened]):
             self._slackened = 0
             self._spec.tell_of_slack(steps)
         if abs(velocity) > self._turning:
             self._turning = math.inf
             self._spec.tell_of_turns(abs(velocity))
-        reward = self._task.reward(phi, velocity / self._omega0, share)
-        if not code and self._task.lost(phi):
+        if self._checks:
+            reward, lost = self._judged(index, angle, turns, velocity, phi, share, before)
+        else:
+            reward, lost = self._judge(index, angle, turns, velocity, phi, share, before)
+        if self._rate != 1.0:
+            reward *= self._rate
+        late = index + (code == DIVERGED) > self._last
+        if not code and lost:
             code = LOST
         info = self._info(values)
         if self._camera is not None:
@@ -296,7 +318,20 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             self._explain(code, values)
             if code != LOST:
                 reward -= self._penalty
-        return observation, reward, code != 0, False, info
+        return observation, reward, code != 0, late, info
+
+    def _judged(self, *state: Any) -> tuple[float, bool]:
+        """Return reward and loss of a step by a user's functions; TaskError if they fail or the reward is not finite.
+        """
+        try:
+            reward, lost = self._judge(*state)
+        except (ArithmeticError, ValueError) as error:
+            raise TaskError(f"The task {shown(self._task.name)} raises {type(error).__name__} ({error}) at phi = "
+                            f"{state[4]:.6g} rad, velocity = {state[3]:.6g} rad/s.") from None
+        if not math.isfinite(reward):
+            raise TaskError(f"The reward of the task {shown(self._task.name)} is {reward} at phi = {state[4]:.6g} rad, "
+                            f"velocity = {state[3]:.6g} rad/s.")
+        return reward, lost
 
     def _info(self, values: list[float]) -> dict[str, Any]:
         """Return Gymnasium's info dict for the numbers of a simulation's state."""
@@ -321,6 +356,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         code = run(state, machine.parameters, self._share, self._h, 1, steps, self._speed_limit, NOWHERE, seen)
         if self._bounded:
             seen[2] = min(max(seen[2], -self._velocity_bound), self._velocity_bound)
+        if self._upright:
+            seen[0], seen[1] = -seen[0], -seen[1]
+        if self._ahead is not None:
+            seen = np.concatenate([seen, np.array(self._ahead(float(state[INDEX])), SINGLE)])
         return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -367,9 +406,14 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         return {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
                 "substeps": self.substeps, **self._machine.tolerance, **compensated}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes for a copy or a pickle, without the functions that are made from the task."""
+        return {**super().__getstate__(), "_judge": None, "_ahead": None}
+
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         """Set the attributes of a copied or unpickled environment, and let its window show this copy."""
         super().__setstate__(state)
+        self._make_judge()
         if self.window is not None:
             self.window.show(self.shown())
 
@@ -437,6 +481,13 @@ LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
         "| task | reward per step | ends |", "| --- | --- | --- |",
         *(f"| `{task.name}` | {task.equation} | {task.ends} |" for task in TASKS.values()),
     ]))
+
+
+def earlier(state: Any, phi: int, names: Sequence[str]) -> dict[str, float]:
+    """Return the quantities of a state, at the start of a control step, that a task takes, by name [rad, rad/s]."""
+    values = {"phi_before": state[phi], "velocity_before": state[VELOCITY],
+              "angle_before": state[ANGLE] + TWO_PI * state[TURNS]}
+    return {name: float(values[name]) for name in names}
 
 
 def one_start(spec: RunSpec, angle: Any, velocity: Any) -> tuple[float, float]:
