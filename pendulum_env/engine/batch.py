@@ -81,6 +81,7 @@ class Blocks:
         names: names of the quantities reported beside observation and reward.
         num_threads: number of threads used.
         program: the generated program.
+        wrong: True if a reward of the last call of the program was not finite, for a task with functions of a user's.
         call: the program's entry function.
 
     Raises MethodError if the method does not fit the scene, EngineError for a backend that is not available.
@@ -101,7 +102,7 @@ class Blocks:
         compensated: bool = False,
     ) -> None:
         compensated = check_compensated(compensated, None)
-        self.size, self.h, self.compensated = size, h, compensated
+        self.size, self.h, self.compensated, self.wrong = size, h, compensated, False
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
@@ -238,7 +239,8 @@ class Blocks:
 
             Thread ``number`` has its own scratch array.
             """
-            self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
+            if self.call(state, self._scratch[number], first, last, *arguments, *self._shared):
+                self.wrong = True
 
         if self._compiled:
             threads.spread(part, len(state), len(self._scratch), self._pace.units)
@@ -272,8 +274,8 @@ class Batch(Blocks):
     def results(self, size: int | None = None) -> Results:
         """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch."""
         count = self.size if size is None else size
-        return Results(np.empty((count, self._width), SINGLE), np.empty(count), np.empty(count, TRUTH), np.empty(count, TRUTH),
-                       np.empty((len(self.names), count)))
+        return Results(np.empty((count, self._width), SINGLE), np.empty(count), np.empty(count, TRUTH),
+                       np.empty(count, TRUTH), np.empty((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         """Take one control step of every environment that has not stopped, and write the results to ``into``.
@@ -281,8 +283,9 @@ class Batch(Blocks):
         After an interruption by Ctrl-C some environments are ahead of others until the next reset.
         """
         if self._usual:
-            self.call(*self._usual, action, *into, *self._shared)
+            self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
             return
+        self.wrong = False
         substeps = self.substeps
         if substeps <= self._at_once:
             self._run(self._state, action, substeps, substeps, into)

@@ -14,7 +14,7 @@ from pendulum_env.engine.advance import advanced
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
-from pendulum_env.engine.shape import DIVERGED, LATE, LOST, UNSURE, indent, joined
+from pendulum_env.engine.shape import DIVERGED, LARGEST, LATE, LOST, UNSURE, indent, joined
 
 
 def loops(layout: Layout) -> list[str]:
@@ -200,12 +200,15 @@ def _step_blocks(layout: Layout) -> str:
 
     The range is from ``first`` to ``last``, exclusive. The generated function begins a control step of ``hold`` steps,
     or continues one if ``hold`` is 0. With 0 substeps it only computes observations and reported quantities. Result
-    arrays of length 0 are not filled. An episode is truncated once it has taken more than ``bound`` steps, where a step
+    arrays of length 0 are not filled. For a task with functions of a user's the function returns the number of rewards
+    that are not finite. An episode is truncated once it has taken more than ``bound`` steps, where a step
     that diverged counts as taken.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
+    seen = layout.goal.seen if layout.goal else ()
 
+    doubted = layout.goal is not None and layout.goal.doubted
     rows = {"reward": "reward[base:base + n]"}
     rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.reports)}
     return "\n".join(
@@ -213,6 +216,7 @@ def _step_blocks(layout: Layout) -> str:
             "@entry",
             "def step_blocks(state, o, first, last, size, h, substeps, hold, bound, action, observation, reward,",
             f"                terminated, truncated, info{shared}):",
+            *(["    wrong = 0"] if doubted else []),
             "    for b in range(first, last):",
             "        s = state[b]",
             f"        base = {BLOCK}*b",
@@ -227,7 +231,7 @@ def _step_blocks(layout: Layout) -> str:
             f"        observe(s, o, n, h, bound{shared})",
             "        seen = observation[base:base + n]",
             "        for i in range(U(n)):",
-            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(layout.goal.seen if layout.goal else ())],
+            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(seen)],
             "        over = terminated[base:base + n]",
             "        for i in range(U(n)):",
             f"            over[i] = o[i + U({place['ended']})] != 0.0",
@@ -240,7 +244,11 @@ def _step_blocks(layout: Layout) -> str:
                 for line in (f"        row = {row}", "        for i in range(U(n)):",
                              f"            row[i] = o[i + U({place[name]})]")
             ],
-            "    return 0",
+            *([
+                "        for i in range(U(n)):",
+                f"            wrong += 0 if abs(o[i + U({place['reward']})]) <= {LARGEST} else 1",
+                "    return wrong",
+            ] if doubted else ["    return 0"]),
             "",
         ]
     )

@@ -100,6 +100,11 @@ class Goal:
         return (self.reward, self.lost, *further, *((aside,) if "error" in self.named else ()))
 
     @property
+    def doubted(self) -> bool:
+        """Return True if functions are a user's, so that programs count the rewards that are not finite."""
+        return bool(self.pieces)
+
+    @property
     def named(self) -> frozenset[str]:
         """Return the names of the quantities that reward and loss take."""
         return frozenset(arguments(self.reward)) | frozenset(arguments(self.lost))
@@ -148,24 +153,30 @@ def judge(goal: Goal, omega0: float, h: float) -> Judge:
     taken = [f"{name} = before[{name!r}]" for name in goal.before]
     lines = [*taken, *goal.aimed(), f"return {goal.call(goal.reward)}, {goal.call(goal.lost)}"]
     text = "def judge(index, q, turns, v, phi, control, before):\n" + "".join(f"    {line}\n" for line in lines)
-    return _made(goal, text, omega0=omega0, h=h)["judge"]
+    made: Judge = _made(goal, text, omega0=omega0, h=h)["judge"]
+    return made
 
 
 def looking_ahead(goal: Goal, h: float, span: float) -> Callable[[float], tuple[float, ...]]:
-    """Return the function from the number of steps taken to the entries AHEAD of the observation."""
+    """Return the function from the number of steps taken to the entries AHEAD of the observation.
+
+    ``h`` is the integrator's step, ``span`` the control step [s].
+    """
     lines = [*goal.aimed()[-1:], *goal.ahead(), f"return {', '.join(AHEAD)}"]
     text = "def ahead(index):\n" + "".join(f"    {line}\n" for line in lines)
-    return _made(goal, text, h=h, span=span)["ahead"]
+    made: Callable[[float], tuple[float, ...]] = _made(goal, text, h=h, span=span)["ahead"]
+    return made
 
 
 def _rebuilt(named: Sequence[Any], upright: bool, pieces: tuple[Piece, ...]) -> Goal:
     """Return an unpickled goal."""
     made = built(pieces)
-    functions = [made[function] if isinstance(function, str) else function for function in named]
-    return Goal(*functions, upright, pieces)
+    reward, lost, reference, begin = (made[function] if isinstance(function, str) else function for function in named)
+    return Goal(reward, lost, reference, begin, upright, pieces)
 
 
 def _made(goal: Goal, text: str, **numbers: float) -> dict[str, Any]:
+    """Return the names of a text that Python interprets, with a goal's functions and some numbers."""
     functions = {function.__name__: function for function in (*goal.functions, sin, cos)}
     namespace: dict[str, Any] = {**functions, **numbers}
     exec(compile(text, "<lab-pendulum task>", "exec"), namespace)

@@ -46,14 +46,15 @@ def power8(x: float) -> float:
     return ((x * x) * (x * x)) * ((x * x) * (x * x))
 
 
-POWERS = {2: power2, 3: power3, 4: power4, 5: power5, 6: power6, 7: power7, 8: power8}
+POWERS: Mapping[float, Function] = {
+    2.0: power2, 3.0: power3, 4.0: power4, 5.0: power5, 6.0: power6, 7.0: power7, 8.0: power8}
 """Whole exponent -> product, whose bits do not depend on who computes it."""
 
 
 LIBRARY: Mapping[str, Function] = {
-    function.__name__: function for function in (
-        elementary.sin, elementary.cos, elementary.exp, elementary.log, elementary.power, elementary.sqrt, atan2,
-        *POWERS.values())
+    "sin": elementary.sin, "cos": elementary.cos, "exp": elementary.exp, "log": elementary.log,
+    "power": elementary.power, "sqrt": elementary.sqrt, "atan2": atan2,
+    **{function.__name__: function for function in POWERS.values()},
 }
 """Functions of the package that translated functions may call, by name."""
 

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.shown import one_line
+from pendulum_env.common.version import REGISTERED
+from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import frequency
 from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.kernels import Backend
@@ -76,9 +78,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     {the table of tasks, as `lab-pendulum list tasks` prints it}
 
+    A task of your own is a :class:`pendulum_env.Task`: reward, loss and start as plain functions, which are compiled
+    with the step. Its reward must stay finite; TaskError is raised where it does not.
+
     ## Starting State
 
-    `free` starts with the scene's usual run. `swing_up` starts hanging and `balance` upright, both at random: the angle
+    `free` starts with the scene's usual run. `balance` starts upright and the others hanging, at random: the angle
     uniform within ±0.1 rad, the velocity within ±0.05 omega0. ``reset(options={"angle": ..., "velocity": ...})`` sets
     the start in rad and rad/s; a number that is left out is drawn by the task, and with `free` is that of the scene's
     usual run.
@@ -88,7 +93,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     Terminated, with ``info["stop_reason"]``: "speed_limit" (faster than ``speed_limit``), "diverged" (the numbers are
     no longer finite or, with the diagnostic "energy", the energy residual is absurdly large; the last finite state is
     returned), "slack" (the bob on a wire is no longer held by tension), "fell" (the task `balance` is lost),
-    "step_too_short" (no step meets `rtol`). Truncated after 500 steps.
+    "step_too_short" (no step meets `rtol`). Truncated after 500 steps, or after `duration`.
 
     ## Info
 
@@ -109,7 +114,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task=None,
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
              rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
-             render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0)
+             render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0, duration=None,
+             reward_rate=False)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -125,7 +131,14 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
-    - `task`: "swing_up" (the default), "balance" or "free"; a scene without a motor needs "free".
+    - `task`: "swing_up" (the default), another name of the table above, or a :class:`pendulum_env.Task`; a scene
+      without a motor needs "free". `pendulum_env.tasks.track(f)` makes the task of following the angle `f(time)`; its
+      observation has four more entries: cosine and sine of the reference now, and after the next control step.
+    - `duration`: length of an episode [s], a whole number of steps of `dt`; the environment then truncates by itself.
+      `gym.make` still ends episodes after the registered 500 steps, unless it gets `max_episode_steps=-1`; a warning
+      tells if it has ended one early. In `gym.make_vec` the 500 steps give way to the duration.
+    - `reward_rate`: True makes the reward a rate per second: each step gives the task's reward times `dt`, so that the
+      return of an episode is its integral over time, and does not change with `dt`.
     - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
     - `speed_penalty`: number that is subtracted from the reward in the step in which the episode ends early because of
       `speed_limit`, of diverging numbers or of a step that is too short; 0 by default. With a low limit, `swing_up`
@@ -227,6 +240,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._steps = setup.steps
         self._last = math.inf if setup.steps is None else (setup.steps - 1.0) * self._substeps
         self._make_judge()
+        self._cut_told = False
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened = self._machine.kept.get("slackened", 0)  # its index in a state; 0 when no warning is due
@@ -256,6 +270,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         asked = checked_options(options, self._scene.run, self._task)
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
+        self._tell_of_cut()
         if len(asked) < len(START):
             drawn = self._task.starts(self.np_random.random(), self.np_random.random(), self._omega0)
             angle = angle if "angle" in asked else float(drawn[0])
@@ -264,6 +279,15 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if self.window is not None:
             self.window.began(angle, velocity)
         return started
+
+    def _tell_of_cut(self) -> None:
+        """Warn once if an episode was ended after the registered number of steps, before its duration."""
+        steps, taken = self._steps or 0, 0.0 if self._state is None else float(self._state[INDEX])
+        if steps > REGISTERED and taken == REGISTERED * self._substeps and self._spec.warn and not self._cut_told:
+            self._cut_told = True
+            warn(f"An episode of {steps} steps (duration={steps * self._dt:g} s) has ended after {REGISTERED} steps, "
+                 "the number that LabPendulum-v0 is registered with; gym.make(..., max_episode_steps=-1) leaves the "
+                 "end to the duration.")
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode from an angle [rad] and a velocity [rad/s]."""

@@ -16,7 +16,8 @@ from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, truth, whole_number
 from pendulum_env.render import FrameStyle
-from pendulum_env.tasks import USUAL_TASK, Task, find_task, steps_of
+from pendulum_env.tasks import USUAL_TASK, Task, find_task
+from pendulum_env.tasks.task import steps_of
 
 UNBOUNDED = float(np.finfo(np.float32).max)
 """Bound of the observed velocity by default: the largest float32, because checkers warn at inf [rad/s]."""
@@ -115,9 +116,8 @@ def spaces_of(bound: Any, task: Task) -> tuple[float, Any, Any]:
     """Return the checked bound of the observed velocity [rad/s], the observation space and the action space.
 
     The bound is the largest float32 if none is given; bounds beyond the largest float32 are infinite. An observation is
-    cosine and sine of the angle, and the velocity, and further cosines and sines of a task with a reference; an action is
-    the fraction of the motor's torque, from -1 to 1.
-    Raises SceneError for what is no bound.
+    cosine and sine of the angle, the velocity, and further cosines and sines of a task with a reference; an action is
+    the fraction of the motor's torque, from -1 to 1. Raises SceneError for what is no bound.
     """
     most = UNBOUNDED if bound is None else bound
     if not (isinstance(most, float) and most == math.inf):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from pendulum_env.common.shown import one_line
+from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import check_diagnostics
@@ -44,8 +45,6 @@ Places = NDArray[np.intp]
 Infos = dict[str, Any]
 
 MOST_ENVS = 2**26
-REGISTERED = 500
-"""Number of steps of an episode that LabPendulum-v0 is registered with."""
 LOOK = 16
 """Number of steps of a vector of environments between two looks at the speeds, for a warning."""
 NOBODY: Places = np.empty(0, dtype=np.intp)
@@ -61,7 +60,8 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
     Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
 
     - any parameter of the scene, and ``speed_limit``, may be an array with one value for each environment.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``integrator="auto"`` the
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``duration`` the
+      registered 500 steps do not count. With ``integrator="auto"`` the
       accuracy holds for an episode of this length (500 steps for None), tested in the environments with the smallest
       and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
@@ -226,7 +226,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         except BaseException:
             self._begun = False
             raise
-        if self._checks and not math.isfinite(results.reward.sum()):
+        if self._checks and self._batch.wrong:
             self._refuse_rewards(results)
         if self._rate != 1.0:
             np.multiply(results.reward, self._rate, out=results.reward)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.checks import SceneError, nearest, number, shown
 from pendulum_env.physics.elementary import sin
-from pendulum_env.tasks.task import QUANTITIES, Task, steps_of
+from pendulum_env.tasks.task import QUANTITIES, Task
 from pendulum_env.tasks.translate import TaskError
 
-__all__ = ["QUANTITIES", "TASKS", "USUAL_TASK", "Task", "TaskError", "find_task", "steps_of", "track"]
+__all__ = ["QUANTITIES", "TASKS", "USUAL_TASK", "Task", "TaskError", "find_task", "track"]
 
 SPREAD, SPEED_SPREAD = 0.1, 0.05
 """Half widths of the uniform distributions of the start: angle about the centre [rad], and velocity [omega0]."""
@@ -87,14 +87,15 @@ def track(
 
     Raises TaskError for a function that cannot be copied, and SceneError for invalid numbers.
     """
-    if reference is None and (amplitude, period) == (AMPLITUDE, PERIOD):
-        reference = _usual_swing
-    size, rate = number(amplitude, "amplitude", unit="rad"), 2.0 * math.pi / number(period, "period", above=0.0, unit="s")
+    size, cycle = number(amplitude, "amplitude", unit="rad"), number(period, "period", above=0.0, unit="s")
+    rate = 2.0 * math.pi / cycle
+    usual = (size, cycle) == (AMPLITUDE, PERIOD)
 
     def swing(time: float) -> float:
         return size * math.sin(rate * time)
 
-    return Task(name, _follow, start=_hanging, reference=reference or swing, equation="-(error² + 0.001 action²)")
+    aim = (_usual_swing if usual else swing) if reference is None else reference
+    return Task(name, _follow, start=_hanging, reference=aim, equation="-(error² + 0.001 action²)")
 
 
 _ALL = (

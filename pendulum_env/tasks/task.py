@@ -32,6 +32,7 @@ BEGIN: Mapping[str, str] = MappingProxyType({
 """Quantities that a function for the start may take."""
 REFERENCE: Mapping[str, str] = MappingProxyType({"time": OFFERED["time"].meaning})
 """Quantities that a reference may take."""
+MOST_STEPS = 2**53
 TRIALS = 60
 """Number of drawn states with which a task's functions are tried."""
 
@@ -44,15 +45,16 @@ def _never(phi: float) -> bool:
 class Task:
     """A task: where an episode starts, the reward of a control step, and when the episode ends.
 
-    ``reward``, ``lost``, ``reference`` and a function for ``start`` are plain Python functions, made with def or lambda,
-    whose argument names choose the quantities that they get (:data:`QUANTITIES`)::
+    ``reward``, ``lost``, ``reference`` and a function for ``start`` are plain Python functions, made with def or
+    lambda, whose argument names choose the quantities that they get (:data:`QUANTITIES`)::
 
         Task("spin", reward=lambda velocity, action: velocity - 0.1*action**2)
 
     They may use assignments, if and else, ``+ - * / **``, comparisons, and, or, not, numbers of their module or of an
-    outer function (their values when the task is made), abs, min, max, and sin, cos, exp, log, sqrt, pow and atan2 of
-    math or numpy, for which the package's own stand: the bits are those of every machine, compiled or not. They may call
-    other plain functions. Their source is copied into the generated program, so it must be in a file or a notebook.
+    outer function (their values when the task is made), arguments with a number as default, abs, min, max, and sin,
+    cos, exp, log, sqrt, pow and atan2 of math or numpy, for which the package's own stand: the bits are the same on
+    every machine, compiled or not. They may call other plain functions. Their source is copied into the generated
+    program, so it must be in a file or a notebook.
 
     The quantities are those after the control step, those that end in _before at its start.
 
@@ -78,7 +80,7 @@ class Task:
 
     name: str
     reward: Function
-    lost: Function = _never
+    lost: Function | None = None
     start: Mapping[str, Any] | Function | None = None
     reference: Function | None = None
     duration: float | None = None
@@ -94,11 +96,12 @@ class Task:
         """Check and translate the functions, and try them."""
         name = line(self.name, "The name of a task")
         ranges = self.start if isinstance(self.start, Mapping) else {}
-        given = {"reward": self.reward, "lost": self.lost, "reference": self.reference,
+        given = {"reward": self.reward, "lost": _never if self.lost is None else self.lost, "reference": self.reference,
                  "start": None if isinstance(self.start, Mapping) else self.start}
         translator, made = Translator(name), dict[str, Any]()
         for role, function in given.items():
-            made[role] = None if function is None and role in ("reference", "start") else translator.plain(function, role)
+            left_out = function is None and role in ("reference", "start")
+            made[role] = None if left_out else translator.plain(function, role)
         offered = {**dict.fromkeys(("reward", "lost"), self._offered()), "reference": REFERENCE, "start": BEGIN}
         for role, function in made.items():
             if function is not None:
@@ -106,6 +109,9 @@ class Task:
         begin = made["start"]  # one of the package's own takes arrays, and need not be in a program
         goal = Goal(made["reward"], made["lost"], made["reference"], None if begin is None or is_ours(begin) else begin,
                     truth(self.upright, "upright"), tuple(translator.pieces))
+        for name_of, text in (("equation", self.equation), ("ends", self.ends)):
+            if not isinstance(text, str):
+                raise TaskError(f"{name_of} of the task {shown(name)} must be text, not {shown(text)}.")
         length = None if self.duration is None else number(self.duration, "duration", above=0.0, unit="s")
         vars(self).update(goal=goal, begin=begin, ranges=_checked_ranges(name, ranges),
                           duration=length)
@@ -113,7 +119,8 @@ class Task:
 
     def _offered(self) -> dict[str, str]:
         """Return the quantities that reward and lost may take, with their meanings."""
-        return {name: one.meaning for name, one in OFFERED.items() if self.reference is not None or name not in FOLLOWED}
+        follows = self.reference is not None
+        return {name: one.meaning for name, one in OFFERED.items() if follows or name not in FOLLOWED}
 
     def _check_names(self, role: str, function: FunctionType, offered: Mapping[str, str]) -> None:
         """Raise TaskError if a function takes a quantity that is not offered."""
@@ -156,9 +163,9 @@ class Task:
         return angle, low + (high - low) * second
 
     def judge(self, omega0: float, h: float) -> Judge:
-        """Return the function that computes reward and loss of a control step; see :func:`pendulum_env.engine.goal.judge`.
+        """Return the function that computes reward and loss of a control step.
 
-        ``omega0`` is the small-angle frequency [1/s], ``h`` the integrator's step [s].
+        See :func:`pendulum_env.engine.goal.judge`. ``omega0`` is the small-angle frequency [1/s], ``h`` the step [s].
         """
         return judge(self.goal, omega0, h)
 
@@ -171,10 +178,6 @@ class Task:
 
     def __reduce__(self) -> tuple[Callable[..., Task], tuple[Any, ...]]:
         """Return what makes an equal task of a copied or unpickled one: texts of functions, not the functions."""
-        from pendulum_env.tasks import TASKS, find_task
-
-        if TASKS.get(self.name) is self:
-            return find_task, (self.name,)
         mine = {**vars(self), "reward": None, "lost": None, "reference": None, "ranges": dict(self.ranges),
                 "start": dict(self.start) if isinstance(self.start, Mapping) else None,
                 "begin": self.begin if self.goal.begin is None else None}
@@ -245,6 +248,8 @@ def steps_of(duration: Any, dt: float) -> int:
     if length < dt * (1.0 - 1e-9):
         raise TaskError(f"duration={length:g} s is shorter than a control step of dt={dt:g} s; take {dt:g} s or more.")
     count = length / dt
+    if count > MOST_STEPS:
+        raise TaskError(f"duration={length:g} s is more than {MOST_STEPS} control steps of dt={dt:g} s.")
     whole = round(count)
     if abs(count - whole) > 1e-6 * count:
         raise TaskError(f"duration={length:g} s is not a whole number of control steps of dt={dt:g} s; the nearest is "

@@ -1,9 +1,9 @@
 """Translation of a user's Python functions into plain functions that generated programs can copy.
 
-A program is a text that Python interprets or numba compiles, with the same bits. So a function's source is read, checked
-against the small part of Python that both treat alike, and written anew: numbers from outside become constants, and
-sin, cos, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same bits on all
-machines. Nothing is compiled here; what cannot be translated is refused, with the line and what is allowed.
+A program is a text that Python interprets or numba compiles, with the same bits. So a function's source is read,
+checked against the small part of Python that both treat alike, and written anew: numbers from outside become constants,
+and sin, cos, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same bits on
+all machines. Nothing is compiled here; what cannot be translated is refused, with the line and what is allowed.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ KNOWN: Mapping[Any, Function] = {
 """Functions that a task's functions may call -> the function that stands for them in programs."""
 CALLABLE = "abs, min, max, sin, cos, exp, log, sqrt, pow, atan2 and plain functions of your own"
 """The functions that may be called, in words."""
-ALLOWED = f"assignments, if and else, + - * / **, comparisons, and, or, not, and calls of {CALLABLE}"
+ALLOWED = f"assignments, if and else, + - * / **, comparisons, and, or, not, & and |, and calls of {CALLABLE}"
 """The part of Python that may be used, in words."""
 OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
@@ -129,15 +129,18 @@ def definition(function: types.FunctionType, task: str) -> ast.FunctionDef | ast
     first = function.__code__.co_firstlineno
     found: list[ast.FunctionDef | ast.Lambda] = []
     for node in ast.walk(tree):
-        if isinstance(node, ast.Lambda) and name == "<lambda>" and node.lineno == first and _holds(node, function):
-            found.append(node)
-        elif isinstance(node, ast.FunctionDef) and node.name == name and node.lineno == first:
-            found.append(node)
+        if getattr(node, "lineno", 0) != first:
+            continue
+        own = isinstance(node, ast.Lambda) and name == "<lambda>" and _holds(node, function)
+        if own or (isinstance(node, ast.FunctionDef) and node.name == name):
+            found.append(node)  # type: ignore[arg-type]
     if not found or not any(code == function.__code__ for code in _codes(whole)):
         raise TaskError(f"The source of {name} of the task {shown(task)} is not what runs: the file has changed, or a "
                         "decorator has replaced the function; import it again, without decorators.")
+    if hasattr(function.__code__, "co_positions"):  # of lambdas inside each other, the innermost holds the code
+        found = found[-1:]
     if len({ast.dump(node) for node in found}) > 1:
-        raise TaskError(f"Line {first} has several lambdas for the task {shown(task)}; write each in a line of its own.")
+        raise TaskError(f"Line {first} has several lambdas of the task {shown(task)}; write each in its own line.")
     return found[0]
 
 
@@ -180,7 +183,8 @@ class _Writer:
     def written(self, name: str) -> Piece:
         """Return the translated function under a name."""
         node, given = self.node, self.node.args
-        body = [ast.copy_location(ast.Return(node.body), node)] if isinstance(node, ast.Lambda) else node.body
+        body: list[ast.stmt] = ([ast.copy_location(ast.Return(node.body), node)] if isinstance(node, ast.Lambda)
+                                else node.body)
         if given.vararg or given.kwarg or given.kwonlyargs or given.posonlyargs:
             raise self.error("has *, / or ** among its arguments", node)
         names = [argument.arg for argument in given.args]
@@ -300,6 +304,8 @@ class _Writer:
             return ast.Compare(self.truth(node.operand, known), [ast.Eq()], [ast.Constant(False)]), True
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
             return ast.UnaryOp(node.op, self.value(node.operand, known)), False
+        if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.BitAnd, ast.BitOr)):
+            return ast.BinOp(self.truth(node.left, known), node.op, self.truth(node.right, known)), True
         if isinstance(node, ast.BinOp):
             return self.operation(node, known), False
         if isinstance(node, ast.BoolOp):
@@ -357,7 +363,7 @@ class _Writer:
             return ast.BinOp(base, node.op, other)
         if not isinstance(node.op, ast.Pow):
             raise self.error(f"uses {_named(node.op)}", node)
-        exponent = other.value if isinstance(other, ast.Constant) else None
+        exponent = other.value if isinstance(other, ast.Constant) and isinstance(other.value, float) else 0.0
         if exponent == 1.0:
             return base
         if exponent in POWERS:
@@ -420,5 +426,5 @@ def _named(node: ast.AST) -> str:
         "Import": "import", "ImportFrom": "import", "Lambda": "a lambda inside", "FunctionDef": "a function inside",
         "Global": "global", "Nonlocal": "nonlocal", "Assert": "assert", "Raise": "raise", "Mod": "%",
         "FloorDiv": "//", "NamedExpr": ":=", "Assign": "an assignment to several names", "MatMult": "@",
-        "Expr": "a line without effect", "BitAnd": "&", "BitOr": "|", "BitXor": "^",
+        "Expr": "a line without effect", "BitXor": "^",
     }.get(type(node).__name__, type(node).__name__)
