@@ -32,6 +32,7 @@ from pendulum_env.envs.settings import (
     checked_settings,
     settled,
     spaces_of,
+    usual,
 )
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
@@ -87,9 +88,9 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         self,
         num_envs: int = 1,
         scene: str | Scene | Mapping[str, object] = "lab",
-        integrator: str | Method = "rk4",
+        integrator: str | Method | None = None,
         damping: Damping = "scene",
-        dt: float = 0.02,
+        dt: float | None = None,
         substeps: int = 1,
         task: str | Task | None = None,
         diagnostics: Sequence[str] = ("energy",),
@@ -118,6 +119,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             raise MethodError("rtol and atol are for single environments; a vector has fixed steps of dt / substeps.")
         self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
+        integrator, dt = usual(scene, integrator, dt)
         setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
                                  duration, reward_rate, many=True)
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
@@ -182,11 +184,11 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
         which = np.flatnonzero(mask)
-        asked = checked_options(rest, self.scene.run, self.task)
+        asked, task = checked_options(rest, self.scene.run, self.task)
         angle, velocity = checked_starts(self._spec, {**dict.fromkeys(START, 0.0), **asked}, which, size)
         self._seed(checked_seeds(seed, size), which)
         if len(asked) < len(START):
-            drawn = self._random(which)
+            drawn = self._random(which, task)
             angle = angle if "angle" in asked else drawn[0]
             velocity = velocity if "velocity" in asked else drawn[1]
         results = self._batch.results() if self._reused is None else self._reused
@@ -375,17 +377,20 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         last["stop_reason"] = np.where(shown, last["stop_reason"], None)
         return {**infos, "final_info": last, "_final_info": shown.copy()}
 
-    def _random(self, which: Places) -> tuple[Array, Array]:
-        """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``."""
-        run, size = self.scene.run, len(which)
-        if not self.task.draws:
+    def _random(self, which: Places, task: Task | None = None) -> tuple[Array, Array]:
+        """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``.
+
+        A ``task`` with other ranges of starts may take the place of the environments' own.
+        """
+        task, run, size = task or self.task, self.scene.run, len(which)
+        if not task.draws:
             return np.full(size, run.angle), np.full(size, run.velocity)
         omega0, streams = self._spec.numbers["omega0"], self._seeded()
         first, second = streams.uniform(which), streams.uniform(which)
         own = omega0[which] if isinstance(omega0, np.ndarray) else omega0
-        if self.task.goal.begin is not None:
+        if task.goal.begin is not None:
             return self._batch.starts(first, second, np.broadcast_to(own, size).astype(np.float64))
-        angle, velocity = self.task.starts(first, second, own)
+        angle, velocity = task.starts(first, second, own)
         return np.asarray(angle), np.asarray(velocity)
 
     def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
