@@ -22,7 +22,7 @@ from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, shown
 
-FORMAT = 4
+FORMAT = 5
 """Number of the form in which environments are pickled; raised by one whenever their attributes change."""
 
 
