@@ -204,6 +204,9 @@ def test_states_go_between_vectors_and_single_environments(life: str) -> None:
         assert np.array_equal(seen[1], alone[0])
         assert reward[1] == alone[1]
         assert np.array_equal(mine[0], np.repeat(seen[1:2], SIZE, axis=0))
+    for action in actions(20):  # through a new episode, whose start may be drawn
+        together = np.repeat(action[:1], SIZE, axis=0)
+        assert np.array_equal(back.step(together)[0], np.repeat(vector.step(together)[0][1:2], SIZE, axis=0))
     state = single.get_state()  # type: ignore[attr-defined]
     back.call("set_state", state)
     assert [one["state"] for one in back.call("get_state")] == [state["state"]] * SIZE
