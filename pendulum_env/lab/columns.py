@@ -131,12 +131,12 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
     else:
         layout = _selected(table, titles, columns, timed)
         wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
-        if wrong and not layout.rate and not (isinstance(columns, str) and "angle" in columns):
+        if wrong and not layout.rate and not layout.force and not (isinstance(columns, str) and "angle" in columns):
             raise RecordingError(f"{table.name}: {wrong[0]!r} is the name of an angular velocity; choose it by "
                                  f"columns='time=1,{RATE}=2', or by columns='time=1,angle=2' if it is an angle")
     places = [*([] if layout.time is None else [layout.time]), *layout.values]
     note = f"columns: {_list(places, titles)}, as given"
-    return ColumnLayout(layout.time, layout.values, [note], layout.length, layout.rate)
+    return layout._replace(notes=[note])
 
 
 def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
@@ -194,12 +194,40 @@ def is_absolute(titles: Sequence[str]) -> bool:
 
 
 def described(table: TextTable, titles: list[str]) -> str:
-    """Return a sentence with the columns of a file, their first values, and how to choose among them."""
+    """Return a sentence with the columns of a file, their first values, what each could be, and how to choose."""
     columns = []
     for i, title in enumerate(titles):
         values = [fields[i] for _, fields in table.rows[:_FEW] if len(fields) > i]
-        columns.append(f"{i + 1}{f' ({title})' if title else ''} begins with {', '.join(values)}")
-    return f"column {'; '.join(columns)}; choose by columns='time=1,angle=2'"
+        name = f"{i + 1}{f' ({title})' if title else ''}"
+        columns.append(f"{name} begins with {', '.join(values)} ({_could_be(table, i)})")
+    return (f"column {'; '.join(columns)}; choose by columns='time=1,angle=2', with rate, {FORCE}, or x and y in place "
+            "of angle")
+
+
+def _could_be(table: TextTable, column: int) -> str:
+    """Return what a column could be, as far as its title and its values show."""
+    title = " ".join(table.titles[column])
+    found = [table.number(fields[column]) for _, fields in table.rows if len(fields) > column]
+    values = np.array([value for value in found if value is not None and np.isfinite(value)])
+    if len(values) < 3:
+        return "no numbers"
+    if np.ptp(values) == 0.0:
+        return "does not change"
+    steps = np.diff(values)
+    if (steps > 0.0).all():
+        even = bool((steps == steps[0]).all()) and float(steps[0]).is_integer()
+        return "a counter of readings, or a time" if even or _counts(title) else "a time"
+    named = [what for what, form in (("an acceleration", _FORCE), ("an angular velocity", _RATE), ("an angle", _ANGLE),
+                                     ("a displacement", _DISTANCE), ("no angle", _OTHER)) if form.search(title)]
+    if named:
+        return named[0]
+    if len(np.unique(values)) == 2:
+        return "a state"
+    if _RATE_OF_CHANGE.search(title):
+        return "a rate of change"
+    most = float(np.abs(values).max())
+    size = "an angle in degrees" if most > 2.0 * np.pi else "an angle in radians or degrees"
+    return f"{size}, an angular velocity, or a displacement"
 
 
 def _circular(table: TextTable, titles: list[str]) -> ColumnLayout | None:
@@ -292,6 +320,7 @@ def _first_of_track(table: TextTable, timed: bool) -> ColumnLayout:
 
 def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) -> ColumnLayout:
     """Return the columns of a recording's file that the caller selects by name, or by number from 1."""
+    forced = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{FORCE}\s*=", columns) is not None
     rated = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{RATE}\s*=", columns) is not None
     if isinstance(columns, str) and "=" in columns:
         columns = _by_kind(table, columns)
@@ -307,17 +336,19 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
     if rated:
         units = {unit for unit, form in _RATE_UNITS.items() if form.search(titles[places[1]])}
         return ColumnLayout(places[0], tuple(places[1:]), [], rate=min(units) if len(units) == 1 else "rad")
+    if forced:
+        return _with_force(titles, places[0], places[1:])
     return ColumnLayout(None, (places[0],), []) if len(places) == 1 else ColumnLayout(places[0], tuple(places[1:]), [])
 
 
 def _by_kind(table: TextTable, columns: str) -> tuple[str | int, ...]:
     """Return the columns that a text such as "time=2,angle=5" or "time=1,x=2,y=3" names, in the usual order."""
     parts = {kind.strip(): place.strip() for kind, _, place in (part.partition("=") for part in columns.split(","))}
-    kinds = next((kinds for kinds in (("time", "angle"), ("time", "x", "y"), ("time", RATE), ("angle",), ("x", "y"))
-                  if set(kinds) == parts.keys()), None)
+    choices = ("time", "angle"), ("time", "x", "y"), ("time", RATE), ("time", FORCE), ("angle",), ("x", "y")
+    kinds = next((kinds for kinds in choices if set(kinds) == parts.keys()), None)
     if kinds is None:
-        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate or x and y, as in "
-                             "columns='time=2,angle=5'")
+        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate, {FORCE} or x and y, "
+                             "as in columns='time=2,angle=5'")
     return tuple(int(parts[kind]) if parts[kind].isdigit() else parts[kind] for kind in kinds)
 
 

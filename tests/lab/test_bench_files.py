@@ -126,7 +126,7 @@ def test_a_run_is_chosen_and_the_others_are_named(tmp_path: Path) -> None:
 
 CHOSEN: list[tuple[Any, str]] = [
     ("time=2,angle=4", ""), ("angle=4", "columns must include the time"),
-    ("time=2,speed=4", "must name time and angle, rate or x and y"), ((2, 4), ""),
+    ("time=2,speed=4", "must name time and angle, rate, acceleration or x and y"), ((2, 4), ""),
 ]
 
 

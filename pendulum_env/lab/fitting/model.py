@@ -43,8 +43,6 @@ up to 170 degrees."""
 RATE_STEPS = 128
 """Steps per small-angle period for readings of a gyroscope or an accelerometer, as the derivatives of the interpolation
 are less accurate."""
-INSTANT = 1e-3
-"""Share of a step over which accelerations are differentiated."""
 DECOY = 1e-3
 """Relative change of the parameters in an extra first run, so that no parameter is equal in all runs of a batch and the
 compiled program takes all of them as arguments."""
@@ -189,21 +187,14 @@ class Model:
         """Return the specific forces (``derivative`` 0) of simulated runs at an accelerometer, or their rates (1).
 
         ``angle`` and ``velocity`` have the shape ``(times of the run, runs)``. Accelerations are the slopes of a cubic
-        spline through the velocities.
+        spline through the velocities, and the forces at the steps of the run are interpolated by another.
         """
-        from scipy.interpolate import CubicHermiteSpline, CubicSpline
+        from scipy.interpolate import CubicSpline
 
         known = {GRAVITY: self.scene.gravity, DISTANCE: mount.distance, TILT: mount.tilt}
         own = [rows[:, self.names.index(name)] if name in self.names else value for name, value in known.items()]
-        angles, speeds = CubicHermiteSpline(time, angle, velocity), CubicSpline(time, velocity)
-
-        def forces(at: Array) -> Array:
-            return np.asarray(mount.force(angles(at), speeds(at), speeds(at, 1), *own).T)
-
-        if not derivative:
-            return forces(self.time)
-        moment = INSTANT * float(time[1] - time[0])
-        return (forces(self.time + moment) - forces(self.time - moment)) / (2.0 * moment)
+        force = mount.force(angle, velocity, CubicSpline(time, velocity)(time, 1), *own)
+        return np.asarray(CubicSpline(time, force)(self.time, derivative).T)
 
     def rest(self, values: Array) -> float:
         """Return the reading of the sensor at the equilibrium, for given parameter values."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,8 @@ BEYOND = 10.0
 """Residual [rad] that is assumed after a trial trajectory has stopped early."""
 ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
 """Termination of the least-squares search, for a part of the recording and for all of it."""
+SEARCHED, LEAST_SEEN = 6_000, 50
+"""Least number of readings in a search that takes evenly spaced ones of very many, and of those per period."""
 MOST = 25
 """Largest number of steps in a refit."""
 CLOSE = 1e-6
@@ -294,6 +296,8 @@ def _residual(model: Model, angle: Array, values: Array) -> Array:
 def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress: Progress) -> list[FitSolution]:
     """Fit all models to a swing and return their solutions, in the order of the models.
 
+    Of very many readings, the search takes evenly spaced ones, and a refit from its solution takes all of them.
+
     The model with the most dampings is fitted first, from measured starting values. The others take the start, the zero
     and the free parameters of the scene from its solution, and their damping from the envelope. A model that fits worse
     than a simpler model it contains is fitted again from the simpler model's solution.
@@ -301,6 +305,8 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
     measured = Measured.of(swing)
     weights = np.full(len(swing.time), sigma)
     last = int(np.searchsorted(swing.time, measured.points.time[-1]))
+    step = float(np.median(np.diff(swing.time)))
+    every = max(1, min(len(swing.time) // SEARCHED, int(measured.period / step / LEAST_SEEN)))
     solutions: dict[int, FitSolution] = {}
     leader: FitSolution | None = None
     for done, i in enumerate(sorted(range(len(models)), key=lambda i: -len(models[i].numbers))):
@@ -313,7 +319,10 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        first = solve(model, swing.readings, weights, start, tell, pause=last if dry else 0)
+        pause = last // every if dry else 0
+        first = solve(replace(model, time=swing.time[::every]), swing.readings[::every], weights[::every], start, tell,
+                      pause=pause)
+        first = first if every == 1 else solution_at(model, first.values, swing.readings, weights)
         solutions[i] = _settled(first, swing, weights)
         if leader is None and not solutions[i].lost:
             leader = solutions[i]
