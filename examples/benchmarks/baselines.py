@@ -218,7 +218,7 @@ def main() -> None:
     parser.add_argument("--only-seed", type=int, help="train only agents with this seed; others are read")
     parser.add_argument("--share", type=float, default=1.0, help="fraction of the training steps to take")
     parser.add_argument("--episodes", type=int, default=EPISODES, help="episodes of each policy")
-    parser.add_argument("--rows", default="", help="only rows with this text in their names, or price: the second table")
+    parser.add_argument("--rows", default="", help="rows with this text in their names; price: the second table")
     parser.add_argument("--folder", type=Path, default=Path("out/baselines"), help="folder of the agents' results")
     parser.add_argument("--list", action="store_true", help="print the names of the rows")
     options = parser.parse_args()
