@@ -8,7 +8,7 @@ the seeding is NumPy's SeedSequence, after O'Neill 2015, Developing a seed_seq a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,22 @@ class Streams:
             mixed, turn = high ^ low, high >> np.uint64(58)
             bits = mixed >> turn | mixed << (np.uint64(64) - turn & np.uint64(63))
         return np.asarray((bits >> np.uint64(11)).astype(np.float64) * 2.0**-53)
+
+
+    def generators(self, which: NDArray[np.intp]) -> Iterator[np.random.Generator]:
+        """Yield a NumPy generator for every stream in ``which``, which continues the stream while it is the last one.
+
+        It is the same object each time. Its unused half of a 64-bit number, if there is one, is dropped afterwards.
+        """
+        source = np.random.PCG64(0)
+        generator = np.random.Generator(source)
+        for place in which.tolist():
+            state, step = (int(pair[0][place]) << 64 | int(pair[1][place]) for pair in (self._state, self._increment))
+            source.state = {"bit_generator": "PCG64", "state": {"state": state, "inc": step}, "has_uint32": 0,
+                            "uinteger": 0}
+            yield generator
+            state = source.state["state"]["state"]
+            self._state[0][place], self._state[1][place] = state >> 64, state & 2**64 - 1
 
 
 def fresh_seeds(size: int) -> Words:

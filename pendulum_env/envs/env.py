@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
@@ -14,14 +15,15 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.shown import one_line
-from pendulum_env.engine.each import frequency
+from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
-from pendulum_env.envs.saved import checked_random, checked_state
+from pendulum_env.envs.randomize import randomization
+from pendulum_env.envs.saved import checked_parameters, checked_random, checked_state
 from pendulum_env.envs.settings import (
     METADATA,
     START,
@@ -80,7 +82,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     `free` starts with the scene's usual run. `swing_up` starts hanging and `balance` upright, both at random: the angle
     uniform within ±0.1 rad, the velocity within ±0.05 omega0. ``reset(options={"angle": ..., "velocity": ...})`` sets
     the start in rad and rad/s; a number that is left out is drawn by the task, and with `free` is that of the scene's
-    usual run.
+    usual run. Parameters of the scene may be set for one episode, too: ``reset(options={"length": 0.5})``. With
+    `randomize` they are drawn first, then the start, from the environment's random stream.
 
     ## Episode End
 
@@ -100,7 +103,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor. "error"
     adds ``error_estimate`` [rad], an estimate of the error of ``angle`` compared with the exact motion under the same
     actions. It takes a second run at half the step, so that a step takes some five times as long. It is inf once the
-    error cannot be estimated any more (see :mod:`pendulum_env.engine.certificate`).
+    error cannot be estimated any more (see :mod:`pendulum_env.engine.certificate`). The info of ``reset`` has
+    ``parameters``, a dict of the parameters that were drawn by `randomize` or set by options, if there are any.
 
     ## Arguments
 
@@ -108,7 +112,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task=None,
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
              rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
-             render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0)
+             render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0, randomize=None)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -151,12 +155,17 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
       of each addition over to the next; `info` then has the present rounding errors, `lost_angle` and
       `lost_velocity`. Not with `rtol`.
     - `warn`: False for no warnings; `careful`: True raises a SceneError in place of a warning before a run.
+    - `randomize`: parameters of the scene that are drawn anew for every episode: a dict from names to ranges,
+      `(low, high)` uniform, `("log", low, high)` log-uniform, or a list of values with equal chances; or a fit, for
+      draws from its covariance (`found.bootstrap(200)`: from its refits); or a function of a NumPy generator that
+      returns a dict; or a list of these. See :mod:`pendulum_env.envs.randomize`.
     - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts
       `medium`, `effects`, ..., as in a scene's JSON file.
 
     Raises SceneError, MethodError or EngineError for an invalid argument; warns where an effect's formula does not
     hold at the speed of the scene's usual run. Attributes of `env.unwrapped`: `scene`, `integrator`, `dt` [s],
-    `substeps`, `omega0` [1/s], `speed_limit` [rad/s], `task` and `window` (None without one).
+    `substeps`, `task` and `window` (None without one), and of the present episode `episode_scene`, `omega0` [1/s] and
+    `speed_limit` [rad/s].
 
     ## Version History
 
@@ -194,14 +203,17 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         render_panels: Sequence[str] = ("apparatus", "energy"),
         velocity_bound: float | None = None,
         speed_penalty: float = 0.0,
+        randomize: Any = None,
         **parameters: Any,
     ) -> None:
         names = check_diagnostics(diagnostics)
         setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names)
+        self._randomize, self._randomization = randomize, randomization(randomize)
         with naming_keywords(type(self)):
             self._spec = RunSpec.of_episodes(
                 scene, damping, parameters, dt=setup.dt, diagnostics=names, speed_limit=speed_limit, backend=backend,
                 rtol=rtol, atol=atol, compensated=compensated,
+                others=self._randomization.scenes if self._randomization else None,
                 choose=lambda scene: settled(setup, scene, integrator, accuracy, None, compensated, rtol, atol),
             )
         self._machine = self._spec.machine()
@@ -211,7 +223,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._dt, self._substeps, self._speed_limit = setup.dt, self._spec.hold, self._spec.speed_limit
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
         self.metadata = {**METADATA, "render_fps": 1.0 / setup.dt}  # films run at true speed
-        self._omega0 = frequency(self._scene)
+        self._omega0, self._asked_limit = frequency(self._scene), speed_limit
+        self._parameters: dict[str, float] = {}
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
         bound, self.observation_space, self.action_space = spaces_of(velocity_bound)
         self._velocity_bound = bound
@@ -234,21 +247,47 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode; ``options`` may set "angle" [rad] and "velocity" [rad/s].
+        """Start an episode; ``options`` may set "angle" [rad], "velocity" [rad/s] and, for this episode, parameters of
+        the scene by name.
 
-        Raises SceneError for other options, or values that are not finite, and then changes nothing.
+        Raises SceneError for other options, or values that are invalid, and then changes nothing.
         """
-        asked = checked_options(options, self._scene.run, self._task)
+        asked, given = checked_options(options, self._scene, self._task)
+        given = {name: number(value, name) for name, value in given.items()}
+        self._machine.check(self._scene.replace(**given))
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
+        if self._randomization:
+            given = {**self._randomization.one(self.np_random), **given}
+        self._take_parameters(given)
         if len(asked) < len(START):
             drawn = self._task.start(self.np_random.random(), self.np_random.random(), self._omega0)
             angle = angle if "angle" in asked else float(drawn[0])
             velocity = velocity if "velocity" in asked else float(drawn[1])
-        started = self._start(angle, velocity)
+        observation, info = self._start(angle, velocity)
+        if self._parameters:
+            info["parameters"] = dict(self._parameters)
         if self.window is not None:
             self.window.began(angle, velocity)
-        return started
+        return observation, info
+
+    def _take_parameters(self, values: dict[str, float]) -> None:
+        """Take values of the scene's parameters for the next episode; those that are left out are the scene's own."""
+        if not values and not self._parameters:
+            return
+        scene = self._scene.replace(**values)
+        self._machine.take(scene)
+        self._parameters, self._omega0 = values, frequency(scene)
+        self._speed_limit = checked_limit(self._asked_limit, scene)
+        if self._camera is not None:
+            self._camera = Camera(self._machine, self._h, self.substeps, self._camera.size, self._camera.look)
+            if self.window is not None:
+                self.window.show(self.shown())
+
+    @property
+    def episode_scene(self) -> Scene:
+        """The scene of the present episode: ``scene`` with the parameters that were drawn, or set by options."""
+        return self._machine.scene
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode from an angle [rad] and a velocity [rad/s]."""
@@ -311,7 +350,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if not self._explained and code in (DIVERGED, TOO_SHORT):
             self._explained = True
             state = [values[INDEX], values[ANGLE], values[TURNS], values[VELOCITY]]
-            self._spec.tell_of_stop(STOP_REASONS[code], state, self._share)
+            spec = replace(self._spec, scene=self._machine.scene)
+            spec.tell_of_stop(STOP_REASONS[code], state, self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Take integration steps; return the observation, the code of the stop reason, and the numbers in the state."""
@@ -347,6 +387,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             "action": self._share,
             **self._reel.saved(),
             "random": self.np_random.bit_generator.state,
+            **({"parameters": dict(self._parameters)} if self._parameters else {}),
         }
 
     def set_state(self, saved: Mapping[str, Any]) -> None:
@@ -354,9 +395,15 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
         Raises SceneError, and changes nothing, for any other state.
         """
-        values, share, trail = checked_state(saved, self._identity(), self._machine)
-        past, seen = self._reel.checked(saved)
-        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
+        before, parameters = self._parameters, checked_parameters(saved, self._scene)
+        try:
+            self._take_parameters(parameters)
+            values, share, trail = checked_state(saved, self._identity(), self._machine)
+            past, seen = self._reel.checked(saved)
+            self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
+        except BaseException:
+            self._take_parameters(before)
+            raise
         self._state = None if values is None else self._machine.array(values)
         self._share = share
         self._reel.restore(trail, past, seen)

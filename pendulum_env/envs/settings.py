@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from integrators import Method
 from pendulum_env.films.look import checked_look, checked_size
-from pendulum_env.physics.scene import Run, Scene
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
 from pendulum_env.render import FrameStyle
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
@@ -90,19 +90,35 @@ def settled(
     return choice.name, choice.substeps, True
 
 
-def checked_options(options: Any, run: Run, task: Task) -> dict[str, Any]:
-    """Return the start angle and velocity from the options of ``reset``; the task draws what is missing at random.
+def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the start angle and velocity from the options of ``reset``, and the scene's parameters for one episode.
 
-    If the task draws no start, what the options leave out is taken from the scene's usual run. Raises SceneError for
-    unknown options.
+    The task draws a missing start at random. If it draws no start, what the options leave out is taken from the scene's
+    usual run. Raises SceneError for unknown options.
     """
     if not (options is None or isinstance(options, Mapping)):
         raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
     given = dict(options or {})
-    for name in given:
-        if name not in START:
-            raise SceneError(f"reset has no option {shown(name)}{nearest(name, START)}")
-    return given if task.centre is not None else {name: given.get(name, getattr(run, name)) for name in START}
+    own = {name: given.pop(name) for name in [*given] if name not in START}
+    if own:
+        check_parameters(own, scene, "reset has no option", START)
+    start = given if task.centre is not None else {name: given.get(name, getattr(scene.run, name)) for name in START}
+    return start, own
+
+
+def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Iterable[str] = ()) -> None:
+    """Raise SceneError for names that are not those of numbers among the scene's parameters.
+
+    The message begins with ``refusal`` and names the nearest parameter, or the nearest of ``more`` names.
+    """
+    known: dict[str, Any] = scene.parameters()
+    parts = {"body": scene.body, "medium": scene.medium, **{effect.name: effect for effect in scene.effects}}
+    for name in names:
+        owner, _, own = name.rpartition(".") if isinstance(name, str) else ("", "", "")
+        if name not in known and not (owner in parts and own != "name" and hasattr(parts[owner], own)):
+            raise SceneError(f"{refusal} {shown(name)}{nearest(name, (*more, *known))}")
+        if isinstance(known[name] if name in known else getattr(parts[owner], own), (str, bool)):
+            raise SceneError(f"{refusal} {shown(name)}, which is not a number; make an environment with it.")
 
 
 def spaces_of(bound: Any) -> tuple[float, Any, Any]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from integrators import Method, MethodError
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.batch import Results
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import check_diagnostics
 from pendulum_env.engine.shape import LOST, STOP_REASONS
@@ -22,6 +23,7 @@ from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
+from pendulum_env.envs.randomize import randomization
 from pendulum_env.envs.settings import (
     MANY,
     START,
@@ -66,7 +68,9 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
     - ``num_threads``: by default one thread per core for many environments, and one thread for few.
     - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
-    ``reset(options=...)`` takes "angle" and "velocity", numbers or arrays of ``num_envs``, and "reset_mask".
+    ``reset(options=...)`` takes "angle", "velocity" and parameters of the scene, numbers or arrays of ``num_envs``, and
+    "reset_mask". A parameter that ``randomize`` does not name makes one more program when it is first set so.
+    ``episode_parameters`` has the parameters of the present episodes that were drawn or set by options.
 
     Raises SceneError, MethodError or EngineError for an invalid argument, with the index of the environment.
     """
@@ -107,6 +111,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         render_panels: Sequence[str] = ("apparatus", "energy"),
         velocity_bound: float | None = None,
         speed_penalty: float = 0.0,
+        randomize: Any = None,
         **parameters: Any,
     ) -> None:
         super().__init__()
@@ -120,10 +125,13 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         self.metadata = {**MANY, "render_fps": 1.0 / setup.dt, "autoreset_mode": self.autoreset_mode}
         most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
+        draws = self._randomization = randomization(randomize)
+        self._randomize = randomize
         with naming_keywords(type(self)):
             spec = self._spec = RunSpec.of_episodes(
                 scene, damping, parameters, dt=setup.dt, size=self._num_envs, diagnostics=names,
                 speed_limit=speed_limit, backend=backend, compensated=compensated,
+                others=draws.scenes if draws else None,
                 choose=lambda scenes: settled(setup, scenes, integrator, accuracy, max_episode_steps, compensated),
             )
         self._batch = spec.batch(self._num_envs, (setup.task.reward, setup.task.lost), most, wanted)
@@ -173,24 +181,28 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
         which = np.flatnonzero(mask)
-        asked = checked_options(rest, self.scene.run, self.task)
+        asked, given = checked_options(rest, self.scene, self.task)
+        own = {name: checked_values(name, values, which, size) for name, values in given.items()}
+        if own:
+            self._each.numbers_with(which, own)
         angle, velocity = checked_starts(self._spec, {**dict.fromkeys(START, 0.0), **asked}, which, size)
         self._seed(checked_seeds(seed, size), which)
+        numbers = self._take_parameters(which, own)
         if len(asked) < len(START):
-            drawn = self._random(which)
+            drawn = self._random(which, numbers)
             angle = angle if "angle" in asked else drawn[0]
             velocity = velocity if "velocity" in asked else drawn[1]
         results = self._batch.results() if self._reused is None else self._reused
         if some:
             self._batch.look(results)
-        self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results)
+        self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results, numbers)
         if self._bounded:
             self._cut(results)
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
             self._camera.keep(None, which, results.info)
         rows = np.where(mask, results.info, 0.0) if some else results.info
-        infos, none = self._infos(rows, mask.copy()), np.array(None)
+        infos, none = {**self._infos(rows, mask.copy()), **self._parameter_infos(which)}, np.array(None)
         return results.observation, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
 
     def step(
@@ -228,7 +240,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         self._steps += 1
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)
+            extra = self._restart(waiting, results)
             results.reward[waiting] = 0.0
             if self._bounded:
                 self._cut(results)
@@ -243,12 +255,12 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
                 extra = self._final(over, results, reasons)
                 ended, late = results.terminated[over], results.truncated[over]
                 reward = results.reward[over]
-                self._batch.start(over, *self._random(over), self._drawn_for(over), results)
+                extra |= self._restart(over, results)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
                 if self._bounded:
                     self._cut(results)
             else:
-                self._over, extra = over, reasons
+                self._over, extra = over, {**extra, **reasons}
         if self._camera is not None:
             self._camera.keep(action, over if self.autoreset_mode is AutoresetMode.SAME_STEP else waiting, results.info)
         infos = self._infos_of_all(results)
@@ -351,14 +363,60 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         last["stop_reason"] = np.where(shown, last["stop_reason"], None)
         return {**infos, "final_info": last, "_final_info": shown.copy()}
 
-    def _random(self, which: Places) -> tuple[Array, Array]:
-        """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``."""
+    @property
+    def _each(self) -> Each:
+        """The scenes of the environments, with the parameters of their present episodes."""
+        assert self._spec.each is not None
+        return self._spec.each
+
+    def _restart(self, which: Places, results: Results) -> Infos:
+        """Start new episodes with drawn parameters and starts; return their parameters as infos."""
+        numbers = self._take_parameters(which, {})
+        self._batch.start(which, *self._random(which, numbers), self._drawn_for(which), results, numbers)
+        return self._parameter_infos(which)
+
+    def _take_parameters(self, which: Places, given: Mapping[str, Array]) -> dict[str, Array]:
+        """Draw the parameters of new episodes in the environments ``which``, but for those that are ``given``.
+
+        Return the program's numbers that follow from them; {} if all episodes have the environments' own parameters.
+        """
+        each, draws = self._each, self._randomization
+        values = {**draws.drawn(self._seeded(), which, self._spec.backend), **given} if draws else given
+        return each.take(which, values) if values or each.episode else {}
+
+    def _parameter_infos(self, which: Places) -> Infos:
+        """Return the infos with the drawn or given parameters of new episodes; {} if they have none."""
+        rows: Infos = {}
+        for name, column in self._each.episode.items():
+            if (own := which[~np.isnan(column[which])]).size:
+                values, mask = np.zeros(self._num_envs), np.zeros(self._num_envs, dtype=np.bool_)
+                values[own], mask[own] = column[own], True
+                rows |= {name: values, f"_{name}": mask}
+        if not rows:
+            return {}
+        shown = np.logical_or.reduce([mask for name, mask in rows.items() if mask.dtype == np.bool_])
+        return {"parameters": rows, "_parameters": shown}
+
+    @property
+    def episode_parameters(self) -> dict[str, Array]:
+        """Parameters of the present episodes that were drawn, or set by options: name -> array ``(num_envs,)``.
+
+        nan stands for the value of the environment's own scene.
+        """
+        return {name: column.copy() for name, column in self._each.episode.items()}
+
+    def _random(self, which: Places, numbers: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``.
+
+        ``numbers`` are the program's numbers of these episodes, {} for those of the environments.
+        """
         run, size = self.scene.run, len(which)
         if self.task.centre is None:
             return np.full(size, run.angle), np.full(size, run.velocity)
         omega0, streams = self._spec.numbers["omega0"], self._seeded()
         first, second = streams.uniform(which), streams.uniform(which)
-        angle, velocity = self.task.start(first, second, omega0[which] if isinstance(omega0, np.ndarray) else omega0)
+        own = omega0[which] if isinstance(omega0, np.ndarray) else omega0
+        angle, velocity = self.task.start(first, second, numbers.get("omega0", own))
         return np.asarray(angle), np.asarray(velocity)
 
     def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
@@ -425,17 +483,32 @@ def checked_starts(spec: RunSpec, asked: Mapping[str, Any], which: Places, size:
     Options are one number, or an array with one for each environment. Raises SceneError for another shape, or values
     that are no valid start.
     """
-    starts = {}
-    for name, values in asked.items():
-        wanted = f"{name} must be one number or one for each of {size} environments"
-        try:
-            shape = np.shape(values)
-        except ValueError:
-            raise SceneError(f"{wanted}, not {shown(values)}.") from None
-        if shape not in ((), (size,)):
-            raise SceneError(f"{wanted}, not {shape}.")
-        starts[name] = np.broadcast_to(np.asarray(values), (size,))[which]
+    starts = {name: checked_shape(name, values, which, size) for name, values in asked.items()}
     return spec.tell_of_start(starts["angle"], starts["velocity"])
+
+
+def checked_shape(name: str, values: Any, which: Places, size: int) -> NDArray[Any]:
+    """Return the values of an option of ``reset`` for the environments ``which``: one for all, or an array of ``size``.
+
+    Raises SceneError for another shape.
+    """
+    wanted = f"{name} must be one number or one for each of {size} environments"
+    try:
+        shape = np.shape(values)
+    except ValueError:
+        raise SceneError(f"{wanted}, not {shown(values)}.") from None
+    if shape not in ((), (size,)):
+        raise SceneError(f"{wanted}, not {shape}.")
+    return np.broadcast_to(np.asarray(values), (size,))[which]
+
+
+def checked_values(name: str, values: Any, which: Places, size: int) -> Array:
+    """Return a parameter's values for one episode of the environments ``which``, from the options of ``reset``.
+
+    Raises SceneError for another shape than that of one number or ``size`` numbers, and for values that are no numbers.
+    """
+    own = checked_shape(name, values, which, size)
+    return np.array([number(value, name) for value in own.tolist()])
 
 
 def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:

@@ -18,7 +18,17 @@ from pendulum_env.common.tables import Table
 from pendulum_env.lab.fitting.candidates import shapes
 from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
 from pendulum_env.lab.fitting.grade import Fault, Grade, graded, of_lost, of_misfit
-from pendulum_env.lab.fitting.intervals import Bootstrap, Interval, bootstrap, place_of, profile, sample, student
+from pendulum_env.lab.fitting.intervals import (
+    Bootstrap,
+    Interval,
+    Scatter,
+    bootstrap,
+    place_of,
+    profile,
+    sample,
+    scatter_of,
+    student,
+)
 from pendulum_env.lab.fitting.model import START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
@@ -246,6 +256,13 @@ class Fit(Plotted):
         See :func:`pendulum_env.lab.fitting.intervals.bootstrap`. Ctrl-C returns the refits done so far, with a warning.
         """
         return bootstrap(self, n, seed, progress)
+
+    @property
+    def scatter(self) -> Scatter:
+        """Distribution of the scene's parameters for ``gym.make(..., scene=fit.scene, randomize=fit)``: normal draws
+        with the fit's covariance. Raises RecordingError if a parameter has no finite error.
+        """
+        return scatter_of(self, self.covariance)
 
     def sample(self, n: int, seed: int = 0, *, start: bool = False) -> dict[str, Any]:
         """Draw ``n`` random scenes that agree with this fit, as keywords: ``gym.make_vec("LabPendulum-v0", num_envs=n,
