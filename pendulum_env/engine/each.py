@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -231,8 +232,9 @@ class Each:
         columns: dict[str, Array] = {}
         alone: list[int] = []
 
-        def fill(group: Places) -> None:
-            """Store the numbers of a group of environments, given by their places in ``which``."""
+        def fill(first: int, group: Places) -> None:
+            """Store the numbers of a group of environments, given by their places in ``which`` from ``first`` on."""
+            group = group + first
             if len(group) < FEW:
                 alone.extend(group.tolist())
                 return
@@ -247,7 +249,7 @@ class Each:
                    **values}
             ends = self._shared_limit if self._shared_limit else _floats(self._limits)[which]
             for first in range(0, len(which), CHUNK):
-                in_groups(min(CHUNK, len(which) - first), lambda group, first=first: fill(group + first))
+                in_groups(min(CHUNK, len(which) - first), partial(fill, first))
         except Exception:
             alone = [*range(len(which))]
         for i in alone:
