@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from integrators import Method
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import threads
-from pendulum_env.engine.generate import Task, batch_program
+from pendulum_env.engine.generate import batch_program
+from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
@@ -44,7 +45,8 @@ class Results(NamedTuple):
     """Results of a control step of ``n`` environments, in the order of a generated program's arguments.
 
     Attributes:
-        observation: float32 array ``(n, 3)``: cosine, sine, velocity [rad/s].
+        observation: float32 array ``(n, 3)``: cosine, sine, velocity [rad/s]; ``(n, 7)`` with a reference, see
+            :data:`pendulum_env.engine.goal.AHEAD`.
         reward: array ``(n,)``.
         terminated, truncated: bool arrays ``(n,)``.
         info: array ``(len(names), n)`` of the reported quantities.
@@ -73,7 +75,7 @@ class Blocks:
         numbers: the program's parameters by name: one number for all pendulums, or an array of ``size`` numbers.
         size: number of pendulums.
         h: integrator's step [s].
-        task: the task of environments; None for runs without a task.
+        goal: what the task of environments needs; None for runs without a task.
         num_threads: number of threads; None uses all cores if there are many blocks, and one thread if there are few.
         compensated: True carries rounding remainders along; see :mod:`integrators.steps.compensated`.
 
@@ -81,6 +83,7 @@ class Blocks:
         names: names of the quantities reported beside observation and reward.
         num_threads: number of threads used.
         program: the generated program.
+        wrong: True if a reward of the last call of the program was not finite, for a task with functions of a user's.
         call: the program's entry function.
 
     Raises MethodError if the method does not fit the scene, EngineError for a backend that is not available.
@@ -96,16 +99,16 @@ class Blocks:
         *,
         size: int,
         h: float,
-        task: Task | None = None,
+        goal: Goal | None = None,
         num_threads: int | None = None,
         compensated: bool = False,
     ) -> None:
         compensated = check_compensated(compensated, None)
-        self.size, self.h, self.compensated = size, h, compensated
+        self.size, self.h, self.compensated, self.wrong = size, h, compensated, False
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
-        self._backend, self._source = backend, (scene, task)
+        self._backend, self._source = backend, (scene, goal)
         self._set_program(varying)
         self.names = self.layout.reports
         self._compiled = resolve(backend, self.method.python_functions) == "compiled"
@@ -121,8 +124,8 @@ class Blocks:
 
     def _set_program(self, varying: frozenset[str]) -> None:
         """Generate the program in which the numbers ``varying`` differ between pendulums."""
-        scene, task = self._source
-        self.program = batch_program(scene, self.method, self.diagnostics, varying, task, self.compensated)
+        scene, goal = self._source
+        self.program = batch_program(scene, self.method, self.diagnostics, varying, goal, self.compensated)
         self.layout = self.program.layout
         self.call = self._function()
 
@@ -147,7 +150,7 @@ class Blocks:
 
     def _function(self) -> Callable[..., Any]:
         """Return the generated program's entry function, ``step_blocks`` or ``run_blocks``, interpreted or compiled."""
-        return functions(self.program, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
+        return functions(self.program, self._backend)["step_blocks" if self.layout.goal else "run_blocks"]
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes to pickle: all but the compiled function, which is loaded again when unpickled."""
@@ -263,7 +266,8 @@ class Blocks:
 
             Thread ``number`` has its own scratch array.
             """
-            self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
+            if self.call(state, self._scratch[number], first, last, *arguments, *self._shared):
+                self.wrong = True
 
         if self._compiled:
             threads.spread(part, len(state), len(self._scratch), self._pace.units)
@@ -288,6 +292,7 @@ class Batch(Blocks):
 
     def __init__(self, *arguments: Any, substeps: int, most: float, **options: Any) -> None:
         super().__init__(*arguments, **options)
+        self._width = len(self.layout.goal.seen) if self.layout.goal else 0
         self.substeps, self._bound = substeps, (most - 1.0) * substeps
         self._set_usual()
 
@@ -306,8 +311,8 @@ class Batch(Blocks):
     def results(self, size: int | None = None) -> Results:
         """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch."""
         count = self.size if size is None else size
-        return Results(np.empty((count, 3), SINGLE), np.empty(count), np.empty(count, TRUTH), np.empty(count, TRUTH),
-                       np.empty((len(self.names), count)))
+        return Results(np.empty((count, self._width), SINGLE), np.empty(count), np.empty(count, TRUTH),
+                       np.empty(count, TRUTH), np.empty((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         """Take one control step of every environment that has not stopped, and write the results to ``into``.
@@ -315,8 +320,9 @@ class Batch(Blocks):
         After an interruption by Ctrl-C some environments are ahead of others until the next reset.
         """
         if self._usual:
-            self.call(*self._usual, action, *into, *self._shared)
+            self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
             return
+        self.wrong = False
         substeps = self.substeps
         if substeps <= self._at_once:
             self._run(self._state, action, substeps, substeps, into)
@@ -360,6 +366,16 @@ class Batch(Blocks):
             rows = self._fields(state).swapaxes(1, 2).reshape(-1, len(self.layout.fields))[:size]
             self._fields(self._state)[which // BLOCK, :, which % BLOCK] = rows
             into.put(which, results)
+
+    def starts(self, first: Array, second: Array, omega0: Array) -> tuple[Array, Array]:
+        """Return angles [rad] and velocities [rad/s] at which episodes start, by the task's own function.
+
+        ``first`` and ``second`` are random numbers in [0, 1), ``omega0`` angular frequencies [1/s], shape ``(n,)``.
+        """
+        angle, velocity = np.empty(len(first)), np.empty(len(first))
+        with np.errstate(all="ignore"):
+            functions(self.program, self._backend)["starts"](first, second, omega0, angle, velocity)
+        return angle, velocity
 
     def status(self, which: Places) -> Places:
         """Return the stop codes (see :mod:`pendulum_env.engine.shape`) of the environments ``which``."""

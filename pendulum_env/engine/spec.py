@@ -23,6 +23,7 @@ from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.certified import CertifiedBatch, CertifiedMachine, CertifiedRuns, checked_estimate
 from pendulum_env.engine.each import Each, checked_limit
+from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.runs import RecordSchedule, Runs
@@ -286,13 +287,14 @@ class RunSpec:
             streams=Streams(self.seeds),
         )
 
-    def batch(self, size: int, task: Any, most: float, num_threads: int | None = None) -> Batch:
+    def batch(self, size: int, goal: Goal, most: float, num_threads: int | None = None) -> Batch:
         """Return the Batch that simulates ``size`` environments with episodes of at most ``most`` control steps."""
         assert self.each is not None
         kind = CertifiedBatch if self.estimate_error else Batch
+        numbers = {**self.each.numbers, SPAN: self.h * self.hold}
         return kind(
-            self.scene, self.method, self.diagnostics, self.backend, self.each.numbers, size=size, h=self.h,
-            task=task, num_threads=num_threads, substeps=self.hold, most=most, compensated=self.compensated,
+            self.scene, self.method, self.diagnostics, self.backend, numbers, size=size, h=self.h,
+            goal=goal, num_threads=num_threads, substeps=self.hold, most=most, compensated=self.compensated,
         )
 
     # --- warnings ---------------------------------------------------------------------------------------------------
@@ -322,7 +324,7 @@ class RunSpec:
         self.tell(far_away(start[0]))
         return start
 
-    def tell_of_task(self, task: str | None) -> None:
+    def tell_of_task(self, task: Any) -> None:
         """Warn if no task was chosen, and the usual one, swing_up, cannot be solved, as the scene has no motor."""
         idle = task is None and not any(effect.controlled for effect in self.scene.effects)
         if idle:

@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.shown import one_line
+from pendulum_env.common.version import REGISTERED
+from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import checked_limit, frequency
+from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
 from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
@@ -39,9 +42,9 @@ from pendulum_env.films.reel import Reel, motion
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import line, naming_keywords, number, truth, whole_number
+from pendulum_env.physics.units import line, naming_keywords, number, shown, truth, whole_number
 from pendulum_env.render import View
-from pendulum_env.tasks import TASKS, Task
+from pendulum_env.tasks import TASKS, Task, TaskError
 from pendulum_env.tasks.action import SINGLE, torque_share
 from pendulum_env.window import Shown, window_of
 
@@ -77,9 +80,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     {the table of tasks, as `lab-pendulum list tasks` prints it}
 
+    A task of your own is a :class:`pendulum_env.Task`: reward, loss and start as plain functions, which are compiled
+    with the step. Its reward must stay finite; TaskError is raised where it does not.
+
     ## Starting State
 
-    `free` starts with the scene's usual run. `swing_up` starts hanging and `balance` upright, both at random: the angle
+    `free` starts with the scene's usual run. `balance` starts upright and the others hanging, at random: the angle
     uniform within ±0.1 rad, the velocity within ±0.05 omega0. ``reset(options={"angle": ..., "velocity": ...})`` sets
     the start in rad and rad/s; a number that is left out is drawn by the task, and with `free` is that of the scene's
     usual run. Parameters of the scene may be set for one episode, too: ``reset(options={"length": 0.5})``. With
@@ -90,7 +96,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     Terminated, with ``info["stop_reason"]``: "speed_limit" (faster than ``speed_limit``), "diverged" (the numbers are
     no longer finite or, with the diagnostic "energy", the energy residual is absurdly large; the last finite state is
     returned), "slack" (the bob on a wire is no longer held by tension), "fell" (the task `balance` is lost),
-    "step_too_short" (no step meets `rtol`). Truncated after 500 steps.
+    "step_too_short" (no step meets `rtol`). Truncated after 500 steps, or after `duration`.
 
     ## Info
 
@@ -112,7 +118,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task=None,
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
              rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
-             render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0, randomize=None)
+             render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0, duration=None,
+             reward_rate=False, randomize=None)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -128,7 +135,14 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
     - `dt`: control step [s]; the integrator's step is `dt / substeps`.
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
-    - `task`: "swing_up" (the default), "balance" or "free"; a scene without a motor needs "free".
+    - `task`: "swing_up" (the default), another name of the table above, or a :class:`pendulum_env.Task`; a scene
+      without a motor needs "free". `pendulum_env.tasks.track(f)` makes the task of following the angle `f(time)`; its
+      observation has four more entries: cosine and sine of the reference now, and after the next control step.
+    - `duration`: length of an episode [s], a whole number of steps of `dt`; the environment then truncates by itself.
+      `gym.make` still ends episodes after the registered 500 steps, unless it gets `max_episode_steps=-1`; a warning
+      tells if it has ended one early. In `gym.make_vec` the 500 steps give way to the duration.
+    - `reward_rate`: True makes the reward a rate per second: each step gives the task's reward times `dt`, so that the
+      return of an episode is its integral over time, and does not change with `dt`.
     - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
     - `speed_penalty`: number that is subtracted from the reward in the step in which the episode ends early because of
       `speed_limit`, of diverging numbers or of a step that is too short; 0 by default. With a low limit, `swing_up`
@@ -189,7 +203,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         damping: Damping = "scene",
         dt: float = 0.02,
         substeps: int = 1,
-        task: str | None = None,
+        task: str | Task | None = None,
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: float | None = None,
         render_mode: str | None = None,
@@ -203,18 +217,21 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         render_panels: Sequence[str] = ("apparatus", "energy"),
         velocity_bound: float | None = None,
         speed_penalty: float = 0.0,
+        duration: float | None = None,
+        reward_rate: bool = False,
         randomize: Any = None,
         **parameters: Any,
     ) -> None:
         names = check_diagnostics(diagnostics)
-        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names)
+        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
+                                 duration, reward_rate)
         self._randomize, self._randomization = randomize, randomization(randomize)
         with naming_keywords(type(self)):
             self._spec = RunSpec.of_episodes(
                 scene, damping, parameters, dt=setup.dt, diagnostics=names, speed_limit=speed_limit, backend=backend,
                 rtol=rtol, atol=atol, compensated=compensated,
                 others=self._randomization.scenes if self._randomization else None,
-                choose=lambda scene: settled(setup, scene, integrator, accuracy, None, compensated, rtol, atol),
+                choose=lambda scene: settled(setup, scene, integrator, accuracy, setup.steps, compensated, rtol, atol),
             )
         self._machine = self._spec.machine()
         self._spec.tell()
@@ -226,11 +243,17 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._omega0, self._asked_limit = frequency(self._scene), speed_limit
         self._parameters: dict[str, float] = {}
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        bound, self.observation_space, self.action_space = spaces_of(velocity_bound)
+        bound, self.observation_space, self.action_space = spaces_of(velocity_bound, setup.task)
         self._velocity_bound = bound
         self._bounded = bound < UNBOUNDED
 
         self._h = self._spec.h
+        self._checks, self._rate = setup.task.own, setup.rate
+        self._before, self._upright = setup.task.goal.before, setup.task.goal.upright
+        self._steps = setup.steps
+        self._last = math.inf if setup.steps is None else (setup.steps - 1.0) * self._substeps
+        self._make_judge()
+        self._cut_told = False
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened = self._machine.kept.get("slackened", 0)  # its index in a state; 0 when no warning is due
@@ -240,6 +263,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._camera = (Camera(self._machine, self._h, self.substeps, setup.render_size, setup.look)
                         if setup.render_mode else None)
         self.window = window_of(self.shown()) if setup.render_mode == "human" else None
+
+    def _make_judge(self) -> None:
+        """Make the functions that judge a step and look ahead along a reference."""
+        task, span = self._task, self._h * self._substeps
+        self._judge = task.judge(self._omega0, self._h)
+        self._ahead = looking_ahead(task.goal, self._h, span) if task.goal.reference else None
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.scene.name}, {self.integrator}, task {self.task.name}, dt = {self.dt:g} s")
@@ -257,11 +286,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._machine.check(self._scene.replace(**given))
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
+        self._tell_of_cut()
         if self._randomization:
             given = {**self._randomization.one(self.np_random), **given}
         self._take_parameters(given)
         if len(asked) < len(START):
-            drawn = self._task.start(self.np_random.random(), self.np_random.random(), self._omega0)
+            drawn = self._task.starts(self.np_random.random(), self.np_random.random(), self._omega0)
             angle = angle if "angle" in asked else float(drawn[0])
             velocity = velocity if "velocity" in asked else float(drawn[1])
         observation, info = self._start(angle, velocity)
@@ -279,6 +309,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._machine.take(scene)
         self._parameters, self._omega0 = values, frequency(scene)
         self._speed_limit = checked_limit(self._asked_limit, scene)
+        self._make_judge()
         if self._camera is not None:
             self._camera = Camera(self._machine, self._h, self.substeps, self._camera.size, self._camera.look)
             if self.window is not None:
@@ -288,6 +319,15 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def episode_scene(self) -> Scene:
         """The scene of the present episode: ``scene`` with the parameters that were drawn, or set by options."""
         return self._machine.scene
+
+    def _tell_of_cut(self) -> None:
+        """Warn once if an episode was ended after the registered number of steps, before its duration."""
+        steps, taken = self._steps or 0, 0.0 if self._state is None else float(self._state[INDEX])
+        if steps > REGISTERED and taken == REGISTERED * self._substeps and self._spec.warn and not self._cut_told:
+            self._cut_told = True
+            warn(f"An episode of {steps} steps (duration={steps * self._dt:g} s) has ended after {REGISTERED} steps, "
+                 "the number that LabPendulum-v0 is registered with; gym.make(..., max_episode_steps=-1) leaves the "
+                 "end to the duration.")
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode from an angle [rad] and a velocity [rad/s]."""
@@ -314,16 +354,23 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if self.window is not None:
             self.window.attend()
         self._share = share
+        before = earlier(self._state, self._machine.phi, self._before) if self._before else {}
         observation, code, values = self._run(self._substeps)
-        phi, velocity = values[self._machine.phi], values[VELOCITY]
+        index, angle, turns, velocity, phi = *values[:4], values[self._machine.phi]
         if self._slackened and (steps := values[self._slackened]):
             self._slackened = 0
             self._spec.tell_of_slack(steps)
         if abs(velocity) > self._turning:
             self._turning = math.inf
             self._spec.tell_of_turns(abs(velocity))
-        reward = self._task.reward(phi, velocity / self._omega0, share)
-        if not code and self._task.lost(phi):
+        if self._checks:
+            reward, lost = self._judged(index, angle, turns, velocity, phi, share, before)
+        else:
+            reward, lost = self._judge(index, angle, turns, velocity, phi, share, before)
+        if self._rate != 1.0:
+            reward *= self._rate
+        late = index + (code == DIVERGED) > self._last
+        if not code and lost:
             code = LOST
         info = self._info(values)
         if self._camera is not None:
@@ -335,7 +382,20 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             self._explain(code, values)
             if code != LOST:
                 reward -= self._penalty
-        return observation, reward, code != 0, False, info
+        return observation, reward, code != 0, late, info
+
+    def _judged(self, *state: Any) -> tuple[float, bool]:
+        """Return reward and loss of a step by a user's functions; TaskError if they fail or the reward is not finite.
+        """
+        try:
+            reward, lost = self._judge(*state)
+        except (ArithmeticError, ValueError) as error:
+            raise TaskError(f"The task {shown(self._task.name)} raises {type(error).__name__} ({error}) at phi = "
+                            f"{state[4]:.6g} rad, velocity = {state[3]:.6g} rad/s.") from None
+        if not math.isfinite(reward):
+            raise TaskError(f"The reward of the task {shown(self._task.name)} is {reward} at phi = {state[4]:.6g} rad, "
+                            f"velocity = {state[3]:.6g} rad/s.")
+        return reward, lost
 
     def _info(self, values: list[float]) -> dict[str, Any]:
         """Return Gymnasium's info dict for the numbers of a simulation's state."""
@@ -361,6 +421,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         code = run(state, machine.parameters, self._share, self._h, 1, steps, self._speed_limit, NOWHERE, seen)
         if self._bounded:
             seen[2] = min(max(seen[2], -self._velocity_bound), self._velocity_bound)
+        if self._upright:
+            seen[0], seen[1] = -seen[0], -seen[1]
+        if self._ahead is not None:
+            seen = np.concatenate([seen, np.array(self._ahead(float(state[INDEX])), SINGLE)])
         return seen, code, state.tolist() if machine.compiled else state
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -414,9 +478,14 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         return {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
                 "substeps": self.substeps, **self._machine.tolerance, **compensated}
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes for a copy or a pickle, without the functions that are made from the task."""
+        return {**super().__getstate__(), "_judge": None, "_ahead": None}
+
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         """Set the attributes of a copied or unpickled environment, and let its window show this copy."""
         super().__setstate__(state)
+        self._make_judge()
         if self.window is not None:
             self.window.show(self.shown())
 
@@ -484,6 +553,13 @@ LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
         "| task | reward per step | ends |", "| --- | --- | --- |",
         *(f"| `{task.name}` | {task.equation} | {task.ends} |" for task in TASKS.values()),
     ]))
+
+
+def earlier(state: Any, phi: int, names: Sequence[str]) -> dict[str, float]:
+    """Return the quantities of a state, at the start of a control step, that a task takes, by name [rad, rad/s]."""
+    values = {"phi_before": state[phi], "velocity_before": state[VELOCITY],
+              "angle_before": state[ANGLE] + TWO_PI * state[TURNS]}
+    return {name: float(values[name]) for name in names}
 
 
 def one_start(spec: RunSpec, angle: Any, velocity: Any) -> tuple[float, float]:

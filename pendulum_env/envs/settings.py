@@ -14,9 +14,10 @@ from gymnasium.vector.utils import batch_space
 from integrators import Method
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, whole_number
+from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, truth, whole_number
 from pendulum_env.render import FrameStyle
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
+from pendulum_env.tasks.task import steps_of
 
 UNBOUNDED = float(np.finfo(np.float32).max)
 """Bound of the observed velocity by default: the largest float32, because checkers warn at inf [rad/s]."""
@@ -37,12 +38,16 @@ class Settings:
         dt: control step [s].
         substeps: number of integrator steps in a control step.
         task: the task, which defines reward, start and end of an episode.
+        steps: number of control steps in an episode, None where the environment does not count them.
+        rate: factor of the rewards.
         render_mode, render_size, look: mode of ``render``, its frame size [px], and its theme and panels.
     """
 
     dt: float
     substeps: int
     task: Task
+    steps: int | None
+    rate: float
     render_mode: str | None
     render_size: tuple[int, int]
     look: FrameStyle
@@ -50,7 +55,7 @@ class Settings:
 
 def checked_settings(
     dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any, render_theme: Any, render_panels: Any,
-    diagnostics: Sequence[str], many: bool = False,
+    diagnostics: Sequence[str], duration: Any = None, reward_rate: Any = False, many: bool = False,
 ) -> Settings:
     """Check the settings of an environment, or with ``many`` of a vector of environments, and return them.
 
@@ -68,7 +73,9 @@ def checked_settings(
             )
     size = checked_size(render_size, "render_size")
     look = checked_look(render_theme, render_panels, diagnostics)
-    return Settings(step, count, aim, render_mode, size, look)
+    steps = aim.steps(step) if duration is None else steps_of(duration, step)
+    rate = step if truth(reward_rate, "reward_rate") else 1.0
+    return Settings(step, count, aim, steps, rate, render_mode, size, look)
 
 
 def settled(
@@ -102,7 +109,7 @@ def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, A
     own = {name: given.pop(name) for name in [*given] if name not in START}
     if own:
         check_parameters(own, scene, "reset has no option", START)
-    start = given if task.centre is not None else {name: given.get(name, getattr(scene.run, name)) for name in START}
+    start = given if task.draws else {name: given.get(name, getattr(scene.run, name)) for name in START}
     return start, own
 
 
@@ -121,12 +128,12 @@ def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Ite
             raise SceneError(f"{refusal} {shown(name)}, which is not a number; make an environment with it.")
 
 
-def spaces_of(bound: Any) -> tuple[float, Any, Any]:
+def spaces_of(bound: Any, task: Task) -> tuple[float, Any, Any]:
     """Return the checked bound of the observed velocity [rad/s], the observation space and the action space.
 
     The bound is the largest float32 if none is given; bounds beyond the largest float32 are infinite. An observation is
-    cosine and sine of the angle, and the velocity; an action is the fraction of the motor's torque, from -1 to 1.
-    Raises SceneError for what is no bound.
+    cosine and sine of the angle, the velocity, and further cosines and sines of a task with a reference; an action is
+    the fraction of the motor's torque, from -1 to 1. Raises SceneError for what is no bound.
     """
     most = UNBOUNDED if bound is None else bound
     if not (isinstance(most, float) and most == math.inf):
@@ -135,7 +142,8 @@ def spaces_of(bound: Any) -> tuple[float, Any, Any]:
         except SceneError as error:
             raise SceneError(f"{str(error).rstrip('.')}; inf is for no bound.") from None
     most = most if most <= UNBOUNDED else math.inf
-    high = np.array([1.0, 1.0, most], dtype=np.float32)
+    high = np.ones(len(task.goal.seen), dtype=np.float32)
+    high[2] = most
     return most, spaces.Box(-high, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from pendulum_env.common.shown import one_line
+from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
@@ -38,7 +39,7 @@ from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, one_of, shown, truth, whole_number
-from pendulum_env.tasks import Task
+from pendulum_env.tasks import Task, TaskError
 from pendulum_env.tasks.action import checked_actions
 
 Array = NDArray[np.float64]
@@ -61,7 +62,8 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
     Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
 
     - any parameter of the scene, and ``speed_limit``, may be an array with one value for each environment.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``integrator="auto"`` the
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``duration`` the
+      registered 500 steps do not count. With ``integrator="auto"`` the
       accuracy holds for an episode of this length (500 steps for None), tested in the environments with the smallest
       and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
@@ -93,7 +95,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         damping: Damping = "scene",
         dt: float = 0.02,
         substeps: int = 1,
-        task: str | None = None,
+        task: str | Task | None = None,
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: Any = None,
         render_mode: str | None = None,
@@ -111,6 +113,8 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         render_panels: Sequence[str] = ("apparatus", "energy"),
         velocity_bound: float | None = None,
         speed_penalty: float = 0.0,
+        duration: float | None = None,
+        reward_rate: bool = False,
         randomize: Any = None,
         **parameters: Any,
     ) -> None:
@@ -119,11 +123,15 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             raise MethodError("rtol and atol are for single environments; a vector has fixed steps of dt / substeps.")
         self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
-        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names, True)
+        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
+                                 duration, reward_rate, many=True)
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
         self.metadata = {**MANY, "render_fps": 1.0 / setup.dt, "autoreset_mode": self.autoreset_mode}
-        most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
+        given = None if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
+        if setup.steps is not None:  # the registered number gives way to a duration, any other holds too
+            given = setup.steps if given in (None, REGISTERED) else min(given, setup.steps)
+        most = np.inf if given is None else given
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         draws = self._randomization = randomization(randomize)
         self._randomize = randomize
@@ -132,16 +140,17 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
                 scene, damping, parameters, dt=setup.dt, size=self._num_envs, diagnostics=names,
                 speed_limit=speed_limit, backend=backend, compensated=compensated,
                 others=draws.scenes if draws else None,
-                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, max_episode_steps, compensated),
+                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, given, compensated),
             )
-        self._batch = spec.batch(self._num_envs, (setup.task.reward, setup.task.lost), most, wanted)
+        self._batch = spec.batch(self._num_envs, setup.task.goal, most, wanted)
         spec.tell()
         spec.tell_of_task(task)
         self._scene, self._dt, self._substeps, self._task = spec.scene, setup.dt, spec.hold, setup.task
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
         self._integrator, self._num_threads = spec.integrator, self._batch.num_threads
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound)
+        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound, setup.task)
+        self._rate, self._checks = setup.rate, setup.task.own
         self._velocity_bound = bound
         self._bounded = bound < UNBOUNDED
         self.observation_space = batched(self.single_observation_space, self._num_envs)
@@ -229,6 +238,10 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         except BaseException:
             self._begun = False
             raise
+        if self._checks and self._batch.wrong:
+            self._refuse_rewards(results)
+        if self._rate != 1.0:
+            np.multiply(results.reward, self._rate, out=results.reward)
         if self._bounded:
             self._cut(results)
         if not self._slack and (slackened := self._batch.slackened):
@@ -304,6 +317,17 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         super().__setstate__(state)
         for name in ("stop_reason", "_stop_reason"):
             self._marks[name].flags.writeable = False
+
+    def _refuse_rewards(self, results: Results) -> None:
+        """Raise TaskError if rewards by a user's function are not finite, with the first environment."""
+        bad = np.flatnonzero(~np.isfinite(results.reward))
+        if bad.size:
+            self._begun = False
+            place = int(bad[0])
+            angle, velocity = (float(values[place]) for values in self._batch.motion()[1:])
+            raise TaskError(f"The reward of the task {shown(self.task.name)} is {results.reward[place]} in environment "
+                            f"{place}, at angle = {angle:.6g} rad, velocity = {velocity:.6g} rad/s; reset the "
+                            "environments before the next step.")
 
     # --- parts --------------------------------------------------------------------------------------------------
 
@@ -411,12 +435,14 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         ``numbers`` are the program's numbers of these episodes, {} for those of the environments.
         """
         run, size = self.scene.run, len(which)
-        if self.task.centre is None:
+        if not self.task.draws:
             return np.full(size, run.angle), np.full(size, run.velocity)
         omega0, streams = self._spec.numbers["omega0"], self._seeded()
         first, second = streams.uniform(which), streams.uniform(which)
-        own = omega0[which] if isinstance(omega0, np.ndarray) else omega0
-        angle, velocity = self.task.start(first, second, numbers.get("omega0", own))
+        omega = numbers.get("omega0", omega0[which] if isinstance(omega0, np.ndarray) else omega0)
+        if self.task.goal.begin is not None:
+            return self._batch.starts(first, second, np.broadcast_to(omega, size).astype(np.float64))
+        angle, velocity = self.task.starts(first, second, omega)
         return np.asarray(angle), np.asarray(velocity)
 
     def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:

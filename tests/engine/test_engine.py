@@ -138,7 +138,7 @@ def texts(scene: str, method: str) -> list[str]:
     """Return the programs of a scene with a method: for single runs, for environments with a task, and for batches."""
     task = TASKS["balance"]
     rest = (SCENES[scene], integrators.get(method), ("energy",), frozenset({"inertia"}))
-    programs = (program(*rest[:2]), batch_program(*rest, (task.reward, task.lost)), batch_program(*rest))
+    programs = (program(*rest[:2]), batch_program(*rest, task.goal), batch_program(*rest))
     return [each.text for each in programs]
 
 

@@ -342,7 +342,7 @@ def test_without_lag_a_motor_is_the_motor_that_never_had_one() -> None:
     plain, zero = SCENES["lab"], SCENES["lab"].replace(lag=0.3).replace(lag=0.0)
     method, task = integrators.get("rk4"), TASKS["swing_up"]
     assert program(zero, method).text == program(plain, method).text
-    texts = [batch_program(scene, method, ("energy",), frozenset(), (task.reward, task.lost)).text
+    texts = [batch_program(scene, method, ("energy",), frozenset(), task.goal).text
              for scene in (zero, plain)]
     assert texts[0] == texts[1]
     assert "motor_state" not in texts[0]

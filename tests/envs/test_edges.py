@@ -296,11 +296,13 @@ def test_pickles_of_another_version_are_refused_in_a_sentence() -> None:
 
 
 KEPT = {
-    "LabPendulumEnv": """_velocity_bound _bounded _camera _dt _explained _h _integrator _machine _np_random
+    "LabPendulumEnv": """_ahead _before _checks _cut_told _judge _last _rate _steps _upright
+        _velocity_bound _bounded _camera _dt _explained _h _integrator _machine _np_random
         _np_random_seed _omega0 _penalty _reel _render_mode _render_size _scene _share _in_flow _slackened _spec
         _speed_limit _state _substeps _task _turning action_space metadata observation_space window
         _asked_limit _parameters _randomization _randomize""",
-    "LabPendulumVectorEnv": """_batch _begun _velocity_bound _bounded _camera _dt _everyone _explained _integrator
+    "LabPendulumVectorEnv": """_batch _begun _checks _rate _velocity_bound _bounded _camera _dt _everyone _explained
+        _integrator
         _marks _masks _names _np_random _np_random_seed _num_envs _num_threads _over _penalty _render_mode _render_size
         _reused _running _scene _seeds
         _slack _spec _steps _streams _substeps _task _told _turning action_space autoreset_mode metadata

@@ -418,7 +418,7 @@ BAD = {
     "diagnostics": ({"diagnostics": ("enrgy",)}, "did you mean energy?"),
     "threads": ({"num_threads": 0}, "num_threads must be a whole number"),
     "episode": ({"max_episode_steps": 0}, "max_episode_steps must be a whole number"),
-    "task": ({"task": "swingup"}, "did you mean swing_up?"),
+    "task": ({"task": "swingup"}, "did you mean swing_up"),
 }
 
 

@@ -28,7 +28,7 @@ TASK = '''def _hold_still(phi: float, speed: float, action: float) -> float:
 
 
 _ALL = (
-    Task("hold_still", 0.0, _hold_still, _never, "-(velocity/omega0)²"),
+    Task("hold_still", _hold_still, start=_hanging, equation="-(velocity/omega0)²"),
 '''
 
 

@@ -95,9 +95,9 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "number": "release at",
         "one and more": "periods",
         "wait": "hand",
-        "flag": "compensated copy estimate_error warn complete resume anew as_latex dense velocity_free"
-                " one_way film recalibrate long raises",
-        "none of these": "randomize points columns pivot motion x y env"
+        "flag": "upright reward_rate compensated copy estimate_error warn complete resume anew as_latex dense"
+                " velocity_free one_way film recalibrate long raises",
+        "none of these": "randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times angles velocities over",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
@@ -114,6 +114,8 @@ KIND_OF: Mapping[str, str] = DECLARED | {
 """The kind of each keyword, wherever it occurs."""
 
 OWN: Mapping[str, str] = {
+    "Task.start": "mapping", "Task.equation": "text", "Task.ends": "text", "tasks.track.period": "positive",
+    "tasks.track.amplitude": "number",
     "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
     "sweep.progress": "progress", "fit.progress": "progress", "rollout.file": "npy",
     "compare.progress": "progress", "growth.progress": "progress", "audit.progress": "progress",
