@@ -21,6 +21,7 @@ from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
 from pendulum_env.engine.pieces import Pace
+from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.wrap import half_turns, without_half_turns
@@ -323,11 +324,35 @@ class Batch(Blocks):
             self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
             return
         self.wrong = False
-        substeps = self.substeps
-        if substeps <= self._at_once:
-            self._run(self._state, action, substeps, substeps, into)
+        self._take(action, self.substeps, self.substeps, into)
+
+    def step_in_parts(self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results) -> None:
+        """Take one control step with delayed actions, and with readings after some of its parts; see :meth:`step`."""
+        sensing.act(action)
+        if len(sensing.parts) == 1:
+            self.step(sensing.acting(0), into)
+            sensing.read(self._state, self.substeps)
             return
-        hold, unused = substeps, self.results(0)
+        self.wrong, unused = False, self.results(0)
+        for begin, end, hold, reads in sensing.parts:
+            self._take(sensing.acting(begin), end - begin, hold, into if end == self.substeps else unused)
+            if reads:
+                sensing.read(self._state, end)
+
+    def begin_readings(self, sensing: Sensing, which: Places, *drawn: Any) -> None:
+        """Begin the readings of new episodes in the environments ``which``; see :meth:`Sensing.begin`."""
+        sensing.begin(self._state, which, *drawn)
+
+    def also(self, name: str) -> None:
+        """Add a row to the reported quantities, which the caller fills."""
+        self.names = (*self.names, name)
+
+    def _take(self, action: NDArray[np.floating[Any]], substeps: int, hold: int, into: Results) -> None:
+        """Take steps with constant actions, in several calls if they are many; see :meth:`_run`."""
+        if substeps <= self._at_once:
+            self._run(self._state, action, substeps, hold, into)
+            return
+        unused = self.results(0)
         while substeps:
             now, begun = min(substeps, max(1, self._at_once)), perf_counter()
             substeps -= now

@@ -227,7 +227,7 @@ class CertifiedBatch(Batch):
 
         super().__init__(scene, method, diagnostics, backend, numbers, size=size, h=h, substeps=substeps, most=most,
                          **options)
-        self.names = (*self.names, ESTIMATE)
+        self._row, self.names = len(self.names), (*self.names, ESTIMATE)
         self._half_numbers = {**endless(numbers)}
         self._half = batch(self._half_numbers, 2, math.inf)
         self._unread = self._half.results()
@@ -261,13 +261,13 @@ class CertifiedBatch(Batch):
                 values[place] = value
         good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
         self._judge(np.arange(self.size), own, half, good)
-        into.info[-1] = self._estimate
+        into.info[self._row] = self._estimate
 
     def look(self, into: Results) -> None:
         """Write observations, rewards and reported quantities of all environments in their present states to ``into``.
         """
         super().look(into)
-        into.info[-1] = self._estimate
+        into.info[self._row] = self._estimate
 
     def start(
         self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results,
@@ -282,7 +282,7 @@ class CertifiedBatch(Batch):
         places = np.arange(self.size) if which is None else which
         self._so_far.begin(places, self.angles()[places], self.get("v", places))
         self._judge(places, self.motion(), self._half.motion(), np.ones(self.size, dtype=np.bool_))
-        into.info[-1] = self._estimate
+        into.info[self._row] = self._estimate
 
     def _judge(self, which: Places, own: Motion, half: Motion, good: NDArray[np.bool_]) -> None:
         """Update the error estimates of the environments ``which``.

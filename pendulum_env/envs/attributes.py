@@ -21,9 +21,10 @@ from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, shown
 
-FORMAT = 5
+FORMAT = 6
 """Number of the form in which environments are pickled; raised by one whenever their attributes change."""
 
 
@@ -114,7 +115,7 @@ def _plain(value: Any) -> Any:
         return value.name
     if isinstance(value, RigidBody):
         return body_data(value)
-    if isinstance(value, Medium):
+    if isinstance(value, (Medium, Sensor)):
         return dataclasses.asdict(value)
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()

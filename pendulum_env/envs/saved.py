@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
+from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import LARGEST
 from pendulum_env.engine.starts import checked_control
 from pendulum_env.envs.settings import check_parameters
@@ -80,6 +81,15 @@ def checked_parameters(saved: Any, scene: Scene) -> dict[str, float]:
         raise SceneError(f"parameters in a state to restore must be a dict of numbers, not {shown(given)}.")
     check_parameters(given, scene, f"parameters in a state to restore: the scene '{scene.name}' has no parameter")
     return {name: number(value, name) for name, value in given.items()}
+
+
+def checked_sensing(saved: Mapping[str, Any], own: Sensing) -> Sensing:
+    """Return readings and delayed actions as in a saved state; SceneError if they are not those of such a sensor."""
+    sensing = own.checked(saved.get("sensing"))
+    if sensing is None:
+        raise SceneError("sensing in a state to restore must hold the readings and actions that get_state returned, "
+                         f"not {shown(saved.get('sensing'))}.")
+    return sensing
 
 
 def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:

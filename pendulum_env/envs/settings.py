@@ -12,6 +12,8 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
 from integrators import Method
+from pendulum_env.engine.report import SEEN
+from pendulum_env.engine.sensing import Plan
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, truth, whole_number
@@ -128,12 +130,13 @@ def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Ite
             raise SceneError(f"{refusal} {shown(name)}, which is not a number; make an environment with it.")
 
 
-def spaces_of(bound: Any, task: Task) -> tuple[float, Any, Any]:
+def spaces_of(bound: Any, task: Task, plan: Plan | None = None) -> tuple[float, Any, Any]:
     """Return the checked bound of the observed velocity [rad/s], the observation space and the action space.
 
     The bound is the largest float32 if none is given; bounds beyond the largest float32 are infinite. An observation is
     cosine and sine of the angle, the velocity, and further cosines and sines of a task with a reference; an action is
-    the fraction of the motor's torque, from -1 to 1. Raises SceneError for what is no bound.
+    the fraction of the motor's torque, from -1 to 1. With a ``plan`` of readings, an observation begins with theirs.
+    Raises SceneError for what is no bound.
     """
     most = UNBOUNDED if bound is None else bound
     if not (isinstance(most, float) and most == math.inf):
@@ -142,8 +145,10 @@ def spaces_of(bound: Any, task: Task) -> tuple[float, Any, Any]:
         except SceneError as error:
             raise SceneError(f"{str(error).rstrip('.')}; inf is for no bound.") from None
     most = most if most <= UNBOUNDED else math.inf
-    high = np.ones(len(task.goal.seen), dtype=np.float32)
-    high[2] = most
+    width = len(task.goal.seen) - len(SEEN)
+    high = np.ones(width + (len(SEEN) if plan is None else plan.width), dtype=np.float32)
+    if plan is None or plan.swift:
+        high[2] = most
     return most, spaces.Box(-high, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 

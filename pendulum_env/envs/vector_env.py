@@ -18,6 +18,7 @@ from pendulum_env.engine.batch import Results
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import check_diagnostics
+from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
@@ -25,6 +26,7 @@ from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.randomize import randomization
+from pendulum_env.envs.sensing import drawn_delays, plan_of, readings_of_many
 from pendulum_env.envs.settings import (
     MANY,
     START,
@@ -38,6 +40,7 @@ from pendulum_env.envs.settings import (
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, naming_keywords, number, one_of, shown, truth, whole_number
 from pendulum_env.tasks import Task, TaskError
 from pendulum_env.tasks.action import checked_actions
@@ -116,6 +119,11 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         duration: float | None = None,
         reward_rate: bool = False,
         randomize: Any = None,
+        observation: str = "full",
+        history: int | None = None,
+        sensor: Sensor | Mapping[str, Any] | None = None,
+        observation_delay: float | Sequence[float] = 0.0,
+        action_delay: float | Sequence[float] = 0.0,
         **parameters: Any,
     ) -> None:
         super().__init__()
@@ -143,13 +151,19 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
                 choose=lambda scenes: settled(setup, scenes, integrator, accuracy, given, compensated),
             )
         self._batch = spec.batch(self._num_envs, setup.task.goal, most, wanted)
+        self._observation, self._history, self._sensor = observation, history, sensor
+        self._observation_delay, self._action_delay = observation_delay, action_delay
+        plan = plan_of(observation, history, sensor, observation_delay, action_delay, spec.h, spec.hold)
+        self._sensing = readings_of_many(spec, self._batch, plan)
+        self._delays: dict[str, Array] = {}
+        self._seen_before: NDArray[np.float32] | None = None
         spec.tell()
         spec.tell_of_task(task)
         self._scene, self._dt, self._substeps, self._task = spec.scene, setup.dt, spec.hold, setup.task
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
         self._integrator, self._num_threads = spec.integrator, self._batch.num_threads
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound, setup.task)
+        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound, setup.task, plan)
         self._rate, self._checks = setup.rate, setup.task.own
         self._velocity_bound = bound
         self._bounded = bound < UNBOUNDED
@@ -205,14 +219,14 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         if some:
             self._batch.look(results)
         self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results, numbers)
-        if self._bounded:
-            self._cut(results)
+        self._begin_readings(which)
+        seen = self._seen(results)
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
             self._camera.keep(None, which, results.info)
         rows = np.where(mask, results.info, 0.0) if some else results.info
         infos, none = {**self._infos(rows, mask.copy()), **self._parameter_infos(which)}, np.array(None)
-        return results.observation, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
+        return seen, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
 
     def step(
         self, actions: Any
@@ -234,7 +248,10 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             )
         results = self._batch.results() if self._reused is None else self._reused
         try:
-            self._batch.step(action, results)
+            if self._sensing is None:
+                self._batch.step(action, results)
+            else:
+                self._batch.step_in_parts(self._sensing, action, results)
         except BaseException:
             self._begun = False
             raise
@@ -242,8 +259,6 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             self._refuse_rewards(results)
         if self._rate != 1.0:
             np.multiply(results.reward, self._rate, out=results.reward)
-        if self._bounded:
-            self._cut(results)
         if not self._slack and (slackened := self._batch.slackened):
             self._slack = True
             self._spec.tell_of_slack(slackened)
@@ -255,8 +270,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             extra = self._restart(waiting, results)
             results.reward[waiting] = 0.0
-            if self._bounded:
-                self._cut(results)
+        seen = self._seen(results)
         over, self._over = NOBODY, NOBODY
         if 1 in results.terminated.tobytes() or 1 in results.truncated.tobytes():  # faster than any() for some thousand
             over = np.flatnonzero(results.terminated | results.truncated)
@@ -265,13 +279,12 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
                 results.reward[stopped[self._batch.status(stopped) != LOST]] -= self._penalty
             reasons = self._reasons(over[results.terminated[over]], action)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
-                extra = self._final(over, results, reasons)
+                extra = self._final(over, seen, results, reasons)
                 ended, late = results.terminated[over], results.truncated[over]
                 reward = results.reward[over]
                 extra |= self._restart(over, results)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
-                if self._bounded:
-                    self._cut(results)
+                seen = self._seen(results)
             else:
                 self._over, extra = over, {**extra, **reasons}
         if self._camera is not None:
@@ -279,7 +292,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         infos = self._infos_of_all(results)
         if extra:
             infos.update(extra)
-        return results.observation, results.reward, results.terminated, results.truncated, infos
+        return seen, results.reward, results.terminated, results.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return one frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
@@ -331,10 +344,34 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
 
     # --- parts --------------------------------------------------------------------------------------------------
 
-    def _cut(self, results: Results) -> None:
-        """Cut the observed velocities to ``velocity_bound``."""
-        velocity, bound = results.observation[:, 2], self._velocity_bound
-        np.clip(velocity, -bound, bound, out=velocity)
+    def _seen(self, results: Results) -> NDArray[np.float32]:
+        """Return what the agents see: the observations of the motion, or those of their sensors.
+
+        Velocities are cut to ``velocity_bound``.
+        """
+        seen, sensing = results.observation, self._sensing
+        if sensing is not None:
+            width, columns = sensing.plan.width, len(SEEN)
+            shape = self._num_envs, width + results.observation.shape[1] - columns
+            seen = np.empty(shape, np.float32) if self._seen_before is None else self._seen_before
+            self._seen_before = None if self._reused is None else seen
+            sensing.give(seen, results.info[-1])
+            seen[:, width:] = results.observation[:, columns:]
+            if self.task.goal.upright:
+                turned = seen[:, : width - sensing.plan.swift]
+                np.negative(turned, out=turned)
+        if self._bounded and (sensing is None or sensing.plan.swift):
+            velocity, bound = seen[:, 2], self._velocity_bound
+            np.clip(velocity, -bound, bound, out=velocity)
+        return seen
+
+    def _begin_readings(self, which: Places) -> None:
+        """Begin the readings of new episodes in the environments ``which``, with delays and noise drawn for them."""
+        if self._sensing is not None:
+            drawn, steps = drawn_delays(self._sensing.plan, lambda: self._seeded().uniform(which))
+            self._batch.begin_readings(self._sensing, which, *drawn)
+            for name, late in steps.items():
+                self._delays.setdefault(name, np.zeros(self._num_envs))[which] = late * self._batch.h
 
     def _infos_of_all(self, results: Results) -> Infos:
         """Return the infos of a step in a new dict.
@@ -378,9 +415,9 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         reasons[ended] = names
         return {"stop_reason": reasons}
 
-    def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
+    def _final(self, over: Places, seen: NDArray[np.float32], results: Results, reasons: Infos) -> Infos:
         """Return Gymnasium's infos with the last observations and infos of episodes that restart in the same step."""
-        infos: Infos = marked("final_obs", over, results.observation[over], self._num_envs)
+        infos: Infos = marked("final_obs", over, seen[over], self._num_envs)
         shown = infos["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
         last = {**self._infos(rows, shown), **reasons}
@@ -397,6 +434,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         """Start new episodes with drawn parameters and starts; return their parameters as infos."""
         numbers = self._take_parameters(which, {})
         self._batch.start(which, *self._random(which, numbers), self._drawn_for(which), results, numbers)
+        self._begin_readings(which)
         return self._parameter_infos(which)
 
     def _take_parameters(self, which: Places, given: Mapping[str, Array]) -> dict[str, Array]:
@@ -411,7 +449,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
     def _parameter_infos(self, which: Places) -> Infos:
         """Return the infos with the drawn or given parameters of new episodes; {} if they have none."""
         rows: Infos = {}
-        for name, column in self._each.episode.items():
+        for name, column in self.episode_parameters.items():
             if (own := which[~np.isnan(column[which])]).size:
                 values, mask = np.zeros(self._num_envs), np.zeros(self._num_envs, dtype=np.bool_)
                 values[own], mask[own] = column[own], True
@@ -425,9 +463,9 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
     def episode_parameters(self) -> dict[str, Array]:
         """Parameters of the present episodes that were drawn, or set by options: name -> array ``(num_envs,)``.
 
-        nan stands for the value of the environment's own scene.
+        nan stands for the value of the environment's own scene. Random delays [s] are among them.
         """
-        return {name: column.copy() for name, column in self._each.episode.items()}
+        return {name: column.copy() for name, column in {**self._each.episode, **self._delays}.items()}
 
     def _random(self, which: Places, numbers: Mapping[str, Array]) -> tuple[Array, Array]:
         """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``.

@@ -36,7 +36,8 @@ class Motion(Protocol):
 class VirtualSensor(Sensor):
     """A :class:`pendulum_env.physics.sensor.Sensor` that records rollouts, with readings at the times ``t_k``.
 
-    It reads ``quantum * round((scale (theta(t_k) - zero) + offset + noise_k) / quantum)``. ``t_k = k / rate + jitter u_k``, with ``u_k`` uniform in [-1, 1] and k = 0, 1, ...; the first and the last time stay
+    It reads ``quantum * round((scale (theta(t_k) - zero) + offset + noise_k) / quantum)``. The times are
+    ``t_k = k / rate + jitter u_k``, with ``u_k`` uniform in [-1, 1] and k = 0, 1, ...; the first and the last time stay
     within the motion. The recorded time stamps are exact, but uneven. ``noise_k`` is Gaussian. ``zero`` is the angle at
     t_0 for "at_start", and 0 for "bottom". An encoder with N counts per turn has the quantum ``2 pi / N``.
 

@@ -301,13 +301,14 @@ def test_frames_show_the_drawn_length() -> None:
         frames.append(env.render())
     assert np.array_equal(frames[0], frames[2])
     env = vector(2, randomize={"length": (0.2, 1.0)}, render_mode="rgb_array", render_size=80, backend="python")
-    _, infos = env.reset(seed=0, options={"angle": 0.7, "velocity": 0.0})
-    plain = LabPendulumEnv(render_mode="rgb_array", render_size=80, backend="python",
-                           length=float(infos["parameters"]["length"][1]))
-    plain.reset(options={"angle": 0.7, "velocity": 0.0})
-    found = env.render()
-    assert found is not None
-    assert np.array_equal(found[1], plain.render())
+    for seed in (0, None):  # the second episode has another length
+        _, infos = env.reset(seed=seed, options={"angle": 0.7, "velocity": 0.0})
+        plain = LabPendulumEnv(render_mode="rgb_array", render_size=80, backend="python",
+                               length=float(infos["parameters"]["length"][1]))
+        plain.reset(options={"angle": 0.7, "velocity": 0.0})
+        found = env.render()
+        assert found is not None
+        assert np.array_equal(found[1], plain.render())
 
 
 # --- refusals -------------------------------------------------------------------------------------------------------
