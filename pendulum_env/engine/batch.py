@@ -37,6 +37,8 @@ FIELD_OF = STATE[:4]
 """Entries of a Machine's state that have shorter names in blocks."""
 FEW_BLOCKS = 2**6
 """Number of steps of blocks in the first call of a program for a run; see :mod:`pendulum_env.engine.pieces`."""
+GROUP = 16
+"""Largest number of blocks whose parts of a control step are taken one after the other."""
 Numbers = Mapping[str, float | Array]
 UNCHANGED: Mapping[str, Array] = {}
 """Numbers of new episodes where none differs from that of the episode before."""
@@ -326,18 +328,35 @@ class Batch(Blocks):
         self.wrong = False
         self._take(action, self.substeps, self.substeps, into)
 
-    def step_in_parts(self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results) -> None:
-        """Take one control step with delayed actions, and with readings after some of its parts; see :meth:`step`."""
-        sensing.act(action)
-        if len(sensing.parts) == 1:
-            self.step(sensing.acting(0), into)
-            sensing.read(self._state, self.substeps)
-            return
+    def step_in_parts(
+        self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]
+    ) -> None:
+        """Take one control step with delayed actions, and with readings after some of its parts; see :meth:`step`.
+
+        What the sensors show is written to ``seen`` and to the last row of ``into.info``. All parts of a group of
+        blocks are taken before those of the next, so that the group stays in the processor's cache.
+        """
         self.wrong, unused = False, self.results(0)
-        for begin, end, hold, reads in sensing.parts:
-            self._take(sensing.acting(begin), end - begin, hold, into if end == self.substeps else unused)
-            if reads:
-                sensing.read(self._state, end)
+        sensing.act(action)
+        parts = [(sensing.acting(begin), end - begin, hold, into if end == self.substeps else unused,
+                  sensing.turn(end) if reads else None, end) for begin, end, hold, reads in sensing.parts]
+
+        def group(thread: int, first: int, last: int) -> None:
+            """Take all parts of the control step of the blocks ``first`` to ``last`` (exclusive)."""
+            for actions, steps, hold, results, slots, end in parts:
+                if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold,
+                             self._bound, actions, *results, *self._shared):
+                    self.wrong = True
+                if slots is not None:
+                    sensing.sample(self._state, slots, end, thread, first, last)
+            sensing.give(seen, into.info[-1], thread, first, last)
+
+        if self._compiled:
+            at_once = max(1, min(GROUP, int(self._pace.units // self.substeps)))
+            threads.spread(group, len(self._state), len(self._scratch), at_once)
+            return
+        with np.errstate(all="ignore"):
+            group(0, 0, len(self._state))
 
     def begin_readings(self, sensing: Sensing, which: Places, *drawn: Any) -> None:
         """Begin the readings of new episodes in the environments ``which``; see :meth:`Sensing.begin`."""

@@ -43,6 +43,7 @@ from pendulum_env.engine.machine import (
 )
 from pendulum_env.engine.result import Rollout
 from pendulum_env.engine.runs import RecordSchedule, Runs
+from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import DIVERGED, HOLD, STOP_REASONS
 from pendulum_env.engine.streams import Streams
 from pendulum_env.physics.scene import Scene
@@ -262,6 +263,15 @@ class CertifiedBatch(Batch):
         good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
         self._judge(np.arange(self.size), own, half, good)
         into.info[self._row] = self._estimate
+
+    def step_in_parts(
+        self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]
+    ) -> None:
+        """Take one control step, which has only one part here; see :meth:`Batch.step_in_parts`."""
+        sensing.act(action)
+        self.step(sensing.acting(0), into)
+        sensing.sample(self._state, sensing.turn(self.substeps), self.substeps)
+        sensing.give(seen, into.info[-1])
 
     def look(self, into: Results) -> None:
         """Write observations, rewards and reported quantities of all environments in their present states to ``into``.

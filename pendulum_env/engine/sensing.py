@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine import report, threads, wrap
+from pendulum_env.engine import report, wrap
 from pendulum_env.engine.elementwise import Kernel, kernel
-from pendulum_env.engine.kernels import Backend, functions, resolve
+from pendulum_env.engine.kernels import Backend, functions
 from pendulum_env.engine.shape import indent, joined
 from pendulum_env.physics import elementary
 from pendulum_env.physics.random import next_uniform, normal, started
@@ -35,8 +35,8 @@ SEEDS = ("a0", "a1", "a2", "b0", "b1", "b2")
 NUMBERS = ("scale", "offset", "noise", "quantum", "dropout", "gain", "between", "span")
 """Arguments of the programs: a sensor's numbers, the filter's gain, and the times between two readings and over the
 window of the velocity [s]."""
-ALL = 10**6
-"""Large count of blocks: all of them may be read in one call."""
+SCRATCH = ("x0", "y0", "w0", "x1", "y1", "w1", "x_old", "y_old", "cosine", "sine", "angle")
+"""Names of the intermediate values of the programs."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,27 @@ class Text:
 
     def slot(self, ring: str, slot: str) -> str:
         """Return the source of environment ``i``'s entry of a ring in the slot with the source ``slot``."""
-        return f"o[i + U({self.place.width}*({self.fields.index(f'{ring}0')} + {slot}))]"
+        return f"o[i + U({self.start(ring, slot)})]"
+
+    def start(self, ring: str, slot: str) -> str:
+        """Return the source of the index at which a block's entries of a ring in a slot begin."""
+        first = self.fields.index(f"{ring}0")
+        return f"{self.place.width}*({first} + {slot})"
+
+    def scratch(self, name: str) -> str:
+        """Return the source of an intermediate value of environment ``i``, in an array with constant places.
+
+        Loops whose places are constant compile to SIMD code, and those with dynamic slots do not: they only copy.
+        """
+        return f"t[i + U({SCRATCH.index(name) * self.place.width})]"
+
+    def copied_in(self, rings: Iterable[str], slot: str, mark: str) -> list[str]:
+        """Return the source lines that copy a slot's entries, such as ``x``, into the scratch, as ``x{mark}``."""
+        lines = []
+        for ring in rings:
+            lines += [f"start = {self.start(ring, slot)}", "for i in range(U(n)):",
+                      f"    {self.scratch(ring + mark)} = o[i + U(start)]"]
+        return lines
 
     def whole(self, x: str, y: str) -> str:
         """Return the source of the unwrapped angle of a reading [rad]."""
@@ -215,8 +235,7 @@ class Text:
         new = self.whole("x1", "y1")
         if self.plan.filtered:
             return [f"w1 = w0 + gain*((({new}) - ({self.whole('x0', 'y0')}))/between - w0)"]
-        older = self.whole(*(self.slot(name, "old") if name in self.parts else "" for name in ("x", "y")))
-        return [f"w1 = (({new}) - ({older}))/span"]
+        return [f"w1 = (({new}) - ({self.whole('x_old', 'y_old')}))/span"]
 
     def sample(self) -> str:
         """Write the source of ``sample``: write the slot ``now`` of all environments of a range of blocks.
@@ -227,50 +246,68 @@ class Text:
         velocity, too.
         """
         plan = self.plan
-        lines = [*self.reading(), *(f"{name}0 = {self.slot(name, 'before')}" for name in self.rings)]
         idle = ["count > 0.0"] if plan.every > 1 else []
         lost = ["u3 < dropout"] if plan.dropping else []
+        kept = " or ".join([*idle, *lost])
+        slow = " or ".join([*idle, *(lost if plan.kind == "full" else [])])
+        windowed = self.parts if plan.kind == "encoder" and not plan.filtered else ()
+        past = self.parts if kept or plan.filtered else ()
+        past = (*past, *(("w",) if plan.swift and (slow or plan.filtered) else ()))
+        lines = [*self.reading(), *(f"{ring}0 = {self.scratch(f'{ring}0')}" for ring in past),
+                 *(f"{ring}_old = {self.scratch(f'{ring}_old')}" for ring in windowed)]
         if idle:
             lines += [f"count = {self.at('count')} + 1.0", f"count = 0.0 if count >= {plan.every}.0 else count"]
-        kept = " or ".join([*idle, *lost])
         lines += [f"{name}1 = {name}0 if {kept} else {name}1" for name in self.parts if kept]
         lines += self.speed() if plan.swift else []
-        slow = " or ".join([*idle, *(lost if plan.kind == "full" else [])])
         lines += [f"w1 = w0 if {slow} else w1"] if plan.swift and slow else []
-        stores = {self.slot(name, "now"): f"{name}1" for name in self.rings}
+        stores = {self.scratch(f"{ring}1"): f"{ring}1" for ring in self.rings}
         stores |= {self.at(name): name for name in (*(SEEDS if plan.draws else ()), *(("count",) if idle else ()))}
-        if plan.random:
-            lines.append(f"mine = {self.at('late')} == event")
+        lines += [f"mine = {self.at('late')} == event"] if plan.random else []
         lines += [f"{to} = {value} if mine else {to}" if plan.random else f"{to} = {value}"
                   for to, value in stores.items()]
-        return self._over_blocks("sample", "state, memory, first, last, size, now, before, old, event", lines,
-                                 ["s = state[b]"], numbers=True)
+        back = []
+        for ring in self.rings:
+            back += [f"start = {self.start(ring, 'now')}", "for i in range(U(n)):",
+                     f"    o[i + U(start)] = {self.scratch(f'{ring}1')}"]
+        return self._over_blocks(
+            "sample", f"state, memory, t, first, last, size, now, before, old, event, {joined(NUMBERS)}", [
+                "s = state[b]", *self.copied_in(past, "before", "0"), *self.copied_in(windowed, "old", "_old"),
+                *self.copied_in(self.rings if plan.random else (), "now", "1"),
+                "for i in range(U(n)):", *indent(lines, 1), *back])
 
     def give(self) -> str:
         """Write the source of ``give``: observations and observed angles, from slots ``lag`` behind ``now``."""
-        plan = self.plan
+        plan, width = self.plan, self.place.width
         steps, entries = plan.substeps // plan.spacing, KINDS[plan.kind]
-        lines = []
+        lag = f"int({self.at('lag')})" if plan.random else "lag"
+        lines = [f"seen = observation[{width}*b:{width}*b + n]", f"angle = observed[{width}*b:{width}*b + n]"]
         for k in range(plan.history):
-            lag = f"int({self.at('lag')})" if plan.random else "lag"
-            lines += [f"at = now - {lag} - {(plan.history - 1 - k) * steps}",
-                      f"at = at + {plan.slots} if at < 0 else at",
-                      *(f"{name} = {self.slot(name, 'U(at)')}" for name in self.parts)]
-            if plan.ideal and self.place.periodic:
-                lines += ["tilt = x", "side = side_of(y)"]
+            last = k == plan.history - 1
+            back = [f"at = now - {lag} - {(plan.history - 1 - k) * steps}", f"at = at + {plan.slots} if at < 0 else at"]
+            rings = self.rings if last else self.parts
+            if plan.random:
+                lines += ["for i in range(U(n)):", *indent(back, 1),
+                          *(f"    {self.scratch(f'{ring}1')} = {self.slot(ring, 'at')}" for ring in rings)]
             else:
-                lines += ["halves = half_turns(x)",
-                          f"tilt = max(-{report.RESOLVED}, min({report.RESOLVED}, without_half_turns(x, halves)))",
-                          "side = side_of(0.5*halves)"]
-            lines += ["half = sin(0.5*tilt)",
-                      f"seen[i, {entries * k}] = side*(1.0 - 2.0*half*half)",
-                      f"seen[i, {entries * k + 1}] = side*(2.0*half*cos(0.5*tilt))"]
+                lines += [*back, *self.copied_in(rings, "at", "1")]
+            one = [f"{name} = {self.scratch(f'{name}1')}" for name in self.parts]
+            if plan.ideal and self.place.periodic:
+                one += ["tilt = x", "side = side_of(y)"]
+            else:
+                one += ["halves = half_turns(x)",
+                        f"tilt = max(-{report.RESOLVED}, min({report.RESOLVED}, without_half_turns(x, halves)))",
+                        "side = side_of(0.5*halves)"]
+            one += ["half = sin(0.5*tilt)", f"{self.scratch('cosine')} = side*(1.0 - 2.0*half*half)",
+                    f"{self.scratch('sine')} = side*(2.0*half*cos(0.5*tilt))"]
+            one += [f"{self.scratch('angle')} = {self.whole('x', 'y')}"] if last else []
+            lines += ["for i in range(U(n)):", *indent(one, 1), "for i in range(U(n)):",
+                      f"    seen[i, {entries * k}] = {self.scratch('cosine')}",
+                      f"    seen[i, {entries * k + 1}] = {self.scratch('sine')}"]
         if plan.swift:
-            lines.append(f"seen[i, 2] = max(-{report.FASTEST}, min({report.FASTEST}, {self.slot('w', 'U(at)')}))")
-        lines.append(f"angle[i] = {self.whole('x', 'y')}")
-        width = self.place.width
-        return self._over_blocks("give", "observation, observed, memory, first, last, size, now, lag", lines, [
-            f"seen = observation[{width}*b:{width}*b + n]", f"angle = observed[{width}*b:{width}*b + n]"])
+            rate = f"max(-{report.FASTEST}, min({report.FASTEST}, {self.scratch('w1')}))"
+            lines += ["for i in range(U(n)):", f"    seen[i, 2] = {rate}"]
+        lines += ["for i in range(U(n)):", f"    angle[i] = {self.scratch('angle')}"]
+        return self._over_blocks("give", "observation, observed, memory, t, first, last, size, now, lag", lines)
 
     def begin(self) -> str:
         """Write the source of ``begin``: the first reading of the environments ``places``, written to all slots."""
@@ -283,21 +320,19 @@ class Text:
             *([f"{self.at('count')} = 0.0"] if plan.every > 1 else []),
             *([f"{self.at(name)} = {name}" for name in SEEDS] if plan.draws else []),
             f"for slot in range({plan.slots}):",
-            *indent([f"{self.slot(ring, 'U(slot)')} = {ring}1" for ring in self.rings], 1),
+            *indent([f"{self.slot(ring, 'slot')} = {ring}1" for ring in self.rings], 1),
         ]
         return "\n".join(["@entry", f"def begin(state, memory, places, {joined(NUMBERS)}):",
                           "    for k in range(len(places)):",
                           f"        s = state[places[k]//{width}]", f"        o = memory[places[k]//{width}]",
                           f"        i = U(places[k] % {width})", *indent(lines, 2), "    return 0", ""])
 
-    def _over_blocks(
-        self, name: str, first: str, lines: Iterable[str], before: Iterable[str], numbers: bool = False
-    ) -> str:
-        """Write the source of a function that runs ``lines`` for all environments of a range of blocks."""
-        width, more = self.place.width, f", {joined(NUMBERS)}" if numbers else ""
-        return "\n".join(["@entry", f"def {name}({first}{more}):", "    for b in range(first, last):",
+    def _over_blocks(self, name: str, arguments: str, lines: Iterable[str]) -> str:
+        """Write the source of a function that runs ``lines`` for a range of blocks of ``n`` environments, or fewer."""
+        width = self.place.width
+        return "\n".join(["@entry", f"def {name}({arguments}):", "    for b in range(first, last):",
                           "        o = memory[b]", f"        n = min({width}, size - {width}*b)",
-                          *indent(before, 2), "        for i in range(U(n)):", *indent(lines, 3), "    return 0", ""])
+                          *indent(lines, 2), "    return 0", ""])
 
     def program(self) -> Kernel:
         """Return the program."""
@@ -344,18 +379,19 @@ class Sensing:
         self.parts = plan.parts(remembers)
         self._fields = Text(plan, place).fields
         self._memory = np.zeros((-(-size // place.width), len(self._fields) * place.width))
+        self._scratch = [np.empty(len(SCRATCH) * place.width) for _ in range(num_threads)]
         self._now = 0
         self._lag = plan.lag(plan.seen_late[0])[0]
         self._queue: NDArray[Any] = np.zeros((plan.acts_late[1] // plan.substeps + 2, size), np.float32)
         self._row = 0
-        self._late = np.full(size, plan.acts_late[0], dtype=np.int64)
+        self._whole, self._part = np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64)
+        self._set_late(slice(None), plan.acts_late[0])
         self._load()
 
     def _load(self) -> None:
         found = functions(Text(self.plan, self.place).program(), self.backend)
         self._sample, self._give, self._begin, self._pick = (
             found[name] for name in ("sample", "give", "begin", "pick"))
-        self._compiled = resolve(self.backend) == "compiled"
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes to pickle, without the compiled functions."""
@@ -387,12 +423,16 @@ class Sensing:
                 self._set("lag", which, -(-seen // self.plan.spacing))
                 self._set("late", which, np.full(len(which), self.plan.substeps))
         if acts is not None:
-            self._late[which] = acts
+            self._set_late(which, acts)
         for name, uniform in zip(SEEDS, seeds, strict=False):
             self._set(name, which, started(uniform))
         self._queue[:, which] = 0.0
         with np.errstate(all="ignore"):
             self._begin(state, self._memory, which, *self.plan.numbers)
+
+    def _set_late(self, which: Any, steps: Any) -> None:
+        """Set the action delays of the environments ``which`` [integration steps]."""
+        self._whole[which], self._part[which] = np.divmod(steps, self.plan.substeps)
 
     def _set(self, name: str, which: Places, values: NDArray[Any]) -> None:
         """Set a field of the environments ``which``."""
@@ -409,42 +449,50 @@ class Sensing:
     def acting(self, begun: int) -> NDArray[Any]:
         """Return the actions that act in a part of a control step that begins after ``begun`` integration steps."""
         low, high = self.plan.acts_late
-        whole, part = np.divmod(self._late, self.plan.substeps)
         if low == high:
             back = low // self.plan.substeps + (begun < low % self.plan.substeps)
             return np.asarray(self._queue[self._row - back])
         out = np.empty(self.size, self._queue.dtype)
-        self._pick(self._queue, whole, part, self._row, begun, out)
+        self._pick(self._queue, self._whole, self._part, self._row, begun, out)
         return out
 
-    def read(self, state: Any, end: int) -> None:
-        """Take the readings that are due after ``end`` integration steps of a control step."""
+    def turn(self, end: int) -> tuple[int, int, int]:
+        """Turn to the next slot, if it is time after ``end`` integration steps of a control step.
+
+        Return the slots to write, before it and at the begin of the window, for :meth:`sample`.
+        """
         slots = self.plan.slots
         if not self.plan.follows or end == self.plan.readings[0]:
             self._now = (self._now + 1) % slots
-        before, old = (self._now - 1) % slots, (self._now - self.plan.window * self.plan.every) % slots
-        self._spread(lambda first, last: self._sample(
-            state, self._memory, first, last, self.size, self._now, before, old, float(end), *self.plan.numbers))
+        return self._now, (self._now - 1) % slots, (self._now - self.plan.window * self.plan.every) % slots
 
-    def give(self, observation: NDArray[np.float32], observed: Array) -> None:
-        """Write observations, shape ``(size, width)`` or wider, and observed angles [rad], shape ``(size,)``."""
-        self._spread(lambda first, last: self._give(
-            observation, observed, self._memory, first, last, self.size, self._now, self._lag))
+    def sample(
+        self, state: Any, slots: tuple[int, int, int], end: int, thread: int = 0, first: int = 0,
+        last: int | None = None,
+    ) -> None:
+        """Take the readings that are due after ``end`` integration steps of a control step, in a range of blocks.
 
-    def _spread(self, work: Callable[[int, int], Any]) -> None:
-        """Call ``work`` on ranges of blocks, in threads if the program is compiled."""
-        if self._compiled and self.num_threads > 1:
-            threads.spread(lambda _, first, last: work(first, last), len(self._memory), self.num_threads, ALL)
-            return
+        ``slots`` are those that :meth:`turn` returned; ``thread`` is the number of the calling thread.
+        """
         with np.errstate(all="ignore"):
-            work(0, len(self._memory))
+            self._sample(state, self._memory, self._scratch[thread], first, len(self._memory) if last is None else last,
+                         self.size, *slots, float(end), *self.plan.numbers)
+
+    def give(
+        self, observation: NDArray[np.float32], observed: Array, thread: int = 0, first: int = 0,
+        last: int | None = None,
+    ) -> None:
+        """Write observations, shape ``(size, width)`` or wider, and observed angles [rad], shape ``(size,)``."""
+        with np.errstate(all="ignore"):
+            self._give(observation, observed, self._memory, self._scratch[thread], first,
+                       len(self._memory) if last is None else last, self.size, self._now, self._lag)
 
     # --- saved states -----------------------------------------------------------------------------------------------
 
     def saved(self) -> dict[str, Any]:
         """Return everything that differs between episodes, for one environment, as plain numbers."""
         return {"readings": self._memory[0].tolist(), "slot": self._now, "actions": self._queue[:, 0].tolist(),
-                "row": self._row, "late": int(self._late[0])}
+                "row": self._row, "late": int(self._whole[0] * self.plan.substeps + self._part[0])}
 
     def checked(self, saved: Any) -> Sensing | None:
         """Return a copy with the numbers of :meth:`saved`; None if they are not those of such an environment."""
@@ -463,7 +511,8 @@ class Sensing:
             return None
         if not good or (lags and not 0 <= lags[0] < self.plan.slots):
             return None
-        other._memory[0], other._queue, other._late[0] = readings, actions[:, None].copy(), late
+        other._memory[0], other._queue = readings, actions[:, None].copy()
+        other._set_late(0, late)
         other._now, other._row = slot, row
         return other
 

@@ -483,7 +483,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
                     code = self._machine.run(state, self._machine.parameters, self._share, self._h, 1, end - begin,
                                              self._speed_limit, NOWHERE, UNSEEN[:0])
                 if reads:
-                    sensing.read(self._row(), end)
+                    sensing.sample(self._row(), sensing.turn(end), end)
         except BaseException:
             state[:], self._sensing = before, kept
             raise

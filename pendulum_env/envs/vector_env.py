@@ -220,7 +220,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             self._batch.look(results)
         self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results, numbers)
         self._begin_readings(which)
-        seen = self._seen(results)
+        seen = self._seen(self._read(results), results)
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
             self._camera.keep(None, which, results.info)
@@ -248,10 +248,11 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             )
         results = self._batch.results() if self._reused is None else self._reused
         try:
+            given = self._room(results)
             if self._sensing is None:
                 self._batch.step(action, results)
             else:
-                self._batch.step_in_parts(self._sensing, action, results)
+                self._batch.step_in_parts(self._sensing, action, results, given)
         except BaseException:
             self._begun = False
             raise
@@ -270,7 +271,8 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             extra = self._restart(waiting, results)
             results.reward[waiting] = 0.0
-        seen = self._seen(results)
+            given = self._read(results)
+        seen = self._seen(given, results)
         over, self._over = NOBODY, NOBODY
         if 1 in results.terminated.tobytes() or 1 in results.truncated.tobytes():  # faster than any() for some thousand
             over = np.flatnonzero(results.terminated | results.truncated)
@@ -284,7 +286,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
                 reward = results.reward[over]
                 extra |= self._restart(over, results)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
-                seen = self._seen(results)
+                seen = self._seen(self._read(results), results)
             else:
                 self._over, extra = over, {**extra, **reasons}
         if self._camera is not None:
@@ -344,19 +346,31 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
 
     # --- parts --------------------------------------------------------------------------------------------------
 
-    def _seen(self, results: Results) -> NDArray[np.float32]:
-        """Return what the agents see: the observations of the motion, or those of their sensors.
+    def _room(self, results: Results) -> NDArray[np.float32]:
+        """Return the array into which the step writes what the agents see."""
+        if self._sensing is None:
+            return results.observation
+        shape = self._num_envs, self._sensing.plan.width + results.observation.shape[1] - len(SEEN)
+        seen = np.empty(shape, np.float32) if self._seen_before is None else self._seen_before
+        self._seen_before = None if self._reused is None else seen
+        return seen
+
+    def _read(self, results: Results) -> NDArray[np.float32]:
+        """Return what the agents see of the present states, after new episodes have begun."""
+        seen = self._room(results)
+        if self._sensing is not None:
+            self._sensing.give(seen, results.info[-1])
+        return seen
+
+    def _seen(self, seen: NDArray[np.float32], results: Results) -> NDArray[np.float32]:
+        """Return the observations: what the sensors show, or the motion, and what the task shows of its reference.
 
         Velocities are cut to ``velocity_bound``.
         """
-        seen, sensing = results.observation, self._sensing
+        sensing = self._sensing
         if sensing is not None:
-            width, columns = sensing.plan.width, len(SEEN)
-            shape = self._num_envs, width + results.observation.shape[1] - columns
-            seen = np.empty(shape, np.float32) if self._seen_before is None else self._seen_before
-            self._seen_before = None if self._reused is None else seen
-            sensing.give(seen, results.info[-1])
-            seen[:, width:] = results.observation[:, columns:]
+            width = sensing.plan.width
+            seen[:, width:] = results.observation[:, len(SEEN):]
             if self.task.goal.upright:
                 turned = seen[:, : width - sensing.plan.swift]
                 np.negative(turned, out=turned)
