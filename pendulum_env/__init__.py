@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.sheet import measure
     from pendulum_env.physics.presets import SCENES
     from pendulum_env.physics.scene import Run, Scene
+    from pendulum_env.physics.sensor import Sensor
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit import audit, simplify
     from pendulum_env.study.compare import compare
@@ -51,6 +52,7 @@ _LAZY = {
     "SCENES": "pendulum_env.physics.presets",
     "Scene": "pendulum_env.physics.scene",
     "SceneError": "pendulum_env.physics.units",
+    "Sensor": "pendulum_env.physics.sensor",
     "audit": "pendulum_env.study.audit",
     "basins": "pendulum_env.study.section",
     "code": "pendulum_env.engine.code",
@@ -83,6 +85,7 @@ __all__ = [
     "Run",
     "Scene",
     "SceneError",
+    "Sensor",
     "Sweep",
     "Task",
     "VirtualSensor",

@@ -5,7 +5,7 @@ A block holds 256 pendulums (BLOCK) in one array, so that the compiled loop over
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -21,6 +21,7 @@ from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
 from pendulum_env.engine.pieces import Pace
+from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.wrap import half_turns, without_half_turns
@@ -36,7 +37,11 @@ FIELD_OF = STATE[:4]
 """Entries of a Machine's state that have shorter names in blocks."""
 FEW_BLOCKS = 2**6
 """Number of steps of blocks in the first call of a program for a run; see :mod:`pendulum_env.engine.pieces`."""
+GROUP = 16
+"""Largest number of blocks whose parts of a control step are taken one after the other."""
 Numbers = Mapping[str, float | Array]
+UNCHANGED: Mapping[str, Array] = {}
+"""Numbers of new episodes where none differs from that of the episode before."""
 
 
 class Results(NamedTuple):
@@ -106,10 +111,9 @@ class Blocks:
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
-        self._backend = backend
-        self.program = batch_program(scene, self.method, self.diagnostics, varying, goal, compensated)
-        self.layout, self.names = self.program.layout, self.program.layout.reports
-        self.call = self._function()
+        self._backend, self._source = backend, (scene, goal)
+        self._set_program(varying)
+        self.names = self.layout.reports
         self._compiled = resolve(backend, self.method.python_functions) == "compiled"
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._periodic = scene.periodic
@@ -120,6 +124,32 @@ class Blocks:
         parts = max(1, min(self.num_threads, len(self._state)))
         self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
         self._set_pace()
+
+    def _set_program(self, varying: frozenset[str]) -> None:
+        """Generate the program in which the numbers ``varying`` differ between pendulums."""
+        scene, goal = self._source
+        self.program = batch_program(scene, self.method, self.diagnostics, varying, goal, self.compensated)
+        self.layout = self.program.layout
+        self.call = self._function()
+
+    def vary(self, names: Iterable[str]) -> None:
+        """Give every pendulum its own value of the numbers ``names``, which were the same for all; state is unchanged.
+
+        Another program is generated for this, and compiled when it is first called.
+        """
+        fields, numbers = {name: self.get(name) for name in self.layout.fields}, self.numbers
+        self._set_program(self.layout.varying | frozenset(names))
+        self._shared = [float(numbers[name]) for name in self.layout.shared]
+        self._state = self._blocks(self.size)
+        for name in self.layout.fields:
+            values = fields[name] if name in fields else np.full(self.size, numbers[name])
+            self._put(self._state, name, values)
+
+    @property
+    def numbers(self) -> dict[str, float | Array]:
+        """Return the program's parameters by name: one number for all pendulums, or an array of ``size`` numbers."""
+        shared = dict(zip(self.layout.shared, self._shared, strict=True))
+        return {name: shared[name] if name in shared else self.get(name) for name in self.layout.numbers}
 
     def _function(self) -> Callable[..., Any]:
         """Return the generated program's entry function, ``step_blocks`` or ``run_blocks``, interpreted or compiled."""
@@ -271,9 +301,19 @@ class Batch(Blocks):
         super().__init__(*arguments, **options)
         self._width = len(self.layout.goal.seen) if self.layout.goal else 0
         self.substeps, self._bound = substeps, (most - 1.0) * substeps
+        self._set_usual()
+
+    def _set_usual(self) -> None:
+        """Set the arguments of a step of few environments, which one call of the compiled program takes at once."""
+        substeps = self.substeps
         at_once = self._compiled and len(self._scratch) == 1 and len(self._state) * substeps <= FEW_BLOCKS
         self._usual = (self._state, self._scratch[0], 0, len(self._state), self.size, self.h, substeps, substeps,
                        self._bound) if at_once else ()
+
+    def vary(self, names: Iterable[str]) -> None:
+        """Give every environment its own value of the numbers ``names``; see :meth:`Blocks.vary`."""
+        super().vary(names)
+        self._set_usual()
 
     def results(self, size: int | None = None) -> Results:
         """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch."""
@@ -290,11 +330,52 @@ class Batch(Blocks):
             self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
             return
         self.wrong = False
-        substeps = self.substeps
-        if substeps <= self._at_once:
-            self._run(self._state, action, substeps, substeps, into)
+        self._take(action, self.substeps, self.substeps, into)
+
+    def step_in_parts(
+        self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]
+    ) -> None:
+        """Take one control step with delayed actions, and with readings after some of its parts; see :meth:`step`.
+
+        What the sensors show is written to ``seen`` and to the last row of ``into.info``. All parts of a group of
+        blocks are taken before those of the next, so that the group stays in the processor's cache.
+        """
+        self.wrong, unused = False, self.results(0)
+        sensing.act(action)
+        parts = [(sensing.acting(begin), end - begin, hold, into if end == self.substeps else unused,
+                  sensing.turn(end) if reads else None, end) for begin, end, hold, reads in sensing.parts]
+
+        def group(thread: int, first: int, last: int) -> None:
+            """Take all parts of the control step of the blocks ``first`` to ``last`` (exclusive)."""
+            for actions, steps, hold, results, slots, end in parts:
+                if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold,
+                             self._bound, actions, *results, *self._shared):
+                    self.wrong = True
+                if slots is not None:
+                    sensing.sample(self._state, slots, end, thread, first, last)
+            sensing.give(seen, into.info[-1], thread, first, last)
+
+        if self._compiled:
+            at_once = max(1, min(GROUP, int(self._pace.units // self.substeps)))
+            threads.spread(group, len(self._state), len(self._scratch), at_once)
             return
-        hold, unused = substeps, self.results(0)
+        with np.errstate(all="ignore"):
+            group(0, 0, len(self._state))
+
+    def begin_readings(self, sensing: Sensing, which: Places, *drawn: Any) -> None:
+        """Begin the readings of new episodes in the environments ``which``; see :meth:`Sensing.begin`."""
+        sensing.begin(self._state, which, *drawn)
+
+    def also(self, name: str) -> None:
+        """Add a row to the reported quantities, which the caller fills."""
+        self.names = (*self.names, name)
+
+    def _take(self, action: NDArray[np.floating[Any]], substeps: int, hold: int, into: Results) -> None:
+        """Take steps with constant actions, in several calls if they are many; see :meth:`_run`."""
+        if substeps <= self._at_once:
+            self._run(self._state, action, substeps, hold, into)
+            return
+        unused = self.results(0)
         while substeps:
             now, begun = min(substeps, max(1, self._at_once)), perf_counter()
             substeps -= now
@@ -308,17 +389,22 @@ class Batch(Blocks):
         self._run(self._state, np.zeros(self.size, SINGLE), 0, 0, into)
 
     def start(
-        self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
+        self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results,
+        numbers: Mapping[str, Array] = UNCHANGED,
     ) -> None:
         """Start new episodes at these angles [rad] and velocities [rad/s].
 
         The first observations and reported quantities are written to ``into``. ``which`` are the indices of the
         environments, None for all. ``drawn`` holds the random initial values of the effects' state variables, such as
-        gusts, by name.
+        gusts, by name. ``numbers`` holds the program's parameters of the new episodes by name, arrays with one number
+        for each of these environments; those that are left out stay as they are.
         """
+        if more := [name for name, shared in zip(self.layout.shared, self._shared, strict=True)
+                    if name in numbers and np.any(numbers[name] != shared)]:
+            self.vary(more)
         size = self.size if which is None else len(which)
         state = self._state if which is None else self._blocks(size)
-        own = {name: self.get(name, which) for name in self.layout.varying}
+        own = {name: numbers[name] if name in numbers else self.get(name, which) for name in self.layout.varying}
         self._begin(state, size, {**own, **drawn}, angle, velocity)
         results = into if which is None else self.results(size)
         self._run(state, np.zeros(size, SINGLE), 0, 0, results)

@@ -21,7 +21,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.pieces import NOWHERE as NOWHERE
 from pendulum_env.engine.pieces import Pace, run_in_pieces
-from pendulum_env.engine.problem import moving, slipping
+from pendulum_env.engine.problem import moving, program_parts, slipping
 from pendulum_env.engine.series import untraceable
 from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, STOP_REASONS, WATCHED
 from pendulum_env.engine.source import arguments
@@ -199,7 +199,8 @@ class Machine:
         self.direct: Function = self.run if self.tolerance else self.entry
         self.info: Function = generated["info"]
         self.phi = source.shape.phi
-        values = numbers_of(scene, bool(source.shape.pull or source.shape.watched)) | self.tolerance
+        self._pulled, self._parts = bool(source.shape.pull or source.shape.watched), program_parts(scene)
+        values = numbers_of(scene, self._pulled) | self.tolerance
         self.scale = values["scale"]
         self.drawn = source.shape.drawn
         self._pace = Pace()
@@ -217,6 +218,24 @@ class Machine:
     def __reduce__(self) -> tuple[Callable[..., Machine], tuple[Any, ...]]:
         """Return the arguments that rebuild a copied or unpickled machine; compiled functions are not pickled."""
         return _rebuilt, (FORMAT, type(self), *self.arguments)
+
+    def take(self, scene: Scene) -> None:
+        """Continue with a scene that has other parameter values: its numbers replace those in ``parameters``.
+
+        Raises SceneError, and changes nothing, for a scene that needs another program.
+        """
+        self.check(scene)
+        values = numbers_of(scene, self._pulled)
+        self.scene, self.scale = scene, values["scale"]
+        for place, name in enumerate(self.numbers):
+            if name in values:
+                self.parameters[place] = values[name]
+
+    def check(self, scene: Scene) -> None:
+        """Raise SceneError if a scene needs another program than that of this machine."""
+        if program_parts(scene) != self._parts:
+            raise SceneError(f"The scene '{scene.name}' with these values needs another program than the one that "
+                             "runs; make a new environment with them.")
 
     @property
     def arguments(self) -> tuple[Any, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import Any
 
@@ -16,15 +17,28 @@ from integrators import Method
 from pendulum_env.common.shown import one_line
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.common.warn import warn
-from pendulum_env.engine.each import frequency
+from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, VELOCITY, Machine, check_diagnostics
+from pendulum_env.engine.machine import (
+    ANGLE,
+    INDEX,
+    NOWHERE,
+    TURNS,
+    TWO_PI,
+    UNSEEN,
+    VELOCITY,
+    Machine,
+    check_diagnostics,
+)
 from pendulum_env.engine.pieces import FEW
-from pendulum_env.engine.shape import DIVERGED, LOST, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.sensing import copied
+from pendulum_env.engine.shape import DIVERGED, LOST, SLACK, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
-from pendulum_env.envs.saved import checked_random, checked_state
+from pendulum_env.envs.randomize import randomization
+from pendulum_env.envs.saved import checked_parameters, checked_random, checked_sensing, checked_state
+from pendulum_env.envs.sensing import OBSERVED, drawn_delays, plan_of, readings_of
 from pendulum_env.envs.settings import (
     METADATA,
     START,
@@ -41,6 +55,7 @@ from pendulum_env.films.reel import Reel, motion
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import line, naming_keywords, number, shown, truth, whole_number
 from pendulum_env.render import View
 from pendulum_env.tasks import TASKS, Task, TaskError
@@ -73,6 +88,9 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     | 1   | sin(theta)              | -1            | 1            |
     | 2   | angular velocity, rad/s | float32's min | float32's max |
 
+    With `observation="angle"` there is no velocity; with "encoder" it is computed from readings; with "history" there
+    are the cosines and sines of several readings, the oldest first. What a task shows of its reference follows.
+
     ## Rewards
 
     phi is the angle from upright in [-pi, pi], omega0 the angular frequency of small swings.
@@ -87,7 +105,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     `free` starts with the scene's usual run. `balance` starts upright and the others hanging, at random: the angle
     uniform within ±0.1 rad, the velocity within ±0.05 omega0. ``reset(options={"angle": ..., "velocity": ...})`` sets
     the start in rad and rad/s; a number that is left out is drawn by the task, and with `free` is that of the scene's
-    usual run.
+    usual run. Parameters of the scene may be set for one episode, too: ``reset(options={"length": 0.5})``. With
+    `randomize` they are drawn first, then the start, from the environment's random stream.
 
     ## Episode End
 
@@ -107,7 +126,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     ``damping_regime``, a string: "underdamped", "critically damped" or "overdamped", by the quality factor. "error"
     adds ``error_estimate`` [rad], an estimate of the error of ``angle`` compared with the exact motion under the same
     actions. It takes a second run at half the step, so that a step takes some five times as long. It is inf once the
-    error cannot be estimated any more (see :mod:`pendulum_env.engine.certificate`).
+    error cannot be estimated any more (see :mod:`pendulum_env.engine.certificate`). The info of ``reset`` has
+    ``parameters``, a dict of the parameters that were drawn by `randomize` or set by options, and of random delays [s],
+    if there are any. With a sensor, a delay or another kind of observation ``observed_angle`` is the unwrapped angle in
+    the observation [rad]; all other entries are the true motion.
 
     ## Arguments
 
@@ -116,7 +138,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
              rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
              render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0, duration=None,
-             reward_rate=False)
+             reward_rate=False, randomize=None, observation="full", history=None, sensor=None, observation_delay=0.0,
+             action_delay=0.0)
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
@@ -167,12 +190,24 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
       of each addition over to the next; `info` then has the present rounding errors, `lost_angle` and
       `lost_velocity`. Not with `rtol`.
     - `warn`: False for no warnings; `careful`: True raises a SceneError in place of a warning before a run.
+    - `randomize`: parameters of the scene that are drawn anew for every episode: a dict from names to ranges,
+      `(low, high)` uniform, `("log", low, high)` log-uniform, or a list of values with equal chances; or a fit, for
+      draws from its covariance (`found.bootstrap(200)`: from its refits); or a function of a NumPy generator that
+      returns a dict; or a list of these. See :mod:`pendulum_env.envs.randomize`.
+    - `observation`: "full"; "angle": cosine and sine; "encoder": cosine, sine and a velocity computed from readings, as
+      firmware does it; "history": cosines and sines of the last `history` readings (4), the oldest first.
+    - `sensor`: a :class:`pendulum_env.Sensor`, or a dict of its values: quantum, noise, scale, offset, dropout, zero,
+      rate, and how an encoder computes velocities. "full" shows the true velocity beside its angle.
+    - `observation_delay`, `action_delay`: delays [s] in whole integration steps, `dt / substeps`; (low, high) for
+      delays that are drawn with equal chances at every reset. Until the first action arrives, the action is 0; until a
+      reading arrives, the first one is seen. The reward counts the action that acts.
     - any parameter of the scene by its name: `length`, `mass`, `gravity`, `max_torque`, `gamma`, ...; and its parts
       `medium`, `effects`, ..., as in a scene's JSON file.
 
     Raises SceneError, MethodError or EngineError for an invalid argument; warns where an effect's formula does not
     hold at the speed of the scene's usual run. Attributes of `env.unwrapped`: `scene`, `integrator`, `dt` [s],
-    `substeps`, `omega0` [1/s], `speed_limit` [rad/s], `task` and `window` (None without one).
+    `substeps`, `task` and `window` (None without one), and of the present episode `episode_scene`, `omega0` [1/s] and
+    `speed_limit` [rad/s].
 
     ## Version History
 
@@ -212,28 +247,42 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         speed_penalty: float = 0.0,
         duration: float | None = None,
         reward_rate: bool = False,
+        randomize: Any = None,
+        observation: str = "full",
+        history: int | None = None,
+        sensor: Sensor | Mapping[str, Any] | None = None,
+        observation_delay: float | Sequence[float] = 0.0,
+        action_delay: float | Sequence[float] = 0.0,
         **parameters: Any,
     ) -> None:
         names = check_diagnostics(diagnostics)
         integrator, dt = usual(scene, integrator, dt)
         setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
                                  duration, reward_rate)
+        self._randomize, self._randomization = randomize, randomization(randomize)
         with naming_keywords(type(self)):
             self._spec = RunSpec.of_episodes(
                 scene, damping, parameters, dt=setup.dt, diagnostics=names, speed_limit=speed_limit, backend=backend,
                 rtol=rtol, atol=atol, compensated=compensated,
+                others=self._randomization.scenes if self._randomization else None,
                 choose=lambda scene: settled(setup, scene, integrator, accuracy, setup.steps, compensated, rtol, atol),
             )
-        self._machine = self._spec.machine()
+        self._observation, self._history, self._sensor = observation, history, sensor
+        self._observation_delay, self._action_delay = observation_delay, action_delay
+        plan = plan_of(observation, history, sensor, observation_delay, action_delay, self._spec.h, self._spec.hold)
+        self._machine, self._sensing = readings_of(self._spec, plan)
+        self._delays: dict[str, float] = {}
+        self._observed = 0.0
         self._spec.tell()
         self._spec.tell_of_task(task)
         self._scene, self._integrator, self._task = self._spec.scene, self._spec.integrator, setup.task
         self._dt, self._substeps, self._speed_limit = setup.dt, self._spec.hold, self._spec.speed_limit
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
         self.metadata = {**METADATA, "render_fps": 1.0 / setup.dt}  # films run at true speed
-        self._omega0 = frequency(self._scene)
+        self._omega0, self._asked_limit = frequency(self._scene), speed_limit
+        self._parameters: dict[str, float] = {}
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        bound, self.observation_space, self.action_space = spaces_of(velocity_bound, setup.task)
+        bound, self.observation_space, self.action_space = spaces_of(velocity_bound, setup.task, plan)
         self._velocity_bound = bound
         self._bounded = bound < UNBOUNDED
 
@@ -266,22 +315,49 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode; ``options`` may set "angle" [rad] and "velocity" [rad/s].
+        """Start an episode; ``options`` may set "angle" [rad], "velocity" [rad/s] and, for this episode, parameters of
+        the scene by name.
 
-        Raises SceneError for other options, or values that are not finite, and then changes nothing.
+        Raises SceneError for other options, or values that are invalid, and then changes nothing.
         """
-        asked, task = checked_options(options, self._scene.run, self._task)
+        asked, given, task = checked_options(options, self._scene, self._task)
+        given = {name: number(value, name) for name, value in given.items()}
+        self._machine.check(self._scene.replace(**given))
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
         self._tell_of_cut()
+        if self._randomization:
+            given = {**self._randomization.one(self.np_random), **given}
+        self._take_parameters(given)
         if len(asked) < len(START):
             drawn = task.starts(self.np_random.random(), self.np_random.random(), self._omega0)
             angle = angle if "angle" in asked else float(drawn[0])
             velocity = velocity if "velocity" in asked else float(drawn[1])
-        started = self._start(angle, velocity)
+        observation, info = self._start(angle, velocity)
+        if self._parameters or self._delays:
+            info["parameters"] = {**self._parameters, **self._delays}
         if self.window is not None:
             self.window.began(angle, velocity)
-        return started
+        return observation, info
+
+    def _take_parameters(self, values: dict[str, float]) -> None:
+        """Take values of the scene's parameters for the next episode; those that are left out are the scene's own."""
+        if not values and not self._parameters:
+            return
+        scene = self._scene.replace(**values)
+        self._machine.take(scene)
+        self._parameters, self._omega0 = values, frequency(scene)
+        self._speed_limit = checked_limit(self._asked_limit, scene)
+        self._make_judge()
+        if self._camera is not None:
+            self._camera = Camera(self._machine, self._h, self.substeps, self._camera.size, self._camera.look)
+            if self.window is not None:
+                self.window.show(self.shown())
+
+    @property
+    def episode_scene(self) -> Scene:
+        """The scene of the present episode: ``scene`` with the parameters that were drawn, or set by options."""
+        return self._machine.scene
 
     def _tell_of_cut(self) -> None:
         """Warn once if an episode was ended after the registered number of steps, before its duration."""
@@ -297,7 +373,11 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._state = self._machine.state(angle, velocity, [self.np_random.random() for _ in self._machine.drawn])
         self._share = 0.0
         observation, _, values = self._run(0)
-        info = self._info(values)
+        if self._sensing is not None:
+            drawn, steps = drawn_delays(self._sensing.plan, lambda: np.array([self.np_random.random()]))
+            self._delays = {name: float(late[0]) * self._h for name, late in steps.items()}
+            self._sensing.begin(self._row(), np.zeros(1, dtype=np.intp), *drawn)
+        observation, info = self._seen(observation), self._info(values)
         self._reel.begin(motion(values, self._h), info)
         if self.window is not None:
             info["by_hand"] = ""
@@ -318,7 +398,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             self.window.attend()
         self._share = share
         before = earlier(self._state, self._machine.phi, self._before) if self._before else {}
-        observation, code, values = self._run(self._substeps)
+        observation, code, values = self._run(self._substeps) if self._sensing is None else self._run_in_parts(share)
+        observation, share = self._seen(observation), self._share
         index, angle, turns, velocity, phi = *values[:4], values[self._machine.phi]
         if self._slackened and (steps := values[self._slackened]):
             self._slackened = 0
@@ -364,6 +445,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         """Return Gymnasium's info dict for the numbers of a simulation's state."""
         info: dict[str, Any] = self._machine.info(values)
         info["stop_reason"] = ""
+        if self._sensing is not None:
+            info[OBSERVED] = self._observed
         if self._in_flow:
             info["damping_regime"] = regime_of_damping(info["quality_factor"])
         return info
@@ -373,7 +456,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if not self._explained and code in (DIVERGED, TOO_SHORT):
             self._explained = True
             state = [values[INDEX], values[ANGLE], values[TURNS], values[VELOCITY]]
-            self._spec.tell_of_stop(STOP_REASONS[code], state, self._share)
+            spec = replace(self._spec, scene=self._machine.scene)
+            spec.tell_of_stop(STOP_REASONS[code], state, self._share)
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Take integration steps; return the observation, the code of the stop reason, and the numbers in the state."""
@@ -381,13 +465,52 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         seen = empty(3, SINGLE)
         run = machine.direct if steps <= FEW else machine.run
         code = run(state, machine.parameters, self._share, self._h, 1, steps, self._speed_limit, NOWHERE, seen)
-        if self._bounded:
+        return seen, code, state.tolist() if machine.compiled else state
+
+    def _run_in_parts(self, share: float) -> tuple[NDArray[np.float32], int, list[float]]:
+        """Take a control step in which actions arrive late and readings are taken; see :meth:`_run`.
+
+        The last share of the motor's torque that acted is ``_share`` then.
+        """
+        sensing, state, code = self._sensing, self._state, 0
+        assert sensing is not None
+        before, kept = self._state.copy(), copied(sensing)
+        try:
+            sensing.act(np.array([share]))
+            for begin, end, _, reads in sensing.parts:
+                self._share = float(sensing.acting(begin)[0])
+                if end == self._substeps:
+                    seen, last, values = self._run(0 if code else end - begin)
+                    code = last if last and code <= SLACK else code
+                elif not code:
+                    code = self._machine.run(state, self._machine.parameters, self._share, self._h, 1, end - begin,
+                                             self._speed_limit, NOWHERE, UNSEEN[:0])
+                if reads:
+                    sensing.sample(self._row(), sensing.turn(end), end)
+        except BaseException:
+            state[:], self._sensing = before, kept
+            raise
+        return seen, code, values
+
+    def _row(self) -> NDArray[np.float64]:
+        """Return the state as an array with one row, as readings need it."""
+        return np.asarray(self._state, dtype=np.float64).reshape(1, -1)
+
+    def _seen(self, seen: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return what the agent sees: the observation of the motion, or that of its sensor."""
+        turned = 2
+        if self._sensing is not None:
+            plan = self._sensing.plan
+            given, angle = empty((1, plan.width), SINGLE), empty(1)
+            self._sensing.give(given, angle)
+            seen, self._observed, turned = given[0], float(angle[0]), plan.width - plan.swift
+        if self._bounded and (self._sensing is None or self._sensing.plan.swift):
             seen[2] = min(max(seen[2], -self._velocity_bound), self._velocity_bound)
         if self._upright:
-            seen[0], seen[1] = -seen[0], -seen[1]
+            seen[:turned] = -seen[:turned]
         if self._ahead is not None:
-            seen = np.concatenate([seen, np.array(self._ahead(float(state[INDEX])), SINGLE)])
-        return seen, code, state.tolist() if machine.compiled else state
+            seen = np.concatenate([seen, np.array(self._ahead(float(self._state[INDEX])), SINGLE)])
+        return seen
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return a frame of the present state, uint8 of shape (height, width, 3).
@@ -413,6 +536,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             "action": self._share,
             **self._reel.saved(),
             "random": self.np_random.bit_generator.state,
+            **({"parameters": dict(self._parameters)} if self._parameters else {}),
+            **({} if self._sensing is None else {"sensing": self._sensing.saved()}),
         }
 
     def set_state(self, saved: Mapping[str, Any]) -> None:
@@ -420,16 +545,26 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
         Raises SceneError, and changes nothing, for any other state.
         """
-        values, share, trail = checked_state(saved, self._identity(), self._machine)
-        past, seen = self._reel.checked(saved)
-        self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
+        before, parameters = self._parameters, checked_parameters(saved, self._scene)
+        try:
+            self._take_parameters(parameters)
+            values, share, trail = checked_state(saved, self._identity(), self._machine)
+            past, seen = self._reel.checked(saved)
+            sensing = None if self._sensing is None else checked_sensing(saved, self._sensing)
+            self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
+        except BaseException:
+            self._take_parameters(before)
+            raise
         self._state = None if values is None else self._machine.array(values)
-        self._share = share
+        self._share, self._sensing = share, sensing
         self._reel.restore(trail, past, seen)
 
     def _identity(self) -> dict[str, Any]:
         """Return the scene, method and step of the environment, which a state to be restored must have too."""
-        compensated = {"compensated": True} if self._machine.compensated else {}
+        compensated: dict[str, Any] = {"compensated": True} if self._machine.compensated else {}
+        if self._sensing is not None:
+            compensated["sensing"] = {name: list(value) if isinstance(value, tuple) else value
+                                      for name, value in vars(self._sensing.plan).items()}
         return {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
                 "substeps": self.substeps, **self._machine.tolerance, **compensated}
 

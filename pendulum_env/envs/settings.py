@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,9 +12,11 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
 from integrators import Method
+from pendulum_env.engine.report import SEEN
+from pendulum_env.engine.sensing import Plan
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
-from pendulum_env.physics.scene import Run, Scene
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, truth, whole_number
 from pendulum_env.render import FrameStyle
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
@@ -115,8 +117,9 @@ def settled(
     return choice.name, choice.substeps, True
 
 
-def checked_options(options: Any, run: Run, task: Task) -> tuple[dict[str, Any], Task]:
-    """Return the start angle and velocity from the options of ``reset``, and the task that draws what is missing.
+def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, Any], dict[str, Any], Task]:
+    """Return the start angle and velocity from the options of ``reset``, the scene's parameters for one episode, and
+    the task that draws what is missing of the start.
 
     If the task draws no start, what the options leave out is taken from the scene's usual run. Options that set the
     half widths of the task's ranges give another task with these. Raises SceneError for unknown options.
@@ -124,20 +127,36 @@ def checked_options(options: Any, run: Run, task: Task) -> tuple[dict[str, Any],
     if not (options is None or isinstance(options, Mapping)):
         raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
     given = dict(options or {})
-    known = (*START, *task.widths)
-    for name in given:
-        if name not in known:
-            raise SceneError(f"reset has no option {shown(name)}{nearest(name, known)}")
     widths = {name: given.pop(name) for name in task.widths if name in given}
-    return (given if task.draws else {name: given.get(name, getattr(run, name)) for name in START}), task.within(widths)
+    own = {name: given.pop(name) for name in [*given] if name not in START}
+    if own:
+        check_parameters(own, scene, "reset has no option", (*START, *task.widths))
+    start = given if task.draws else {name: given.get(name, getattr(scene.run, name)) for name in START}
+    return start, own, task.within(widths)
 
 
-def spaces_of(bound: Any, task: Task) -> tuple[float, Any, Any]:
+def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Iterable[str] = ()) -> None:
+    """Raise SceneError for names that are not those of numbers among the scene's parameters.
+
+    The message begins with ``refusal`` and names the nearest parameter, or the nearest of ``more`` names.
+    """
+    known: dict[str, Any] = scene.parameters()
+    parts = {"body": scene.body, "medium": scene.medium, **{effect.name: effect for effect in scene.effects}}
+    for name in names:
+        owner, _, own = name.rpartition(".") if isinstance(name, str) else ("", "", "")
+        if name not in known and not (owner in parts and own != "name" and hasattr(parts[owner], own)):
+            raise SceneError(f"{refusal} {shown(name)}{nearest(name, (*more, *known))}")
+        if isinstance(known[name] if name in known else getattr(parts[owner], own), (str, bool)):
+            raise SceneError(f"{refusal} {shown(name)}, which is not a number; make an environment with it.")
+
+
+def spaces_of(bound: Any, task: Task, plan: Plan | None = None) -> tuple[float, Any, Any]:
     """Return the checked bound of the observed velocity [rad/s], the observation space and the action space.
 
     The bound is the largest float32 if none is given; bounds beyond the largest float32 are infinite. An observation is
     cosine and sine of the angle, the velocity, and further cosines and sines of a task with a reference; an action is
-    the fraction of the motor's torque, from -1 to 1. Raises SceneError for what is no bound.
+    the fraction of the motor's torque, from -1 to 1. With a ``plan`` of readings, an observation begins with theirs.
+    Raises SceneError for what is no bound.
     """
     most = UNBOUNDED if bound is None else bound
     if not (isinstance(most, float) and most == math.inf):
@@ -146,8 +165,10 @@ def spaces_of(bound: Any, task: Task) -> tuple[float, Any, Any]:
         except SceneError as error:
             raise SceneError(f"{str(error).rstrip('.')}; inf is for no bound.") from None
     most = most if most <= UNBOUNDED else math.inf
-    high = np.ones(len(task.goal.seen), dtype=np.float32)
-    high[2] = most
+    width = len(task.goal.seen) - len(SEEN)
+    high = np.ones(width + (len(SEEN) if plan is None else plan.width), dtype=np.float32)
+    if plan is None or plan.swift:
+        high[2] = most
     return most, spaces.Box(-high, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 

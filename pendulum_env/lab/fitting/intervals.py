@@ -69,6 +69,39 @@ class Fitted(Protocol):
     def scene(self) -> Scene: ...
 
 
+class Scatter(NamedTuple):
+    """Joint distribution of the scene's fitted parameters, for ``gym.make(..., randomize=...)``.
+
+    Attributes:
+        names: names of the parameters of the scene.
+        values: their fitted values, shape ``(n,)``.
+        covariance: their covariance matrix, ``(n, n)``, from which normal draws are made.
+        least: lower bounds of the parameters, ``(n,)``, -inf for none; draws below are drawn again.
+        rows: refits of a bootstrap, ``(refits, n)``, one of which is a draw; None for normal draws.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    least: Array
+    rows: Array | None = None
+
+
+def scatter_of(fit: Fitted, covariance: Array, rows: Array | None = None) -> Scatter:
+    """Return the distribution of those fitted parameters that belong to the scene and not to start or sensor.
+
+    Raises RecordingError if one of them has no finite error.
+    """
+    own = [place for place, name in enumerate(fit.names) if name not in SENSOR]
+    lost = [fit.names[place] for place in own if not math.isfinite(covariance[place, place])]
+    if lost:
+        raise RecordingError(f"{fit.recording.source}: cannot draw values of {', '.join(lost)}, as the error is not "
+                             "finite")
+    least = np.broadcast_to(np.asarray(fit.model.least, dtype=np.float64), len(fit.names))
+    return Scatter(tuple(fit.names[place] for place in own), fit.values[own], covariance[np.ix_(own, own)], least[own],
+                   None if rows is None else rows[:, own])
+
+
 class Interval(NamedTuple):
     """Confidence interval of a parameter: its lower and upper end, in the parameter's unit."""
 
@@ -200,6 +233,11 @@ class Bootstrap:
     def covariance(self) -> Array:
         """Covariance matrix of the parameters, from their scatter over the refits."""
         return np.asarray(np.cov(self.values, rowvar=False))
+
+    @property
+    def scatter(self) -> Scatter:
+        """Distribution of the scene's parameters for ``gym.make(..., randomize=fit.bootstrap(200))``: its refits."""
+        return scatter_of(self.fit, np.atleast_2d(self.covariance), self.values)
 
     def interval(self, name: str, level: float = 0.95) -> Interval:
         """Return the interval of a parameter between two quantiles of the refits, with equal shares outside.

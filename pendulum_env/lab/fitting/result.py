@@ -15,10 +15,21 @@ from numpy.typing import NDArray
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
+from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.candidates import shapes
 from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
 from pendulum_env.lab.fitting.grade import Fault, Grade, graded, of_lost, of_misfit
-from pendulum_env.lab.fitting.intervals import Bootstrap, Interval, bootstrap, place_of, profile, sample, student
+from pendulum_env.lab.fitting.intervals import (
+    Bootstrap,
+    Interval,
+    Scatter,
+    bootstrap,
+    place_of,
+    profile,
+    sample,
+    scatter_of,
+    student,
+)
 from pendulum_env.lab.fitting.model import START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.posterior import Posterior, posterior
 from pendulum_env.lab.fitting.shooting import FitSolution
@@ -35,6 +46,7 @@ from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, number, one_of, several, shown
 
 Array = NDArray[np.float64]
@@ -260,6 +272,26 @@ class Fit(Plotted):
         See :func:`pendulum_env.lab.fitting.intervals.bootstrap`. Ctrl-C returns the refits done so far, with a warning.
         """
         return bootstrap(self, n, seed, progress)
+
+    @property
+    def scatter(self) -> Scatter:
+        """Distribution of the scene's parameters for ``gym.make(..., scene=fit.scene, randomize=fit)``: normal draws
+        with the fit's covariance. Raises RecordingError if a parameter has no finite error.
+        """
+        return scatter_of(self, self.covariance)
+
+    @property
+    def sensor(self) -> Sensor:
+        """The recording's sensor, for ``gym.make(..., sensor=found.sensor)``: its quantum, its noise without rounding,
+        and its rate. ``dataclasses.replace(found.sensor, rate=None)`` reads once before each observation.
+
+        Raises RecordingError for a gyroscope, which reads no angles.
+        """
+        if self.recording.rate is not None:
+            raise RecordingError(f"{self.recording.source}: a gyroscope reads velocities, not angles, and is no Sensor")
+        quantum = self.recording.reading_quantum or 0.0
+        noise = math.sqrt(max(0.0, self.noise**2 - quantum**2 / 12.0))
+        return Sensor(quantum=quantum, noise=noise, rate=float(1.0 / np.median(np.diff(self.recording.time))))
 
     def sample(self, n: int, seed: int = 0, *, start: bool = False) -> dict[str, Any]:
         """Draw ``n`` random scenes that agree with this fit, as keywords: ``gym.make_vec("LabPendulum-v0", num_envs=n,
