@@ -45,6 +45,9 @@ class Members:
     _over: Places
     _begun: bool
     _dt: float
+    _sensing: Any
+    _randomization: Any
+    _each: Any
     single_observation_space: Any
     single_action_space: Any
 
@@ -291,10 +294,16 @@ class Members:
         return {name: state[name] for name in wanted}, random, over
 
     def _check_saves(self) -> None:
-        """Raise SceneError for a vector with error estimates, which have a second run beside the state."""
+        """Raise SceneError for a vector with error estimates, drawn parameters, sensors or delays.
+
+        Error estimates have a second run beside the state, the others numbers and readings of their own.
+        """
         if self._spec.estimate_error:
             raise SceneError("States of a vector with the diagnostic 'error' cannot be saved, as they contain a second "
                              "run; save those of single environments, or pickle the vector.")
+        if self._sensing is not None or self._randomization or self._each.episode:
+            raise SceneError("States of a vector with drawn parameters, a sensor or delays cannot be saved; pickle the "
+                             "vector, or save the states of single environments.")
 
     def _made_for(self) -> dict[str, Any]:
         """Return what a state to restore must have been made for, with the same parameters."""
