@@ -177,7 +177,7 @@ def _record(layout: Layout) -> str:
 def _loaded(layout: Layout) -> list[str]:
     """Return the source lines that read a block's values from which the reported quantities are computed."""
     shape = layout.shape
-    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
+    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.sums, *shape.lost,
              *shape.remembered)
     return [*layout.load(*state, *layout.numbers), *side_of_turns(layout)]
 

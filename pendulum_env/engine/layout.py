@@ -56,7 +56,7 @@ class Layout:
         memory = ("held", *shape.memory) if shape.memory else ()
         initial = ("initial",) if shape.ledger else ()
         lost = (*shape.lost, *shape.lost_sums)
-        fields = (*state, *memory, *initial, *shape.quadratures, *lost, *shape.remembered, *shape.slackened,
+        fields = (*state, *memory, *initial, *shape.sums, *lost, *shape.remembered, *shape.slackened,
                   *(goal.before if goal else ()), *own)
         reports = shape.info if goal else report.names_recorded(shape)
         seen = (*goal.seen, "reward", "late", "ended") if goal else ()

@@ -64,7 +64,7 @@ def offers(scene: Scene) -> frozenset[str]:
         offered.add("split")
     torques = [(effect, {*arguments(effect.torque)}) for effect in scene.effects if effect.torque]
     if not dry:
-        offered |= {"reversible", "smooth"}
+        offered |= {"reversible", *(() if any(effect.limit for effect in scene.effects) else ("smooth",))}
         if not any(BY_VELOCITY & names for _, names in torques):
             offered.add("velocity_free")
     known = True
@@ -210,7 +210,7 @@ class Machine:
         self.watched = {name: self.names.index(name) for name in source.shape.watched}
         self.width = len(source.shape.recorded)
         self.kept = {name: self.names.index(name) for name in (*ADAPTED, *SLACKENED) if name in source.shape.kept}
-        self.sums = {name: i for i, name in enumerate(source.shape.recorded) if name in source.shape.quadratures}
+        self.sums = {name: i for i, name in enumerate(source.shape.recorded) if name in source.shape.sums}
         self._at_once = self._pace.units if not self.tolerance else 0 if source.shape.remembered else 1
 
     def __reduce__(self) -> tuple[Callable[..., Machine], tuple[Any, ...]]:

@@ -96,7 +96,8 @@ def _check_scene(scene: Scene) -> None:
     """Raise SceneError for effects that a plain loop cannot hold: they stop within steps, or have a state."""
     for effect in scene.effects:
         reason = "dry friction, at whose stops steps must be cut" if effect.dry else (
-            "a state of its own, which changes between steps" if effect.memory else "")
+            "a state of its own, which changes between steps" if effect.memory else
+            "a bound, at which the velocity is cut after every step" if effect.limit else "")
         if reason:
             raise SceneError(
                 f"The scene '{scene.name}' has no plain loop: its {effect.name} has {reason}. Leave it out, or use "

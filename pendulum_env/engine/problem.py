@@ -133,6 +133,7 @@ def problem_of(
     control = ("control",) if any(effect.controlled for effect in effects) else ()
     held = [name for effect in effects for name in effect.memory if name in _taken(effect)]
     dry = next((effect.dry for effect in effects if effect.dry), "")
+    clip = next((effect.limit for effect in effects if effect.limit), "")
     slack = scene.body.suspension == "wire" and (windy or any(map(may_push, effects)))
     shape = Shape(
         parameters=parameters, place=(*parameters, *side), extra=(*parameters, *side, *control, *held),
@@ -144,6 +145,7 @@ def problem_of(
         adaptive=adaptive, compensated=compensated,
         watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
         remembered=tuple(name for effect in effects for name in effect.memory),
+        clip=clip, drift=f"{method.last_drift!r}" if clip and method.last_drift else "",
         drawn=tuple(name for effect in effects if effect.draws for name in effect.memory[-effect.draws:]),
     )
     return Problem(effects, program_parts(scene), method, diagnostics, shape, windy, torques, drives, drags, heats)

@@ -47,6 +47,7 @@ from pendulum_env.envs.settings import (
     checked_settings,
     settled,
     spaces_of,
+    usual,
 )
 from pendulum_env.envs.switch import carried, following
 from pendulum_env.films.picture import Camera
@@ -133,7 +134,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     ## Arguments
 
     ```python
-    gym.make("LabPendulum-v0", scene="lab", integrator="rk4", damping="scene", dt=0.02, substeps=1, task=None,
+    gym.make("LabPendulum-v0", scene="lab", integrator=None, damping="scene", dt=None, substeps=1, task=None,
              diagnostics=("energy",), speed_limit=None, render_mode=None, render_size=500, backend="auto",
              rtol=None, atol=None, compensated=False, accuracy=None, render_theme="light",
              render_panels=("apparatus", "energy"), velocity_bound=None, speed_penalty=0.0, duration=None,
@@ -142,7 +143,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     ```
 
     - `scene`: preset name, dict, Scene, or a scene's JSON file.
-    - `integrator`: name of a method (`lab-pendulum list`), or "auto" with `accuracy`.
+    - `integrator`: name of a method (`lab-pendulum list`), or "auto" with `accuracy`; None for "rk4", in the scenes
+      `gymnasium` and `dm_control` for "symplectic_euler".
     - `accuracy`: with "auto", the largest error of the angle at any of an episode's 500 control steps [rad], from the
       scene's usual start or a task's. The cheapest method and substeps with this accuracy are measured once per scene,
       in seconds, and stored in the cache folder.
@@ -152,7 +154,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
       :class:`pendulum_env.auto.choice.Choice`.
     - `damping`: "scene", "none", or names from `lab-pendulum list effects`, as in "linear+quadratic", or with numbers
       `{"linear": {"gamma": 0.1}}`; replaces the scene's dissipative effects.
-    - `dt`: control step [s]; the integrator's step is `dt / substeps`.
+    - `dt`: control step [s]; the integrator's step is `dt / substeps`. None for 0.02 s, in `gymnasium` for 0.05 s.
     - `diagnostics`: "energy", "heat_by_effect", "tension", "flow", "error"; `()` for none.
     - `task`: "swing_up" (the default), another name of the table above, or a :class:`pendulum_env.Task`; a scene
       without a motor needs "free". `pendulum_env.tasks.track(f)` makes the task of following the angle `f(time)`; its
@@ -225,9 +227,9 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def __init__(
         self,
         scene: str | Scene | Mapping[str, object] = "lab",
-        integrator: str | Method = "rk4",
+        integrator: str | Method | None = None,
         damping: Damping = "scene",
-        dt: float = 0.02,
+        dt: float | None = None,
         substeps: int = 1,
         task: str | Task | None = None,
         diagnostics: Sequence[str] = ("energy",),
@@ -254,6 +256,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         **parameters: Any,
     ) -> None:
         names = check_diagnostics(diagnostics)
+        integrator, dt = usual(scene, integrator, dt)
         setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
                                  duration, reward_rate)
         self._randomize, self._randomization = randomize, randomization(randomize)
@@ -317,7 +320,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
         Raises SceneError for other options, or values that are invalid, and then changes nothing.
         """
-        asked, given = checked_options(options, self._scene, self._task)
+        asked, task, given = checked_options(options, self._scene, self._task)
         given = {name: number(value, name) for name, value in given.items()}
         self._machine.check(self._scene.replace(**given))
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
@@ -327,7 +330,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             given = {**self._randomization.one(self.np_random), **given}
         self._take_parameters(given)
         if len(asked) < len(START):
-            drawn = self._task.starts(self.np_random.random(), self.np_random.random(), self._omega0)
+            drawn = task.starts(self.np_random.random(), self.np_random.random(), self._omega0)
             angle = angle if "angle" in asked else float(drawn[0])
             velocity = velocity if "velocity" in asked else float(drawn[1])
         observation, info = self._start(angle, velocity)

@@ -15,6 +15,7 @@ from integrators import Method
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.sensing import Plan
 from pendulum_env.films.look import checked_look, checked_size
+from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, truth, whole_number
 from pendulum_env.render import FrameStyle
@@ -26,6 +27,8 @@ UNBOUNDED = float(np.finfo(np.float32).max)
 START = ("angle", "velocity")
 """Names of the options of ``reset``."""
 MOST_SUBSTEPS = 10**9
+USUAL_EPISODE = "rk4", 0.02
+"""Method and control step [s] of an environment that is made without them."""
 RENDER_MODES = ("rgb_array", "human")
 METADATA: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
 MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array"]}
@@ -53,6 +56,21 @@ class Settings:
     render_mode: str | None
     render_size: tuple[int, int]
     look: FrameStyle
+
+
+def usual(scene: Any, integrator: Any, dt: Any) -> tuple[Any, Any]:
+    """Return the method and the control step [s], with those of a scene's episodes where they are None.
+
+    They are rk4 and 0.02 s, but for scenes that stand for another program's environment.
+    """
+    if integrator is not None and dt is not None:
+        return integrator, dt
+    if isinstance(scene, Mapping):
+        name = scene.get("name")
+    else:
+        name = scene if isinstance(scene, str) and scene in SCENES else find_scene(scene).name
+    method, step = EPISODES.get(name, USUAL_EPISODE) if isinstance(name, str) else USUAL_EPISODE
+    return method if integrator is None else integrator, step if dt is None else dt
 
 
 def checked_settings(
@@ -99,20 +117,23 @@ def settled(
     return choice.name, choice.substeps, True
 
 
-def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the start angle and velocity from the options of ``reset``, and the scene's parameters for one episode.
+def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, Any], Task, dict[str, Any]]:
+    """Return the start angle and velocity from the options of ``reset``, the task that draws what is missing, and the
+    scene's parameters for one episode.
 
-    The task draws a missing start at random. If it draws no start, what the options leave out is taken from the scene's
-    usual run. Raises SceneError for unknown options.
+    If the task draws no start, what the options leave out is taken from the scene's usual run. Options that set the
+    half widths of the task's ranges give another task with these. Raises SceneError for unknown options.
     """
     if not (options is None or isinstance(options, Mapping)):
         raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
     given = dict(options or {})
-    own = {name: given.pop(name) for name in [*given] if name not in START}
+    known = (*START, *task.widths)
+    own = {name: given.pop(name) for name in [*given] if name not in known}
     if own:
-        check_parameters(own, scene, "reset has no option", START)
+        check_parameters(own, scene, "reset has no option", known)
+    widths = {name: given.pop(name) for name in task.widths if name in given}
     start = given if task.draws else {name: given.get(name, getattr(scene.run, name)) for name in START}
-    return start, own
+    return start, task.within(widths), own
 
 
 def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Iterable[str] = ()) -> None:

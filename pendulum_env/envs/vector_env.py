@@ -36,6 +36,7 @@ from pendulum_env.envs.settings import (
     checked_settings,
     settled,
     spaces_of,
+    usual,
 )
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
@@ -94,9 +95,9 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         self,
         num_envs: int = 1,
         scene: str | Scene | Mapping[str, object] = "lab",
-        integrator: str | Method = "rk4",
+        integrator: str | Method | None = None,
         damping: Damping = "scene",
-        dt: float = 0.02,
+        dt: float | None = None,
         substeps: int = 1,
         task: str | Task | None = None,
         diagnostics: Sequence[str] = ("energy",),
@@ -131,6 +132,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
             raise MethodError("rtol and atol are for single environments; a vector has fixed steps of dt / substeps.")
         self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
+        integrator, dt = usual(scene, integrator, dt)
         setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
                                  duration, reward_rate, many=True)
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
@@ -204,7 +206,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
         which = np.flatnonzero(mask)
-        asked, given = checked_options(rest, self.scene, self.task)
+        asked, task, given = checked_options(rest, self.scene, self.task)
         own = {name: checked_values(name, values, which, size) for name, values in given.items()}
         if own:
             self._each.numbers_with(which, own)
@@ -212,7 +214,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         self._seed(checked_seeds(seed, size), which)
         numbers = self._take_parameters(which, own)
         if len(asked) < len(START):
-            drawn = self._random(which, numbers)
+            drawn = self._random(which, numbers, task)
             angle = angle if "angle" in asked else drawn[0]
             velocity = velocity if "velocity" in asked else drawn[1]
         results = self._batch.results() if self._reused is None else self._reused
@@ -481,20 +483,23 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         """
         return {name: column.copy() for name, column in {**self._each.episode, **self._delays}.items()}
 
-    def _random(self, which: Places, numbers: Mapping[str, Array]) -> tuple[Array, Array]:
+    def _random(
+        self, which: Places, numbers: Mapping[str, Array], task: Task | None = None
+    ) -> tuple[Array, Array]:
         """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``.
 
-        ``numbers`` are the program's numbers of these episodes, {} for those of the environments.
+        ``numbers`` are the program's numbers of these episodes, {} for those of the environments. A ``task`` with other
+        ranges of starts may take the place of the environments' own.
         """
-        run, size = self.scene.run, len(which)
-        if not self.task.draws:
+        task, run, size = task or self.task, self.scene.run, len(which)
+        if not task.draws:
             return np.full(size, run.angle), np.full(size, run.velocity)
         omega0, streams = self._spec.numbers["omega0"], self._seeded()
         first, second = streams.uniform(which), streams.uniform(which)
         omega = numbers.get("omega0", omega0[which] if isinstance(omega0, np.ndarray) else omega0)
-        if self.task.goal.begin is not None:
+        if task.goal.begin is not None:
             return self._batch.starts(first, second, np.broadcast_to(omega, size).astype(np.float64))
-        angle, velocity = self.task.starts(first, second, omega)
+        angle, velocity = task.starts(first, second, omega)
         return np.asarray(angle), np.asarray(velocity)
 
     def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:

@@ -23,6 +23,9 @@ SPREAD, SPEED_SPREAD = 0.1, 0.05
 FELL_ANGLE = 0.5
 """Angle from upright beyond which the balancing task is lost [rad]."""
 
+TOLERANCE = math.radians(8.0)
+"""Angle from upright up to which the task of dm_control is fulfilled [rad]."""
+
 HELD_ANGLE, HELD_SPEED = 0.1, 0.1
 """Angle from upright [rad] and velocity [omega0] up to which the task swing_up_sparse is fulfilled."""
 
@@ -55,6 +58,14 @@ def _balance(phi: float, speed: float, action: float) -> float:
 
 def _fell(phi: float) -> bool:
     return abs(phi) > FELL_ANGLE
+
+
+def _gymnasium(phi_before: float, velocity_before: float, action: float) -> float:
+    return -(phi_before * phi_before + 0.1 * velocity_before * velocity_before + 0.004 * action * action)
+
+
+def _dm_control(phi: float) -> float:
+    return 1.0 if abs(phi) <= TOLERANCE else 0.0
 
 
 def _follow(error: float, action: float) -> float:
@@ -106,6 +117,10 @@ _ALL = (
     Task("swing_up_sparse", _swing_up_sparse, start=_hanging,
          equation="1 if abs(phi) <= 0.1 and abs(velocity) <= 0.1 omega0, else 0"),
     track(),
+    Task("gymnasium", _gymnasium, start={"angle": (0.0, 2.0 * math.pi), "velocity": (-1.0, 1.0)}, duration=10.0,
+         upright=True, equation="-(phi² + 0.1 velocity² + 0.004 action²) before the step", widths=("x_init", "y_init")),
+    Task("dm_control", _dm_control, start={"angle": (0.0, 2.0 * math.pi)}, duration=20.0, upright=True,
+         equation="1 if abs(phi) <= 8 pi/180, else 0"),
 )
 
 USUAL_TASK = "swing_up"

@@ -73,6 +73,8 @@ class Task:
         upright: True if the observation's cosine and sine are those of the angle from upright, as in Pendulum-v1.
         equation: the reward as text, for tables.
         ends: when the task is lost, as text; "-" for never.
+        widths: names of two options of ``reset`` that set the half widths of the start's ranges of angle and velocity
+            about their centres, such as Pendulum-v1's x_init and y_init.
 
     Raises TaskError for a function that cannot be copied, takes unknown quantities, or raises or returns anything but
     finite numbers at one of 60 drawn states, and for a range upside down.
@@ -87,6 +89,7 @@ class Task:
     upright: bool = False
     equation: str = field(default="", kw_only=True)
     ends: str = field(default="-", kw_only=True)
+    widths: tuple[str, ...] = field(default=(), kw_only=True)
 
     goal: Goal = field(init=False, repr=False)
     begin: Function | None = field(init=False, repr=False)
@@ -112,6 +115,10 @@ class Task:
         for name_of, text in (("equation", self.equation), ("ends", self.ends)):
             if not isinstance(text, str):
                 raise TaskError(f"{name_of} of the task {shown(name)} must be text, not {shown(text)}.")
+        two = isinstance(self.widths, tuple) and len(self.widths) in (0, 2)
+        if not two or (self.widths and not {"angle", "velocity"} <= set(ranges)):
+            raise TaskError(f"widths of the task {shown(name)} must be two names of options, for ranges of angle and "
+                            f"velocity, not {shown(self.widths)}.")
         length = None if self.duration is None else number(self.duration, "duration", above=0.0, unit="s")
         vars(self).update(goal=goal, begin=begin, ranges=_checked_ranges(name, ranges),
                           duration=length)
@@ -162,6 +169,22 @@ class Task:
         low, high = self.ranges["velocity"]
         return angle, low + (high - low) * second
 
+    def within(self, widths: Mapping[str, Any]) -> Task:
+        """Return this task with other half widths of its start's ranges, from options of ``reset`` by name.
+
+        Raises SceneError for a half width that is not a number of at least 0.
+        """
+        if not widths:
+            return self
+        ranges = dict(self.ranges)
+        for option, name in zip(self.widths, ("angle", "velocity"), strict=True):
+            if option in widths:
+                half, centre = number(widths[option], option, least=0.0), 0.5 * sum(ranges[name])
+                ranges[name] = (centre - half, centre + half)
+        other = object.__new__(Task)
+        vars(other).update(vars(self), ranges=MappingProxyType(ranges))
+        return other
+
     def judge(self, omega0: float, h: float) -> Judge:
         """Return the function that computes reward and loss of a control step.
 
@@ -170,11 +193,8 @@ class Task:
         return judge(self.goal, omega0, h)
 
     def steps(self, dt: float) -> int | None:
-        """Return the number of control steps of ``dt`` [s] in an episode, None without a duration.
-
-        Raises TaskError for a duration below half a step.
-        """
-        return None if self.duration is None else steps_of(self.duration, dt)
+        """Return the number of control steps of ``dt`` [s] nearest to the task's duration, None without one."""
+        return None if self.duration is None else max(1, min(round(min(self.duration / dt, MOST_STEPS)), MOST_STEPS))
 
     def __reduce__(self) -> tuple[Callable[..., Task], tuple[Any, ...]]:
         """Return what makes an equal task of a copied or unpickled one: texts of functions, not the functions."""

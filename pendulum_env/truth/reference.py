@@ -78,6 +78,7 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
     exact_solution = closed_form(scene, q, v, marks)
     if exact_solution is not None:
         return exact_solution
+    _refuse_clip(scene, q, v)
     rounding = ROUNDING * (4.0 + scene.omega0 * float(marks[-1]))
     problem, halves = motion_of(scene), half_turns(q) if scene.periodic else 0.0
     problem.hold({"side": side_of(0.5 * halves)})
@@ -92,6 +93,14 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
     difference = float(np.max(np.abs(main[:, 0] - check[:, 0])))
     how = f"Gragg's extrapolation, order {2 * COLUMNS}; Dormand & Prince's order 8 differs by {difference:.1g} rad"
     return Truth(marks, main[:, 0] + TWO_PI * (0.5 * halves), main[:, 1], max(difference, rounding), how)
+
+
+def _refuse_clip(scene: Scene, q: float, v: float) -> None:
+    """Raise StudyError for a start [rad, rad/s] from which the speed may reach the bound at which a scene clips it."""
+    bound = min((scene.coefficients[effect.limit] for effect in scene.effects if effect.limit), default=math.inf)
+    if math.hypot(v, 2.0 * scene.omega0 * math.sin(0.5 * q)) > bound:
+        raise StudyError(f"The scene '{scene.name}' clips the velocity at {bound:g} rad/s after every step, so that no "
+                         "motion is the true one; start it slower, or leave the effect clip out.")
 
 
 def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Truth | None:

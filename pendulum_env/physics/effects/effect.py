@@ -33,7 +33,7 @@ GRAVITY = "gravity"
 WEIGHT = "weight"
 """Value of :attr:`Effect.needs` for effects that act through the centre of mass."""
 
-Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium"]
+Kind = Literal["conservative", "dissipative", "drive", "inertia", "medium", "limit"]
 Function = Callable[..., float]
 
 
@@ -43,7 +43,7 @@ class Effect(Checked):
     Attributes:
         name: the effect's name in scenes, files and on the command line.
         kind: "conservative" (has a potential), "dissipative" (makes heat), "drive" (does work), "inertia" (changes
-            the moment of inertia or the weight) or "medium" (moves the medium).
+            the moment of inertia or the weight), "medium" (moves the medium) or "limit" (clips the velocity).
         damping: for dissipative effects, the name in ``damping="..."``.
         equation: the effect's term in the equation of motion, as text with coefficients to fill in.
         source: source of the formula.
@@ -70,6 +70,7 @@ class Effect(Checked):
             g times the mass that hangs at the bob, per ``I/L``, and ``swing_pull``, the mass that moves there, per
             ``I/L**2``.
         dry: name of the coefficient that bounds the torque of dry friction.
+        limit: name of the coefficient that bounds the velocity after every step [rad/s].
         store: for drives, a function whose slope by angle, at fixed time and control, is minus the torque [1/s²].
         beat: name of the coefficient that is the angular rate of the torque in time [rad/s].
         periodic: False if the torque changes when the angle grows by a whole turn.
@@ -105,6 +106,7 @@ class Effect(Checked):
     store: ClassVar[Function | None] = None
     dry: ClassVar[str] = ""
     beat: ClassVar[str] = ""
+    limit: ClassVar[str] = ""
     periodic: ClassVar[bool] = True
     exclusive: ClassVar[str] = ""
     detail: ClassVar[int] = 0
