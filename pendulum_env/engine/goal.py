@@ -55,7 +55,7 @@ AHEAD = ("aim_cosine", "aim_sine", "next_cosine", "next_sine")
 They are cosine and sine of the reference now, and after the next control step, by which the next action is judged.
 """
 
-SPAN = "span"
+SPAN = "control_span"
 """Further parameter of programs for a task with a reference: the control step [s]."""
 
 
@@ -164,7 +164,7 @@ def looking_ahead(goal: Goal, h: float, span: float) -> Callable[[float], tuple[
     """
     lines = [*goal.aimed()[-1:], *goal.ahead(), f"return {', '.join(AHEAD)}"]
     text = "def ahead(index):\n" + "".join(f"    {line}\n" for line in lines)
-    made: Callable[[float], tuple[float, ...]] = _made(goal, text, h=h, span=span)["ahead"]
+    made: Callable[[float], tuple[float, ...]] = _made(goal, text, **{"h": h, SPAN: span})["ahead"]
     return made
 
 

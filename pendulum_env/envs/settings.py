@@ -117,9 +117,9 @@ def settled(
     return choice.name, choice.substeps, True
 
 
-def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, Any], dict[str, Any], Task]:
-    """Return the start angle and velocity from the options of ``reset``, the scene's parameters for one episode, and
-    the task that draws what is missing of the start.
+def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, Any], Task, dict[str, Any]]:
+    """Return the start angle and velocity from the options of ``reset``, the task that draws what is missing, and the
+    scene's parameters for one episode.
 
     If the task draws no start, what the options leave out is taken from the scene's usual run. Options that set the
     half widths of the task's ranges give another task with these. Raises SceneError for unknown options.
@@ -127,12 +127,13 @@ def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, A
     if not (options is None or isinstance(options, Mapping)):
         raise SceneError(f"reset's options must be a dict with {' and '.join(START)}, not {shown(options)}.")
     given = dict(options or {})
-    widths = {name: given.pop(name) for name in task.widths if name in given}
-    own = {name: given.pop(name) for name in [*given] if name not in START}
+    known = (*START, *task.widths)
+    own = {name: given.pop(name) for name in [*given] if name not in known}
     if own:
-        check_parameters(own, scene, "reset has no option", (*START, *task.widths))
+        check_parameters(own, scene, "reset has no option", known)
+    widths = {name: given.pop(name) for name in task.widths if name in given}
     start = given if task.draws else {name: given.get(name, getattr(scene.run, name)) for name in START}
-    return start, own, task.within(widths)
+    return start, task.within(widths), own
 
 
 def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Iterable[str] = ()) -> None:

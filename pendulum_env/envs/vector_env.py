@@ -207,7 +207,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
         which = np.flatnonzero(mask)
-        asked, given, task = checked_options(rest, self.scene, self.task)
+        asked, task, given = checked_options(rest, self.scene, self.task)
         own = {name: checked_values(name, values, which, size) for name, values in given.items()}
         if own:
             self._each.numbers_with(which, own)

@@ -24,8 +24,9 @@ def rounded(reading: Any, quantum: float) -> Any:
 
 @dataclass(frozen=True, repr=False, kw_only=True)
 class Sensor(Checked):
-    """An angle sensor: ``quantum round((scale (theta - zero) + offset + noise_k) / quantum)`` at every reading k.
+    """An angle sensor on the shaft.
 
+    It reads ``quantum round((scale (theta - zero) + offset + noise_k) / quantum)`` [rad] at every reading k.
     ``noise_k`` is Gaussian and independent from reading to reading. With the probability ``dropout`` a reading is lost,
     and the one before it stands in its place. An encoder with N counts per turn has the quantum ``2 pi / N``. ``zero``
     is the first angle for "at_start" and 0 for "bottom".

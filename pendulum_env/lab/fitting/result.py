@@ -30,7 +30,7 @@ from pendulum_env.lab.fitting.intervals import (
     scatter_of,
     student,
 )
-from pendulum_env.lab.fitting.model import START, ZERO, Model, unit_of
+from pendulum_env.lab.fitting.model import SCALE, START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.posterior import Posterior, posterior
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
@@ -282,8 +282,11 @@ class Fit(Plotted):
 
     @property
     def sensor(self) -> Sensor:
-        """The recording's sensor, for ``gym.make(..., sensor=found.sensor)``: its quantum, its noise without rounding,
-        and its rate. ``dataclasses.replace(found.sensor, rate=None)`` reads once before each observation.
+        """The recording's sensor, for ``gym.make(..., sensor=found.sensor)``: its quantum and its noise without
+        rounding [rad], its rate [Hz] and, if it was fitted, its scale.
+
+        The zero of the recording is left out, as a sensor in use is set to 0 at the bottom.
+        ``dataclasses.replace(found.sensor, rate=None)`` reads once before each observation.
 
         Raises RecordingError for a gyroscope, which reads no angles.
         """
@@ -291,7 +294,9 @@ class Fit(Plotted):
             raise RecordingError(f"{self.recording.source}: a gyroscope reads velocities, not angles, and is no Sensor")
         quantum = self.recording.reading_quantum or 0.0
         noise = math.sqrt(max(0.0, self.noise**2 - quantum**2 / 12.0))
-        return Sensor(quantum=quantum, noise=noise, rate=float(1.0 / np.median(np.diff(self.recording.time))))
+        scale = float(self.values[self.names.index(SCALE)]) if SCALE in self.names else 1.0
+        rate = float(1.0 / np.median(np.diff(self.recording.time)))
+        return Sensor(quantum=quantum, noise=noise, rate=rate, scale=scale)
 
     def sample(self, n: int, seed: int = 0, *, start: bool = False) -> dict[str, Any]:
         """Draw ``n`` random scenes that agree with this fit, as keywords: ``gym.make_vec("LabPendulum-v0", num_envs=n,
