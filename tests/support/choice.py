@@ -109,7 +109,7 @@ def kind(name: str) -> str:
 
 
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
-    """Combinations that hold every pair of values but one: of scenes and methods, every scene with every kind of method.
+    """Combinations that hold every pair of values; of scenes and methods, every scene with every kind of method.
 
     The first two axes are scenes and methods that fit them. Combinations of each method are chosen for the most pairs
     that were not there before.
