@@ -39,7 +39,7 @@ def compiled_pairs() -> list[tuple[str, str]]:
 
     Each method in one scene, mostly that of its million steps, whose program tests/hard_cases/test_hard_cases.py then
     finds in the cache; one method of each class, explicit and implicit, in "lab", which has most effects; rk4 in every
-    scene. ``LAB_PENDULUM_GRID=full`` takes each method in each scene, about 40 minutes on one core.
+    scene. ``LAB_PENDULUM_GRID=full`` takes each method in each scene.
     """
     if FULL:
         return EVERY

@@ -67,6 +67,7 @@ ELSEWHERE = {
     "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",
     "python tests/support/mutants.py": "hard_cases/test_predicted.py",
     "python tests/support/expectations.py": "hard_cases/test_expectations.py",
+    "python tests/support/in_node.py": "engine/test_javascript.py",
 }
 """Command -> the file of tests that runs it."""
 BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")}
