@@ -162,7 +162,6 @@ def _ticks(at: Axes, across: _Axis, down: _Axis | None, *, bottom: bool, left: b
     at.ticklabel_format(style="plain", useOffset=False)
     if bottom:
         at.set_xlabel(across.label, fontsize=10)
-        at.tick_params(axis="x", rotation=40)
     else:
         at.tick_params(axis="x", labelbottom=False)
     if down is None:
