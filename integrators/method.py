@@ -206,6 +206,14 @@ class Method:
         raise NotImplementedError
 
     @property
+    def last_drift(self) -> float:
+        """Fraction of a step by which the angle moves at its end with the final velocity, after the last kick.
+
+        It is 0 for methods that are no splittings.
+        """
+        return 0.0
+
+    @property
     def title(self) -> str:
         """Docstring of the generated step function: name and source of the method."""
         return f"{self.name}: {self.source}"

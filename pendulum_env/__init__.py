@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
+from pendulum_env.common.version import REGISTERED
 from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.moved import keep_old_paths
 
 if TYPE_CHECKING:
-    from pendulum_env import adapters, controllers, testing
+    from pendulum_env import adapters, controllers, tasks, testing
     from pendulum_env.engine.code import code
     from pendulum_env.engine.result import Rollout
     from pendulum_env.engine.rollout import rollout
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.sheet import measure
     from pendulum_env.physics.presets import SCENES
     from pendulum_env.physics.scene import Run, Scene
+    from pendulum_env.physics.sensor import Sensor
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit import audit, simplify
     from pendulum_env.study.compare import compare
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.growth import growth
     from pendulum_env.study.section import basins, section
     from pendulum_env.study.sweep import Sweep, sweep
+    from pendulum_env.tasks import Task
 
 ENV_ID = "LabPendulum-v0"
 """Id of the environment for ``gym.make``. A change of physics or defaults that alters trajectories adds a v1; v0 stays.
@@ -49,6 +52,7 @@ _LAZY = {
     "SCENES": "pendulum_env.physics.presets",
     "Scene": "pendulum_env.physics.scene",
     "SceneError": "pendulum_env.physics.units",
+    "Sensor": "pendulum_env.physics.sensor",
     "audit": "pendulum_env.study.audit",
     "basins": "pendulum_env.study.section",
     "code": "pendulum_env.engine.code",
@@ -61,13 +65,14 @@ _LAZY = {
     "rollout": "pendulum_env.engine.rollout",
     "section": "pendulum_env.study.section",
     "Sweep": "pendulum_env.study.sweep",
+    "Task": "pendulum_env.tasks",
     "VirtualSensor": "pendulum_env.lab.sensor",
     "simplify": "pendulum_env.study.audit",
     "stress": "pendulum_env.hard_cases.run",
     "sweep": "pendulum_env.study.sweep",
 }
 """Public names that are imported on first use, and their modules."""
-_ROOMS = ("adapters", "controllers", "testing", "web")
+_ROOMS = ("adapters", "controllers", "tasks", "testing", "web")
 """Public modules that are imported on first use."""
 
 __all__ = [
@@ -80,7 +85,9 @@ __all__ = [
     "Run",
     "Scene",
     "SceneError",
+    "Sensor",
     "Sweep",
+    "Task",
     "VirtualSensor",
     "adapters",
     "audit",
@@ -98,6 +105,7 @@ __all__ = [
     "simplify",
     "stress",
     "sweep",
+    "tasks",
     "testing",
     "web",
 ]
@@ -121,5 +129,5 @@ gymnasium.register(
     id=ENV_ID,
     entry_point="pendulum_env.envs.env:LabPendulumEnv",
     vector_entry_point="pendulum_env.envs.vector_env:LabPendulumVectorEnv",
-    max_episode_steps=500,
+    max_episode_steps=REGISTERED,
 )

@@ -1,61 +1,115 @@
-"""Baseline returns of the tasks: a random policy, energy shaping with a regulator at the top, and trained agents.
+"""Baseline returns: a random policy, energy shaping with a regulator at the top, and agents trained by PPO and SAC.
 
-Episodes have 500 steps in the default scene, as registered. Each policy without learning is run for 1000 episodes, and
-so is each agent that PPO has trained (examples/11_train_swing_up.py) with its own seed. "±" is the standard deviation
-over episodes, for agents over seeds; the interval is the 95 % interval of the mean (Student's t). Agents need
-Stable-Baselines3; without it only the other rows are shown.
+Episodes are those of the task: 500 steps in the default scene, as registered, and 200 in the scene gymnasium, which is
+Pendulum-v1. Each policy without learning is run for 1000 episodes, and so is each agent with its own seed. "±" is the
+standard deviation over episodes, for agents over seeds; the interval is the 95 % interval of the mean (Student's t).
+Agents need Stable-Baselines3 and torch, in an environment of their own; without them only the other rows are shown.
 
     python examples/benchmarks/baselines.py --seeds 5
+
+makes all rows. Every agent's result is stored in a folder as soon as it is there, so that the command can be ended and
+repeated, or be run in pieces: ``--list`` names the rows, ``--rows "SAC"`` runs those whose names contain the text,
+``--only-seed 3`` trains one agent of each. ``--share 0.001 --episodes 4 --seeds 2`` tries everything in seconds.
+
+The second table is the price of integrator and step: the return in 10 s, as a rate (``reward_rate=True``), of the
+controller that is told dt, and of the agents that SAC has trained in the accurate environment, at their own dt.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
+import json
 import time
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import gymnasium as gym
 import numpy as np
 from machine import describe
 from scipy.stats import t as student
 
 from pendulum_env import LabPendulumVectorEnv
-from pendulum_env.controllers import RandomPolicy, SwingUp
+from pendulum_env.controllers import RandomPolicy, swing_up
 
-EPISODES, STEPS, FIRST = 1000, 500, 10**6
-"""Number and length of the episodes, and the seed of the first one, which is never used in training."""
-TASKS = {"swing_up": 500_000, "balance": 100_000}
-"""Training steps by task."""
+EPISODES, FIRST = 1000, 10**6
+"""Number of the episodes, and the seed of the first one, which is never used in training."""
 EXAMPLE = Path(__file__).parent.parent / "11_train_swing_up.py"
+ZOO = {"learning_rate": 1e-3, "n_steps": 1024, "gamma": 0.9, "gae_lambda": 0.95, "use_sde": True, "sde_sample_freq": 4}
+"""Settings of PPO for Pendulum-v1 in the collection RL Baselines3 Zoo."""
+INTEGRATORS = ("forward_euler", "symplectic_euler", "velocity_verlet", "rk4")
+STEPS = (0.01, 0.02, 0.05, 0.1)
+"""Control steps of the second table [s]; the integrator takes one step in each."""
 
 Policy = Callable[[Any], Any]
 
 
-def returns(policy: Policy, task: str, episodes: int = EPISODES) -> Any:
+class Place(NamedTuple):
+    """An environment: scene, task, and the number of steps of an episode."""
+
+    scene: str
+    task: str
+    steps: int
+
+    def vector(self, count: int, **how: Any) -> LabPendulumVectorEnv:
+        """Return ``count`` of these environments."""
+        return LabPendulumVectorEnv(count, self.scene, task=self.task, diagnostics=(), warn=False, **how)
+
+
+class Row(NamedTuple):
+    """A row of the table: a place, a policy's name, and for agents the algorithm and the number of training steps."""
+
+    place: Place
+    policy: str
+    trained_by: str = ""
+    budget: int = 0
+
+    @property
+    def name(self) -> str:
+        return f"{self.place.scene}, {self.place.task}, {self.policy}"
+
+
+SWING_UP, BALANCE = Place("lab", "swing_up", 500), Place("lab", "balance", 500)
+PENDULUM = Place("gymnasium", "gymnasium", 200)
+ROWS = tuple(
+    Row(place, name, by, budget)
+    for place, budgets in ((SWING_UP, (500_000, 20_000)), (BALANCE, (100_000, 10_000)), (PENDULUM, (100_000, 20_000)))
+    for name, by, budget in (("random", "", 0), ("energy shaping, LQR", "", 0),
+                             (f"PPO, {budgets[0]} steps", "PPO", budgets[0]),
+                             (f"SAC, {budgets[1]} steps", "SAC", budgets[1])))
+
+
+def returns(policy: Policy, env: LabPendulumVectorEnv, steps: int) -> Any:
     """Return the returns of complete episodes; rewards after the end of an episode do not count."""
-    env = LabPendulumVectorEnv(episodes, task=task, diagnostics=())
-    seen, total, going = env.reset(seed=FIRST)[0], np.zeros(episodes), np.ones(episodes, dtype=bool)
-    for _ in range(STEPS):
+    count = env.num_envs
+    seen, total, going = env.reset(seed=FIRST)[0], np.zeros(count), np.ones(count, dtype=bool)
+    for _ in range(steps):
         seen, reward, over, _, _ = env.step(policy(seen))
         total[going] += reward[going]
         going &= ~over
     return total
 
 
-def row(task: str, name: str, values: Any, of: str) -> str:
-    """Return a line of the table with mean, standard deviation and interval of at least two values."""
+def line(cells: tuple[str, ...], values: Any, of: str) -> str:
+    """Return a line of a table with mean, standard deviation and interval of at least two values."""
     mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
     half = float(student.ppf(0.975, len(values) - 1)) * spread / len(values) ** 0.5
     between = f"{mean - half:.1f} to {mean + half:.1f}"
-    return f"| {task} | {name} | {mean:.1f} ± {spread:.1f} | {between} | {len(values)} {of} |"
+    return f"| {' | '.join(cells)} | {mean:.1f} ± {spread:.1f} | {between} | {len(values)} {of} |"
 
 
-def trainer() -> Any:
-    """Import example 11 as a module; return None without Stable-Baselines3."""
-    if importlib.util.find_spec("stable_baselines3") is None:
-        return None
+# --- agents -------------------------------------------------------------------------------------------------------
+
+
+def can_train() -> bool:
+    """Return True if Stable-Baselines3 can be imported."""
+    return importlib.util.find_spec("stable_baselines3") is not None
+
+
+def example() -> Any:
+    """Import example 11 as a module."""
     spec = importlib.util.spec_from_file_location("training", EXAMPLE)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
@@ -64,30 +118,131 @@ def trainer() -> Any:
     return module
 
 
+def agent(row: Row, budget: int, seed: int, path: Path) -> Policy:
+    """Train an agent and store it in ``path``, if it can be stored; return its policy."""
+    import torch
+    from stable_baselines3 import PPO, SAC
+
+    torch.set_num_threads(1)
+    if row.trained_by == "PPO" and row.place.scene == "lab":
+        policy: Policy = example().trained(row.place.task, budget, seed)[0]
+        return policy
+
+    def made() -> Any:
+        return gym.make("LabPendulum-v0", scene=row.place.scene, task=row.place.task, diagnostics=(), warn=False)
+
+    if row.trained_by == "PPO":
+        model: Any = PPO("MlpPolicy", made(), seed=seed, device="cpu", **ZOO)
+    else:
+        model = SAC("MlpPolicy", made(), seed=seed, device="cpu")
+    model.learn(budget)
+    model.save(path)
+    return lambda seen: model.predict(seen, deterministic=True)[0]
+
+
+def stored(path: Path) -> Policy | None:
+    """Return the policy of an agent that SAC has trained before; None if there is none."""
+    if not (can_train() and path.with_suffix(".zip").exists()):
+        return None
+    from stable_baselines3 import SAC
+
+    model = SAC.load(path, device="cpu")
+    return lambda seen: model.predict(seen, deterministic=True)[0]
+
+
+def result(row: Row, seed: int, options: argparse.Namespace) -> dict[str, Any] | None:
+    """Return mean return and training time [s] of an agent, from the folder or trained now; None if not to be had."""
+    budget = max(1, int(options.share * row.budget))
+    path = options.folder / f"{row.place.scene}-{row.place.task}-{row.trained_by}-{budget}-{seed}"
+    file = path.with_suffix(".json")
+    if file.exists():
+        kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        return kept
+    if not can_train() or (options.only_seed is not None and seed != options.only_seed):
+        return None
+    options.folder.mkdir(parents=True, exist_ok=True)
+    began = time.process_time()
+    policy = agent(row, budget, seed, path)
+    took = time.process_time() - began
+    mean = float(returns(policy, row.place.vector(options.episodes), row.place.steps).mean())
+    found = {"return": mean, "seconds": took}
+    part = file.with_suffix(".part")
+    part.write_text(json.dumps(found), encoding="utf-8")
+    part.replace(file)
+    return found
+
+
+# --- tables -------------------------------------------------------------------------------------------------------
+
+
+def rows_of(row: Row, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the lines of a row."""
+    cells = (row.place.scene, row.place.task, row.policy)
+    if not row.trained_by:
+        env = row.place.vector(options.episodes)
+        policy: Policy = RandomPolicy(0) if row.policy == "random" else swing_up(env)
+        yield line(cells, returns(policy, env, row.place.steps), "episodes")
+        return
+    found = [one for seed in range(options.seeds) if (one := result(row, seed, options))]
+    if len(found) > 1:
+        yield line(cells, [one["return"] for one in found], "seeds")
+        each = ", ".join(f"{one['return']:.1f}" for one in found)
+        yield f"| | | each: {each}; {np.mean([one['seconds'] for one in found]):.0f} s each on one core | | | |"
+
+
+def price(place: Place, options: argparse.Namespace) -> Iterator[str]:
+    """Yield the lines of the second table for a place: returns by integrator and step, and of rk4 in tenths of it."""
+    own = place.vector(1).dt
+
+    def earned(make: Callable[[LabPendulumVectorEnv], Policy], dt: float, method: str, substeps: int = 1) -> str:
+        env = place.vector(options.episodes, integrator=method, dt=dt, substeps=substeps, reward_rate=True)
+        return f"{returns(make(env), env, round(10.0 / dt)).mean():.2f}"
+
+    policies: list[tuple[str, Callable[[LabPendulumVectorEnv], Policy], tuple[float, ...]]] = [
+        ("energy shaping, LQR, told dt", swing_up, STEPS)]
+    budget = max(1, int(options.share * next(row.budget for row in ROWS if row.place == place
+                                             and row.trained_by == "SAC")))
+    kept = [policy for seed in range(options.seeds)
+            if (policy := stored(options.folder / f"{place.scene}-{place.task}-SAC-{budget}-{seed}"))]
+    policies += [(f"SAC, seed {seed}", lambda _, policy=policy: policy, (own,))  # type: ignore[misc]
+                 for seed, policy in enumerate(kept)]
+    for name, make, steps in policies:
+        for dt in steps:
+            cells = [earned(make, dt, method) for method in INTEGRATORS]
+            yield f"| {place.scene} | {name} | {dt:g} | {' | '.join(cells)} | {earned(make, dt, 'rk4', 10)} |"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5, help="agents trained for each task")
+    parser.add_argument("--seeds", type=int, default=5, help="agents trained for each row")
+    parser.add_argument("--only-seed", type=int, help="train only agents with this seed; others are read")
     parser.add_argument("--share", type=float, default=1.0, help="fraction of the training steps to take")
+    parser.add_argument("--episodes", type=int, default=EPISODES, help="episodes of each policy")
+    parser.add_argument("--rows", default="", help="rows with this text in their names; price: the second table")
+    parser.add_argument("--folder", type=Path, default=Path("out/baselines"), help="folder of the agents' results")
+    parser.add_argument("--list", action="store_true", help="print the names of the rows")
     options = parser.parse_args()
-    if options.seeds < 2:
-        parser.error("--seeds must be 2 or more, for a standard deviation")
-    training = trainer()
-    more = ("stable-baselines3", "torch") if training else ()
-    print(describe(("gymnasium", "numpy", "numba", "scipy", *more)))
-    if not training:
+    if options.seeds < 2 or options.episodes < 2:
+        parser.error("--seeds and --episodes must be 2 or more, for a standard deviation")
+    chosen = [row for row in ROWS if options.rows in row.name]
+    priced = options.rows in "price"
+    if options.list or not (chosen or priced):
+        print("\n".join([*(row.name for row in ROWS), "price"]))
+        return
+    warnings.filterwarnings("ignore", "Steps of .* are too long")
+    print(describe(("gymnasium", "numpy", "numba", "scipy", *(("stable-baselines3", "torch") if can_train() else ()))))
+    if not can_train():
         print("No agents: pip install stable-baselines3 in an environment of its own, and run this there.")
-    print("\n| task | policy | return | 95 % of the mean | of |\n|---|---|---|---|---|")
-    for task, steps in TASKS.items():
-        print(row(task, "random", returns(RandomPolicy(0), task), "episodes"), flush=True)
-        print(row(task, "energy shaping, LQR", returns(SwingUp("lab", task=task), task), "episodes"), flush=True)
-        if training:
-            budget, began, means = int(options.share * steps), time.process_time(), []
-            for seed in range(options.seeds):
-                policy, _ = training.trained(task, budget, seed)
-                means.append(float(returns(policy, task).mean()))
-            print(row(task, f"PPO, {budget} steps", means, "seeds"), flush=True)
-            print(f"|  | each: {', '.join(f'{mean:.1f}' for mean in means)}; "
-                  f"{(time.process_time() - began) / options.seeds:.0f} s each on one core | | | |", flush=True)
+    print("\n| scene | task | policy | return | 95 % of the mean | of |\n|---|---|---|---|---|---|")
+    for row in chosen:
+        for text in rows_of(row, options):
+            print(text, flush=True)
+    if priced:
+        head = " | ".join(("scene", "policy", "dt [s]", *INTEGRATORS, "rk4, 10 substeps"))
+        print(f"\n| {head} |\n|{'---|' * (len(INTEGRATORS) + 4)}")
+        for place in (SWING_UP, PENDULUM):
+            for text in price(place, options):
+                print(text, flush=True)
 
 
 if __name__ == "__main__":

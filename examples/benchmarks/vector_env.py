@@ -30,7 +30,7 @@ import numpy as np
 from machine import describe
 from peers import PINS, Peer, Run, Timing, stepping, timed
 
-import pendulum_env  # noqa: F401
+from pendulum_env import Task
 from pendulum_env.engine.kernels import cache_folder
 
 LARGE, SMALL = 65_536, 1024
@@ -39,6 +39,14 @@ SIZES = (65_536, 131_072, 262_144)
 WARM_STEPS = 20
 MOST_BYTES = 200
 
+
+def same_reward(phi: float, speed: float, action: float) -> float:
+    """The reward of swing_up, as a user writes it."""
+    return -(phi**2 + 0.1 * speed**2 + 0.001 * action**2)
+
+
+OWN_TASK = {"task": Task("own", same_reward, start={"angle": (-0.1, 0.1), "speed": (-0.05, 0.05)})}
+NOTHING: dict[str, Any] = {}
 LIKE = {"scene": "lab", "damping": "none"}
 FULL = {"scene": "lab"}
 EULER = {"integrator": "symplectic_euler", "diagnostics": ()}
@@ -67,18 +75,20 @@ class Ours(NamedTuple):
     threads: int
     physics: dict[str, Any] = LIKE
     copy: bool = False
+    more: dict[str, Any] = NOTHING
 
     @property
     def name(self) -> str:
         shown = "energies" if self.how["diagnostics"] else "no diagnostics"
         threads = f"{self.threads} thread{'s' * (self.threads > 1)}"
         scene = "" if self.physics is LIKE else ", full lab scene"
-        return f"{self.num_envs} {self.how['integrator']}, {shown}, {threads}{scene}{', copy' * self.copy}"
+        task = ", a task of one's own" if self.more else ""
+        return f"{self.num_envs} {self.how['integrator']}, {shown}, {threads}{scene}{', copy' * self.copy}{task}"
 
     def make(self) -> gym.vector.VectorEnv:
         return gym.make_vec(
             "LabPendulum-v0", self.num_envs, vectorization_mode="vector_entry_point",
-            num_threads=self.threads, copy=self.copy, **self.how, **self.physics,
+            num_threads=self.threads, copy=self.copy, **self.how, **self.physics, **self.more,
         )  # fmt: skip
 
     def run(self, steps: int) -> Run:
@@ -130,6 +140,8 @@ ROWS = (
     Row(Ours(SMALL, RK4, 1), ENVPOOL, 50.0),
     Row(Ours(LARGE, EULER, 2), Ours(LARGE, EULER, 1), 1.7),
     Row(Ours(LARGE, RK4, 2), Ours(LARGE, RK4, 1), 1.7),
+    *(Row(Ours(size, how, 1, more=OWN_TASK), Ours(size, how, 1), 0.9) for size in (LARGE, SMALL)
+      for how in (EULER, RK4)),
     Row(Ours(LARGE, EULER, 2), GYMNAX_STEP),
     Row(Ours(LARGE, RK4, 2), GYMNAX_STEP),
     *(Row(Ours(LARGE, how, 2, physics, copy), GYMNAX) for how in (EULER, RK4) for physics, copy in

@@ -82,6 +82,12 @@ class Splitting(Method):
         return count
 
     @property
+    def last_drift(self) -> float:
+        """Fraction of the step by which the last drift moves the angle, if no kick follows it."""
+        kind, fraction = next(flow for flow in reversed(self.flows) if flow[0] != DRAG)
+        return float(fraction) if kind == DRIFT else 0.0
+
+    @property
     def symplectic(self) -> bool:
         """True, as exact flows of Hamiltonians compose to a symplectic map.
 

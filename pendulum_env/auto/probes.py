@@ -20,6 +20,8 @@ from pendulum_env.truth.probes import Probe
 
 SEEDS = {True: 10, False: 12}
 """Number of random episodes for each start and kind of torque, with (True) and without (False) a motor."""
+BEGUN = ("swing_up", "balance")
+"""Tasks at whose starts probe episodes begin: hanging and upright."""
 KEPT, ALIKE = 5, 1
 """Number of the most sensitive random episodes to select, and the most of these with one start and kind of torque."""
 NUDGE = 1e-9
@@ -114,7 +116,7 @@ class Probes:
 
 
 def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -> Probes:
-    """Return probe episodes of a scene, which begin at its usual start and at the tasks' starts.
+    """Return probe episodes of a scene, which begin at its usual start and at those of two tasks (BEGUN).
 
     Their motor torques are fixed or random. The number of episodes in which small errors grow more than x-fold falls
     only as 1/x, because the bob may linger near the top. Therefore many episodes are run, and the most sensitive of
@@ -125,7 +127,7 @@ def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -
     chance = bool(machine.drawn)
     plain, chosen = [], []
     starts = [(scene.run.angle, scene.run.velocity, "usual start", None),
-              *((task.centre, 0.0, task.name, task) for task in TASKS.values() if task.centre is not None)]
+              *((float(TASKS[name].starts(0.5, 0.5, 1.0)[0]), 0.0, name, TASKS[name]) for name in BEGUN)]
     fixed = FIXED if driven else FIXED[:1]
     for angle, velocity, name, task in starts:
         for control in fixed:
@@ -139,7 +141,7 @@ def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -
             for seed in range(SEEDS[driven]):
                 source = random.Random(1 + seed)
                 if task is not None:
-                    spread = task.start(source.random(), source.random(), scene.omega0 or 1.0)
+                    spread = task.starts(source.random(), source.random(), scene.omega0 or 1.0)
                     angle, velocity = float(spread[0]), float(spread[1])
                 chosen.append(_episode(machine, dt, steps, angle, velocity, control, source, name))
                 tell(len(chosen) / total)

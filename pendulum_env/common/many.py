@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,10 @@ def _quotient(one: Any, other: Any) -> Any:
 
 def _power(one: Any, other: Any) -> NDArray[np.float64]:
     """Return powers of Many's values, computed by Python, because numpy's may differ in the last bit."""
-    return np.array([float(base) ** float(exponent) for base, exponent in np.broadcast(one, other)], dtype=np.float64)
+    if np.ndim(other) == 0:
+        return np.array(list(map(pow, one.tolist(), repeat(float(other)))), dtype=np.float64)
+    pairs = (np.asarray(values, dtype=np.float64).tolist() for values in np.broadcast_arrays(one, other))
+    return np.array(list(map(pow, *pairs)), dtype=np.float64)
 
 
 class Many:

@@ -53,14 +53,21 @@ class Regulator:
     level: float
 
 
-def weights_of(task: Task) -> tuple[float, float, float]:
+def weights_of(task: Task, omega0: float) -> tuple[float, float, float]:
     """Return the weights of phi², (velocity/omega0)² and action² in a task's reward.
 
-    Raises SceneError for a task whose reward does not depend on angle and action.
+    ``omega0`` is the small-angle frequency [1/s]. Raises SceneError for a task whose reward does not depend on angle
+    and action.
     """
-    base = task.reward(0.0, 0.0, 0.0)
-    weights = (base - task.reward(1.0, 0.0, 0.0), base - task.reward(0.0, 1.0, 0.0),
-             base - task.reward(0.0, 0.0, 1.0))
+    judge = task.judge(omega0, 0.0)
+
+    def reward(phi: float, speed: float, action: float) -> float:
+        velocity = speed * omega0
+        before = {"phi_before": phi, "angle_before": phi + math.pi, "velocity_before": velocity}
+        return judge(0.0, phi, 0.5, velocity, phi, action, before)[0]
+
+    base = reward(0.0, 0.0, 0.0)
+    weights = base - reward(1.0, 0.0, 0.0), base - reward(0.0, 1.0, 0.0), base - reward(0.0, 0.0, 1.0)
     if not (weights[0] > 0.0 and weights[2] > 0.0):
         raise SceneError(f"The reward of the task '{task.name}' does not depend on angle and action, so no regulator "
                          "can be designed for it; use 'swing_up'.")
@@ -77,7 +84,7 @@ def regulators(model: ControlModel, acceleration: Acceleration, dt: float, task:
     torque; so softer ones are used around it, each with ten times (STEP) the weight of the action of the one before
     (Wredenhagen & Belanger 1994, Automatica 30, 403).
     """
-    angle, velocity, least = weights_of(task)
+    angle, velocity, least = weights_of(task, model.omega0)
     state, control = sampled(model, dt)
     count = max(0, math.ceil(math.log(SOFTEST * angle / least, STEP) - 1e-9))
     weights = np.zeros(state.shape)

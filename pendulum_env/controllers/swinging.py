@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping
 from os import PathLike
@@ -12,12 +13,12 @@ from numpy.typing import NDArray
 
 from pendulum_env.controllers.model import ControlModel, acceleration_of, model_of
 from pendulum_env.controllers.policy import batch_of
-from pendulum_env.controllers.regulator import Regulator, regulators
+from pendulum_env.controllers.regulator import Regulator, regulators, weights_of
 from pendulum_env.physics.effects.motor import motor_advance
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, shown
-from pendulum_env.tasks import find_task
+from pendulum_env.tasks import Task, find_task
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,9 @@ class SwingUp:
     Gusts, shaken pivots and periodic torques are not predicted: the controller reacts to the motion that they cause. A
     motor's lag is known: the controller computes the motor's share from its own actions, from 0 at the first call or
     ``reset``; after a new episode without ``reset`` this share is right again after a few times the lag. The check that
-    the motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top.
+    the motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top. A
+    motor that brakes by its own voltage is known, but not a supply that limits its torque, nor a ramp, steps and a dead
+    zone of the control.
 
     Attributes:
         scene: the scene that the controller was designed for.
@@ -56,14 +59,15 @@ class SwingUp:
 
     def __init__(
         self, scene: str | Scene | Mapping[str, object] | PathLike[str] = "lab", dt: float = 0.02,
-        task: str = "swing_up",
+        task: str | Task = "swing_up",
     ) -> None:
         """Design a swing-up controller, in about a tenth of a second.
 
         Args:
             scene: a scene with a motor: preset name, dict, Scene, or a scene's JSON file.
             dt: control step [s].
-            task: name of the task whose reward the regulator at the top maximises.
+            task: the task whose reward the regulator at the top maximises, a name or a Task. A task with ``upright``
+                tells that the observed cosine and sine are those of the angle from upright.
 
         Raises SceneError for a scene without a motor or an unstable top, for a motor that is too weak (with the torque
         needed), for control steps shorter than 1e-5/omega0 or longer than 1/omega0, and for a task without reward.
@@ -86,6 +90,7 @@ class SwingUp:
         except (ArithmeticError, ValueError):  # numpy's LinAlgError is a ValueError
             raise SceneError(f"No regulator can be computed for the scene '{self.scene.name}': the motor's torque, its "
                              "lag or the control step is too large or too small.") from None
+        self._side = -1.0 if aim.upright else 1.0
         self._motor: Array = np.zeros(1)
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -115,7 +120,7 @@ class SwingUp:
 
         Raises ValueError for another shape or values that are not finite.
         """
-        observed = batch_of(observation)
+        observed = batch_of(observation) * (self._side, self._side, 1.0)
         angle = np.arctan2(observed[:, 1], observed[:, 0])
         phi = np.arctan2(-observed[:, 1], -observed[:, 0])
         velocity = observed[:, 2]
@@ -159,14 +164,15 @@ class Environment(Protocol):
 def swing_up(env: Environment) -> SwingUp:
     """Return the swing-up controller for an environment or a vector: ``action = controller(observation)``.
 
-    If the environments of a vector have different parameters, the controller is designed for the first one. Raises
-    SceneError as :class:`SwingUp` does, for an environment that is not a LabPendulum, and for one with wrappers that
-    rescale observations or actions.
+    If the environments of a vector have different parameters, the controller is designed for the first one. For a task
+    whose reward does not fall with angle and action, the regulator at the top is that of swing_up. Raises SceneError as
+    :class:`SwingUp` does, for an environment that is not a LabPendulum, and for one with wrappers that rescale
+    observations or actions.
     """
     inner: Any = getattr(env, "unwrapped", None)
     try:
         scene, dt, task, bound = (_attribute(inner, name) for name in ("scene", "dt", "task", "velocity_bound"))
-        keywords = {"scene": scene, "dt": dt, "task": "swing_up" if task.name == "free" else task.name}
+        keywords = {"scene": scene, "dt": dt, "task": task}
     except AttributeError:
         raise SceneError(f"env must be a LabPendulum environment, not {shown(env)}.") from None
     for kind, bounds in {"observation": (1.0, 1.0, bound), "action": (1.0,)}.items():
@@ -174,6 +180,10 @@ def swing_up(env: Environment) -> SwingUp:
         if not _bounded(space, bounds) and not (kind == "action" and _bounded(space, (math.inf,))):
             raise SceneError(f"A wrapper of env changes the {kind}s, but the controller needs them unchanged; give it "
                              f"the environment inside the wrapper, not one with {shown(space)}.")
+    try:
+        weights_of(task, 1.0)
+    except SceneError:  # the reward does not say what to hold, as in free
+        keywords["task"] = dataclasses.replace(find_task("swing_up"), upright=task.upright)
     return SwingUp(**keywords)
 
 

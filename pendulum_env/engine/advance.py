@@ -13,6 +13,7 @@ from pendulum_env.engine import slack
 from pendulum_env.engine.calls import stepped
 from pendulum_env.engine.shape import (
     ADAPTED,
+    CLIPPED,
     DIVERGED,
     LARGEST,
     OK,
@@ -54,8 +55,8 @@ def advance(shape: Shape) -> str:
     ``shape.carried`` after the step. With the code DIVERGED or TOO_SHORT these are not valid, and the loop that called
     ``advance`` keeps those from before the step. With UNSURE the loop calls ``settle`` in place of ``advance``.
     """
-    sums = shape.quadratures
-    parts = [f"d_{name}" for name in sums]
+    sums = shape.sums
+    parts = [f"d_{name}" for name in shape.quadratures]
     finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
     if parts:
         finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
@@ -68,6 +69,7 @@ def advance(shape: Shape) -> str:
     else:
         lines = [f"{joined(shape.step_results)} = {stepped(shape)}"]
     lines.append(f"good = {finite}")
+    lines += _clipped(shape) if shape.clip else []
     if shape.slack and not shape.adaptive:
         within = joined(("t", "q", "v", "q1", "v1", "h"), slack.watches(shape))
         lines.append(f"sure = {'(slackened > 0.0) | ' if shape.lenient else ''}taut({within})")
@@ -94,6 +96,24 @@ def advance(shape: Shape) -> str:
     lines.append(f"return {joined(('stop',), [f'{name}1' for name in shape.carried], adapted, portion)}")
     title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
     return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
+
+
+def _clipped(shape: Shape) -> list[str]:
+    """Return the source lines that clip the velocity after a step, and sum the energy that this takes.
+
+    A last drift of the step is taken back by the part that the velocity loses.
+    """
+    bound = shape.clip
+    lines = ["free_q = q1", "free_v = v1", f"v1 = max(-{bound}, min({bound}, free_v))"]
+    if shape.drift:
+        lines.append(f"q1 = free_q - {shape.drift}*h*(free_v - v1)")
+    if shape.compensated:
+        lines.append("lost_v1 = lost_v1 if v1 == free_v else 0.0")
+    if CLIPPED in shape.sums:
+        before, after = (f"potential({joined((q,), shape.place)})" for q in ("free_q", "q1"))
+        fallen = f" + ({before} - {after})" if shape.drift else ""
+        lines.append(f"d_{CLIPPED} = 0.5*(free_v - v1)*(free_v + v1){fallen}")
+    return lines
 
 
 def settle(shape: Shape) -> str:

@@ -5,7 +5,7 @@ A block holds 256 pendulums (BLOCK) in one array, so that the compiled loop over
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 from integrators import Method
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import threads
-from pendulum_env.engine.generate import Task, batch_program
+from pendulum_env.engine.generate import batch_program
+from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
 from pendulum_env.engine.pieces import Pace
+from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.wrap import half_turns, without_half_turns
@@ -35,14 +37,19 @@ FIELD_OF = STATE[:4]
 """Entries of a Machine's state that have shorter names in blocks."""
 FEW_BLOCKS = 2**6
 """Number of steps of blocks in the first call of a program for a run; see :mod:`pendulum_env.engine.pieces`."""
+GROUP = 16
+"""Largest number of blocks whose parts of a control step are taken one after the other."""
 Numbers = Mapping[str, float | Array]
+UNCHANGED: Mapping[str, Array] = {}
+"""Numbers of new episodes where none differs from that of the episode before."""
 
 
 class Results(NamedTuple):
     """Results of a control step of ``n`` environments, in the order of a generated program's arguments.
 
     Attributes:
-        observation: float32 array ``(n, 3)``: cosine, sine, velocity [rad/s].
+        observation: float32 array ``(n, 3)``: cosine, sine, velocity [rad/s]; ``(n, 7)`` with a reference, see
+            :data:`pendulum_env.engine.goal.AHEAD`.
         reward: array ``(n,)``.
         terminated, truncated: bool arrays ``(n,)``.
         info: array ``(len(names), n)`` of the reported quantities.
@@ -71,7 +78,7 @@ class Blocks:
         numbers: the program's parameters by name: one number for all pendulums, or an array of ``size`` numbers.
         size: number of pendulums.
         h: integrator's step [s].
-        task: the task of environments; None for runs without a task.
+        goal: what the task of environments needs; None for runs without a task.
         num_threads: number of threads; None uses all cores if there are many blocks, and one thread if there are few.
         compensated: True carries rounding remainders along; see :mod:`integrators.steps.compensated`.
 
@@ -79,6 +86,7 @@ class Blocks:
         names: names of the quantities reported beside observation and reward.
         num_threads: number of threads used.
         program: the generated program.
+        wrong: True if a reward of the last call of the program was not finite, for a task with functions of a user's.
         call: the program's entry function.
 
     Raises MethodError if the method does not fit the scene, EngineError for a backend that is not available.
@@ -94,19 +102,18 @@ class Blocks:
         *,
         size: int,
         h: float,
-        task: Task | None = None,
+        goal: Goal | None = None,
         num_threads: int | None = None,
         compensated: bool = False,
     ) -> None:
         compensated = check_compensated(compensated, None)
-        self.size, self.h, self.compensated = size, h, compensated
+        self.size, self.h, self.compensated, self.wrong = size, h, compensated, False
         self.method = find_method(method, scene)
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
-        self._backend = backend
-        self.program = batch_program(scene, self.method, self.diagnostics, varying, task, compensated)
-        self.layout, self.names = self.program.layout, self.program.layout.reports
-        self.call = self._function()
+        self._backend, self._source = backend, (scene, goal)
+        self._set_program(varying)
+        self.names = self.layout.reports
         self._compiled = resolve(backend, self.method.python_functions) == "compiled"
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._periodic = scene.periodic
@@ -118,9 +125,35 @@ class Blocks:
         self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
         self._set_pace()
 
+    def _set_program(self, varying: frozenset[str]) -> None:
+        """Generate the program in which the numbers ``varying`` differ between pendulums."""
+        scene, goal = self._source
+        self.program = batch_program(scene, self.method, self.diagnostics, varying, goal, self.compensated)
+        self.layout = self.program.layout
+        self.call = self._function()
+
+    def vary(self, names: Iterable[str]) -> None:
+        """Give every pendulum its own value of the numbers ``names``, which were the same for all; state is unchanged.
+
+        Another program is generated for this, and compiled when it is first called.
+        """
+        fields, numbers = {name: self.get(name) for name in self.layout.fields}, self.numbers
+        self._set_program(self.layout.varying | frozenset(names))
+        self._shared = [float(numbers[name]) for name in self.layout.shared]
+        self._state = self._blocks(self.size)
+        for name in self.layout.fields:
+            values = fields[name] if name in fields else np.full(self.size, numbers[name])
+            self._put(self._state, name, values)
+
+    @property
+    def numbers(self) -> dict[str, float | Array]:
+        """Return the program's parameters by name: one number for all pendulums, or an array of ``size`` numbers."""
+        shared = dict(zip(self.layout.shared, self._shared, strict=True))
+        return {name: shared[name] if name in shared else self.get(name) for name in self.layout.numbers}
+
     def _function(self) -> Callable[..., Any]:
         """Return the generated program's entry function, ``step_blocks`` or ``run_blocks``, interpreted or compiled."""
-        return functions(self.program, self._backend)["step_blocks" if self.layout.task else "run_blocks"]
+        return functions(self.program, self._backend)["step_blocks" if self.layout.goal else "run_blocks"]
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes to pickle: all but the compiled function, which is loaded again when unpickled."""
@@ -240,7 +273,8 @@ class Blocks:
 
             Thread ``number`` has its own scratch array.
             """
-            self.call(state, self._scratch[number], first, last, *arguments, *self._shared)
+            if self.call(state, self._scratch[number], first, last, *arguments, *self._shared):
+                self.wrong = True
 
         if self._compiled:
             threads.spread(part, len(state), len(self._scratch), self._pace.units)
@@ -265,16 +299,27 @@ class Batch(Blocks):
 
     def __init__(self, *arguments: Any, substeps: int, most: float, **options: Any) -> None:
         super().__init__(*arguments, **options)
+        self._width = len(self.layout.goal.seen) if self.layout.goal else 0
         self.substeps, self._bound = substeps, (most - 1.0) * substeps
+        self._set_usual()
+
+    def _set_usual(self) -> None:
+        """Set the arguments of a step of few environments, which one call of the compiled program takes at once."""
+        substeps = self.substeps
         at_once = self._compiled and len(self._scratch) == 1 and len(self._state) * substeps <= FEW_BLOCKS
         self._usual = (self._state, self._scratch[0], 0, len(self._state), self.size, self.h, substeps, substeps,
                        self._bound) if at_once else ()
 
+    def vary(self, names: Iterable[str]) -> None:
+        """Give every environment its own value of the numbers ``names``; see :meth:`Blocks.vary`."""
+        super().vary(names)
+        self._set_usual()
+
     def results(self, size: int | None = None) -> Results:
         """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch."""
         count = self.size if size is None else size
-        return Results(np.empty((count, 3), SINGLE), np.empty(count), np.empty(count, TRUTH), np.empty(count, TRUTH),
-                       np.empty((len(self.names), count)))
+        return Results(np.empty((count, self._width), SINGLE), np.empty(count), np.empty(count, TRUTH),
+                       np.empty(count, TRUTH), np.empty((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         """Take one control step of every environment that has not stopped, and write the results to ``into``.
@@ -282,13 +327,55 @@ class Batch(Blocks):
         After an interruption by Ctrl-C some environments are ahead of others until the next reset.
         """
         if self._usual:
-            self.call(*self._usual, action, *into, *self._shared)
+            self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
             return
-        substeps = self.substeps
+        self.wrong = False
+        self._take(action, self.substeps, self.substeps, into)
+
+    def step_in_parts(
+        self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]
+    ) -> None:
+        """Take one control step with delayed actions, and with readings after some of its parts; see :meth:`step`.
+
+        What the sensors show is written to ``seen`` and to the last row of ``into.info``. All parts of a group of
+        blocks are taken before those of the next, so that the group stays in the processor's cache.
+        """
+        self.wrong, unused = False, self.results(0)
+        sensing.act(action)
+        parts = [(sensing.acting(begin), end - begin, hold, into if end == self.substeps else unused,
+                  sensing.turn(end) if reads else None, end) for begin, end, hold, reads in sensing.parts]
+
+        def group(thread: int, first: int, last: int) -> None:
+            """Take all parts of the control step of the blocks ``first`` to ``last`` (exclusive)."""
+            for actions, steps, hold, results, slots, end in parts:
+                if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold,
+                             self._bound, actions, *results, *self._shared):
+                    self.wrong = True
+                if slots is not None:
+                    sensing.sample(self._state, slots, end, thread, first, last)
+            sensing.give(seen, into.info[-1], thread, first, last)
+
+        if self._compiled:
+            at_once = max(1, min(GROUP, int(self._pace.units // self.substeps)))
+            threads.spread(group, len(self._state), len(self._scratch), at_once)
+            return
+        with np.errstate(all="ignore"):
+            group(0, 0, len(self._state))
+
+    def begin_readings(self, sensing: Sensing, which: Places, *drawn: Any) -> None:
+        """Begin the readings of new episodes in the environments ``which``; see :meth:`Sensing.begin`."""
+        sensing.begin(self._state, which, *drawn)
+
+    def also(self, name: str) -> None:
+        """Add a row to the reported quantities, which the caller fills."""
+        self.names = (*self.names, name)
+
+    def _take(self, action: NDArray[np.floating[Any]], substeps: int, hold: int, into: Results) -> None:
+        """Take steps with constant actions, in several calls if they are many; see :meth:`_run`."""
         if substeps <= self._at_once:
-            self._run(self._state, action, substeps, substeps, into)
+            self._run(self._state, action, substeps, hold, into)
             return
-        hold, unused = substeps, self.results(0)
+        unused = self.results(0)
         while substeps:
             now, begun = min(substeps, max(1, self._at_once)), perf_counter()
             substeps -= now
@@ -302,17 +389,22 @@ class Batch(Blocks):
         self._run(self._state, np.zeros(self.size, SINGLE), 0, 0, into)
 
     def start(
-        self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
+        self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results,
+        numbers: Mapping[str, Array] = UNCHANGED,
     ) -> None:
         """Start new episodes at these angles [rad] and velocities [rad/s].
 
         The first observations and reported quantities are written to ``into``. ``which`` are the indices of the
         environments, None for all. ``drawn`` holds the random initial values of the effects' state variables, such as
-        gusts, by name.
+        gusts, by name. ``numbers`` holds the program's parameters of the new episodes by name, arrays with one number
+        for each of these environments; those that are left out stay as they are.
         """
+        if more := [name for name, shared in zip(self.layout.shared, self._shared, strict=True)
+                    if name in numbers and np.any(numbers[name] != shared)]:
+            self.vary(more)
         size = self.size if which is None else len(which)
         state = self._state if which is None else self._blocks(size)
-        own = {name: self.get(name, which) for name in self.layout.varying}
+        own = {name: numbers[name] if name in numbers else self.get(name, which) for name in self.layout.varying}
         self._begin(state, size, {**own, **drawn}, angle, velocity)
         results = into if which is None else self.results(size)
         self._run(state, np.zeros(size, SINGLE), 0, 0, results)
@@ -322,6 +414,16 @@ class Batch(Blocks):
             rows = self._fields(state).swapaxes(1, 2).reshape(-1, len(self.layout.fields))[:size]
             self._fields(self._state)[which // BLOCK, :, which % BLOCK] = rows
             into.put(which, results)
+
+    def starts(self, first: Array, second: Array, omega0: Array) -> tuple[Array, Array]:
+        """Return angles [rad] and velocities [rad/s] at which episodes start, by the task's own function.
+
+        ``first`` and ``second`` are random numbers in [0, 1), ``omega0`` angular frequencies [1/s], shape ``(n,)``.
+        """
+        angle, velocity = np.empty(len(first)), np.empty(len(first))
+        with np.errstate(all="ignore"):
+            functions(self.program, self._backend)["starts"](first, second, omega0, angle, velocity)
+        return angle, velocity
 
     def status(self, which: Places) -> Places:
         """Return the stop codes (see :mod:`pendulum_env.engine.shape`) of the environments ``which``."""

@@ -12,21 +12,34 @@ from collections.abc import Mapping
 from pendulum_env.engine import report
 from pendulum_env.engine.advance import advanced
 from pendulum_env.engine.calls import begin
+from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
-from pendulum_env.engine.shape import DIVERGED, LATE, LOST, UNSURE, indent, joined
+from pendulum_env.engine.shape import DIVERGED, LARGEST, LATE, LOST, UNSURE, indent, joined
 
 
 def loops(layout: Layout) -> list[str]:
     """Return the source of all loop functions of a program for many pendulums.
 
-    With a task they advance and observe environments, without one they advance and record runs. The last of them is the
-    function that Python calls.
+    With a task they advance and observe environments, without one they advance and record runs. The last of them, and
+    ``starts`` of a task that draws its starts by a function, are the functions that Python calls.
     """
     first = [_remember_block(layout)] if layout.shape.remembered else []
     first += [_begin_block(layout)] if layout.shape.memory else []
-    rest = [_observe(layout), _step_blocks(layout)] if layout.task else [_record(layout), _run_blocks(layout)]
+    rest = [_observe(layout), _step_blocks(layout)] if layout.goal else [_record(layout), _run_blocks(layout)]
     search = [_settle(layout)] if layout.shape.slack else []
-    return [*first, _advance(layout), *search, *rest]
+    begun = [_starts(layout.goal.begin.__name__)] if layout.goal and layout.goal.begin else []
+    return [*first, _advance(layout), *search, *rest, *begun]
+
+
+def _starts(begin: str) -> str:
+    """Write the source of ``starts``: the starts of many episodes, by a task's own function, from random numbers."""
+    return "\n".join([
+        "@entry",
+        "def starts(first, second, omega0, angle, velocity):",
+        "    for i in range(len(first)):",
+        f"        angle[i], velocity[i] = {begin}(first[i], second[i], omega0[i])",
+        "",
+    ])
 
 
 def _advance(layout: Layout) -> str:
@@ -123,17 +136,24 @@ def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
 
 def _observe(layout: Layout) -> str:
     """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block."""
-    reward, lost = layout.task or ("", "")
+    goal = layout.goal
+    assert goal is not None
+    turned = ["cosine = -cosine", "sine = -sine"] if goal.upright else []
     lines = [
         *_loaded(layout),
+        *layout.load(*goal.before),
         *report.motion(layout.shape),
+        *goal.aimed(),
         *_formulas(layout, report.ledger(layout.shape)),
         f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound",
         *([report.judged("status")] if layout.shape.ledger else []),
-        f"status = {LOST}.0 if {lost}(phi) & (status == 0.0) else status",
-        f"{layout.out('reward')} = {reward}(phi, v/omega0, control)",
+        f"status = {LOST}.0 if {goal.call(goal.lost)} & (status == 0.0) else status",
+        f"{layout.out('reward')} = {goal.call(goal.reward)}",
+        *[f"{layout.at(name)} = {BEFORE[name]}" for name in goal.before],
+        *goal.ahead(),
+        *turned,
         f"{layout.out('late')} = 1.0 if late else 0.0",
-        *[f"{layout.out(name)} = {name}" for name in report.SEEN],
+        *[f"{layout.out(name)} = {name}" for name in goal.seen],
         f"{layout.out('ended')} = status",
         f"{layout.at('status')} = {LATE}.0 if late & (status == 0.0) else status",
         *[f"{layout.out(name)} = r_{name}" for name in layout.reports],
@@ -157,7 +177,7 @@ def _record(layout: Layout) -> str:
 def _loaded(layout: Layout) -> list[str]:
     """Return the source lines that read a block's values from which the reported quantities are computed."""
     shape = layout.shape
-    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.quadratures, *shape.lost,
+    state = ("index", "q", "turns", "v", "status", "control", "initial", *shape.sums, *shape.lost,
              *shape.remembered)
     return [*layout.load(*state, *layout.numbers), *side_of_turns(layout)]
 
@@ -180,12 +200,15 @@ def _step_blocks(layout: Layout) -> str:
 
     The range is from ``first`` to ``last``, exclusive. The generated function begins a control step of ``hold`` steps,
     or continues one if ``hold`` is 0. With 0 substeps it only computes observations and reported quantities. Result
-    arrays of length 0 are not filled. An episode is truncated once it has taken more than ``bound`` steps, where a step
+    arrays of length 0 are not filled. For a task with functions of a user's the function returns the number of rewards
+    that are not finite. An episode is truncated once it has taken more than ``bound`` steps, where a step
     that diverged counts as taken.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
+    seen = layout.goal.seen if layout.goal else ()
 
+    doubted = layout.goal is not None and layout.goal.doubted
     rows = {"reward": "reward[base:base + n]"}
     rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.reports)}
     return "\n".join(
@@ -193,6 +216,7 @@ def _step_blocks(layout: Layout) -> str:
             "@entry",
             "def step_blocks(state, o, first, last, size, h, substeps, hold, bound, action, observation, reward,",
             f"                terminated, truncated, info{shared}):",
+            *(["    wrong = 0"] if doubted else []),
             "    for b in range(first, last):",
             "        s = state[b]",
             f"        base = {BLOCK}*b",
@@ -207,7 +231,7 @@ def _step_blocks(layout: Layout) -> str:
             f"        observe(s, o, n, h, bound{shared})",
             "        seen = observation[base:base + n]",
             "        for i in range(U(n)):",
-            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(report.SEEN)],
+            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(seen)],
             "        over = terminated[base:base + n]",
             "        for i in range(U(n)):",
             f"            over[i] = o[i + U({place['ended']})] != 0.0",
@@ -220,7 +244,11 @@ def _step_blocks(layout: Layout) -> str:
                 for line in (f"        row = {row}", "        for i in range(U(n)):",
                              f"            row[i] = o[i + U({place[name]})]")
             ],
-            "    return 0",
+            *([
+                "        for i in range(U(n)):",
+                f"            wrong += 0 if abs(o[i + U({place['reward']})]) <= {LARGEST} else 1",
+                "    return wrong",
+            ] if doubted else ["    return 0"]),
             "",
         ]
     )

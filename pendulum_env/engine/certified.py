@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.progress import Progress
-from pendulum_env.engine.batch import Batch, Results
+from pendulum_env.engine.batch import UNCHANGED, Batch, Results
 from pendulum_env.engine.certificate import (
     ESTIMATE,
     ROUNDOFF,
@@ -43,6 +43,7 @@ from pendulum_env.engine.machine import (
 )
 from pendulum_env.engine.result import Rollout
 from pendulum_env.engine.runs import RecordSchedule, Runs
+from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import DIVERGED, HOLD, STOP_REASONS
 from pendulum_env.engine.streams import Streams
 from pendulum_env.physics.scene import Scene
@@ -137,10 +138,19 @@ class CertifiedMachine(Machine):
         super().__init__(*arguments, **options)
         self._info_of_state, self._own = self.info, len(self.names)
         self.names = (*self.names, *(f"half_{name}" for name in self.names), *EXTREMES, ESTIMATE)
-        self._half_parameters, self._free_parameters = parameters_of(self, half=True), parameters_of(self, half=False)
+        self._set_runs()
         self._unread = (*self.watched.values(), *range(self.phi, self._own))
-        self._estimator: ErrorEstimator | None = None
         self.direct, self.info = self.run, self._with_estimate
+
+    def _set_runs(self) -> None:
+        """Set the parameters of both runs from those of the machine; the estimator is made when first needed."""
+        self._half_parameters, self._free_parameters = parameters_of(self, half=True), parameters_of(self, half=False)
+        self._estimator: ErrorEstimator | None = None
+
+    def take(self, scene: Scene) -> None:
+        """Continue with a scene that has other parameter values; see :meth:`Machine.take`."""
+        super().take(scene)
+        self._set_runs()
 
     def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
         """Return the initial state of an episode, for the run and the run at half the step; see :meth:`Machine.state`.
@@ -218,7 +228,7 @@ class CertifiedBatch(Batch):
 
         super().__init__(scene, method, diagnostics, backend, numbers, size=size, h=h, substeps=substeps, most=most,
                          **options)
-        self.names = (*self.names, ESTIMATE)
+        self._row, self.names = len(self.names), (*self.names, ESTIMATE)
         self._half_numbers = {**endless(numbers)}
         self._half = batch(self._half_numbers, 2, math.inf)
         self._unread = self._half.results()
@@ -252,24 +262,37 @@ class CertifiedBatch(Batch):
                 values[place] = value
         good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
         self._judge(np.arange(self.size), own, half, good)
-        into.info[-1] = self._estimate
+        into.info[self._row] = self._estimate
+
+    def step_in_parts(
+        self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]
+    ) -> None:
+        """Take one control step, which has only one part here; see :meth:`Batch.step_in_parts`."""
+        sensing.act(action)
+        self.step(sensing.acting(0), into)
+        sensing.sample(self._state, sensing.turn(self.substeps), self.substeps)
+        sensing.give(seen, into.info[-1])
 
     def look(self, into: Results) -> None:
         """Write observations, rewards and reported quantities of all environments in their present states to ``into``.
         """
         super().look(into)
-        into.info[-1] = self._estimate
+        into.info[self._row] = self._estimate
 
     def start(
-        self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results
+        self, which: Places | None, angle: Array, velocity: Array, drawn: Mapping[str, Array], into: Results,
+        numbers: Mapping[str, Array] = UNCHANGED,
     ) -> None:
         """Start new episodes in the batch and in the batch at half the step; see :meth:`Batch.start`."""
-        super().start(which, angle, velocity, drawn, into)
-        self._half.start(which, angle, velocity, drawn, self._unread)
+        super().start(which, angle, velocity, drawn, into, numbers)
+        self._half.start(which, angle, velocity, drawn, self._unread, endless(numbers))
+        if numbers:
+            self._half_numbers = {**endless(self.numbers)}
+            self._estimator = ErrorEstimator.of(self._scene, self.method, self.h, self.numbers, self.compensated)
         places = np.arange(self.size) if which is None else which
         self._so_far.begin(places, self.angles()[places], self.get("v", places))
         self._judge(places, self.motion(), self._half.motion(), np.ones(self.size, dtype=np.bool_))
-        into.info[-1] = self._estimate
+        into.info[self._row] = self._estimate
 
     def _judge(self, which: Places, own: Motion, half: Motion, good: NDArray[np.bool_]) -> None:
         """Update the error estimates of the environments ``which``.

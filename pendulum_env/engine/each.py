@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ Numbers = dict[str, float]
 
 FEW = 16
 """Size of a group of environments below which scenes are built one by one instead of together."""
+CHUNK = 8192
+"""Largest size of a group of environments whose episodes begin together; its arrays stay in the processor's cache."""
 WHOLE = ("effects",)
 """Parameters whose value is itself a sequence, so that a sequence is not one value per environment."""
 
@@ -63,6 +66,7 @@ class Each:
         scene: scene of the first environment.
         numbers: parameters of the generated program by name: a float if all environments agree, else an array of
             ``size`` floats.
+        episode: values that :meth:`take` gave parameters for the present episodes.
 
     Raises SceneError for invalid parameters, with the index of the environment if they differ.
     """
@@ -80,22 +84,26 @@ class Each:
     ) -> None:
         own = {name: values for name, value in parameters.items() if (values := _sequence(value, name, size, what))}
         limits = _sequence(speed_limit, "speed_limit", size, what)
-        self._own, self._watched = own, watched
+        self._own, self._watched, self._size, self._what = own, watched, size, what
+        self._limits, self._shared_limit = limits or [speed_limit] * size, () if limits else (speed_limit,)
+        self.episode: dict[str, Array] = {}
         first = {name: values[0] for name, values in own.items()}
+        mixed = {name.rpartition(".")[2] for name, values in own.items() if any(values) and not all(values)}
         try:
             self.scene = build_scene(scene, damping, {**parameters, **first})
+            if mixed:
+                self.scene = self.scene.with_effects(effect.general(mixed) for effect in self.scene.effects)
         except SceneError as error:
             if not own:
                 raise
             given = {"given": error.given} if isinstance(error, UnknownParameterError) else {}
             raise type(error)(f"In {what} 0 of {size}: {error}", **given) from None
+        self._parts = program_parts(self.scene)
         if validity and not own:
             validity.look(self.scene, range(size))
         if not own and not limits:
             self.numbers: dict[str, float | Array] = {**self._numbers(self.scene, speed_limit)}
             return
-        self._size, self._what, self._parts = size, what, program_parts(self.scene)
-        self._limits = limits or [speed_limit] * size
         validity = validity if own else None
         columns = self._together(limits, validity) or self._one_by_one(range(size), validity)
         self.numbers = {name: float(column[0]) if np.all(column == column[0]) else column
@@ -193,8 +201,80 @@ class Each:
         return {**numbers, "omega0": frequency(scene), "speed_limit": limit}
 
     def of(self, place: int) -> Scene:
-        """Return the scene of the environment with index ``place``."""
-        return self.scene.replace(**{name: values[place] for name, values in self._own.items()})
+        """Return the scene of the environment with index ``place``, in its present episode."""
+        return self._scene_with(place, {name: float(values[place]) for name, values in self.episode.items()
+                                        if not math.isnan(values[place])})
+
+    # --- values for one episode -------------------------------------------------------------------------------------
+
+    def vary(self, scenes: Iterable[Scene]) -> None:
+        """Give every environment its own value of the program's numbers in which one of ``scenes`` differs from ours.
+
+        These are scenes that later episodes may have, so that the program is made for them from the start.
+        """
+        for scene in scenes:
+            for name, value in self._numbers(scene, self._limits[0]).items():
+                own = self.numbers[name]
+                if not isinstance(own, np.ndarray) and value != own:
+                    self.numbers[name] = np.full(self._size, own)
+
+    def take(self, which: Places, values: Mapping[str, Array]) -> dict[str, Array]:
+        """Give the environments ``which`` new values of parameters for their next episode; see :meth:`numbers_with`.
+
+        ``episode`` then holds the values, by name, as arrays of ``size`` numbers; nan stands for the value that the
+        environment was made with.
+        """
+        numbers = self.numbers_with(which, values)
+        for name in {**self.episode, **values}:
+            self.episode.setdefault(name, np.full(self._size, math.nan))[which] = values.get(name, math.nan)
+        return numbers
+
+    def numbers_with(self, which: Places, values: Mapping[str, Array]) -> dict[str, Array]:
+        """Return the program's numbers of the environments ``which`` with other values of some parameters.
+
+        ``values`` and the result map names to arrays with one number for each environment of ``which``. Scenes are
+        built for groups of environments, or one by one for small groups and where a value is invalid.
+
+        Raises SceneError, with the index of the environment, for values that are invalid or need another program.
+        """
+        columns: dict[str, Array] = {}
+        alone: list[int] = []
+
+        def fill(first: int, group: Places) -> None:
+            """Store the numbers of a group of environments, given by their places in ``which`` from ``first`` on."""
+            group = group + first
+            if len(group) < FEW:
+                alone.extend(group.tolist())
+                return
+            scene = self.scene.replace(**{name: Many(column[group]) for name, column in own.items()})
+            if program_parts(scene) != self._parts:
+                raise SceneError("These need another program.")
+            for name, value in self._numbers(scene, ends[0] if isinstance(ends, tuple) else Many(ends[group])).items():
+                columns.setdefault(name, np.empty(len(which)))[group] = plain(value)
+
+        try:
+            own = {**{name: _floats(column)[which] for name, column in self._own.items() if name not in values},
+                   **values}
+            ends = self._shared_limit if self._shared_limit else _floats(self._limits)[which]
+            for first in range(0, len(which), CHUNK):
+                in_groups(min(CHUNK, len(which) - first), partial(fill, first))
+        except Exception:
+            alone = [*range(len(which))]
+        for i in alone:
+            place = int(which[i])
+            try:
+                scene = self._scene_with(place, {name: float(column[i]) for name, column in values.items()})
+                if program_parts(scene) != self._parts:
+                    raise SceneError(f"{' and '.join(values)} would need another program than that of the environment.")
+            except SceneError as error:
+                raise SceneError(f"In {self._what} {place} of {self._size}: {error}") from None
+            for name, value in self._numbers(scene, self._limits[place]).items():
+                columns.setdefault(name, np.empty(len(which)))[i] = value
+        return columns
+
+    def _scene_with(self, place: int, values: Mapping[str, float]) -> Scene:
+        """Return the scene of one environment with other values of some parameters."""
+        return self.scene.replace(**{**{name: column[place] for name, column in self._own.items()}, **values})
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:

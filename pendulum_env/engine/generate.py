@@ -15,6 +15,7 @@ from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from pendulum_env.engine import blocks, equations, report, series, slack, watch
 from pendulum_env.engine.advance import CALLED, adapt, advance, errors_of, settle, stick_slip
+from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
@@ -64,10 +65,6 @@ class BatchProgram(Program):
     layout: Layout
 
 
-Task = tuple[Callable[[float, float, float], float], Callable[[float], bool]]
-"""The two functions of a task that programs copy: reward, and lost (the episode has failed)."""
-
-
 def program(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
     compensated: bool = False,
@@ -77,15 +74,15 @@ def program(
 
 
 def batch_program(
-    scene: Scene, method: Method, diagnostics: tuple[str, ...], varying: frozenset[str], task: Task | None = None,
+    scene: Scene, method: Method, diagnostics: tuple[str, ...], varying: frozenset[str], goal: Goal | None = None,
     compensated: bool = False,
 ) -> BatchProgram:
-    """Return the program for blocks of environments with a task, or for blocks of runs without a task.
+    """Return the program for blocks of environments with a task's Goal, or for blocks of runs without a task.
 
     ``varying`` holds the names of the parameters that differ between environments. See
     :mod:`pendulum_env.engine.blocks`.
     """
-    return _batch_program(problem_of(scene, method, diagnostics, compensated=compensated), varying, task)
+    return _batch_program(problem_of(scene, method, diagnostics, compensated=compensated), varying, goal)
 
 
 @lru_cache(maxsize=512)
@@ -97,13 +94,12 @@ def _program(problem: Problem) -> Program:
 
 
 @lru_cache(maxsize=512)
-def _batch_program(problem: Problem, varying: frozenset[str], task: Task | None) -> BatchProgram:
+def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None) -> BatchProgram:
     """Return the program for blocks of environments or runs of a Problem, a scene's equation of motion with a method.
     """
-    names = None if task is None else (task[0].__name__, task[1].__name__)
-    layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, names)
-    text = _text(problem, blocks.loops(layout), task or ())
-    return BatchProgram(text, problem.shape, f"{problem.title}-{'runs' if task is None else 'batch'}", layout,
+    layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, goal)
+    text = _text(problem, blocks.loops(layout), goal.functions if goal else ())
+    return BatchProgram(text, problem.shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
                         python_functions=tuple(problem.method.python_functions.items()))
 
 
@@ -141,7 +137,7 @@ def _step(problem: Problem) -> list[str]:
     flows, hooks = sub_flows(problem, called)
     step = unroll(
         method, quadratures=shape.quadratures, extra=problem.shape.forces, hooks=hooks,
-        exact_drag=len(problem.drags) < 2, estimates=shape.adaptive, compensated=shape.compensated,
+        exact_drag=len(problem.flows) < 2, estimates=shape.adaptive, compensated=shape.compensated,
         glides=bool(shape.dry),
     )
     return [

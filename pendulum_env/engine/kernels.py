@@ -8,16 +8,15 @@ import os
 import pickle
 import platform
 import sys
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 from pendulum_env.common.replacing import replacing
 from pendulum_env.common.trust import OWN, own_bytes, own_folder
 from pendulum_env.common.warn import warn
-from pendulum_env.engine.generate import Program
 from pendulum_env.physics.units import nearest, shown
 
 Backend = Literal["auto", "compiled", "python"]
@@ -42,7 +41,18 @@ class EngineError(RuntimeError):
     """
 
 
-def functions(program: Program, backend: Backend = "auto") -> Mapping[str, Callable[..., Any]]:
+class Source(Hashable, Protocol):
+    """A generated program: its text, a name for messages, and functions that only an interpreted program can call."""
+
+    @property
+    def text(self) -> str: ...
+    @property
+    def title(self) -> str: ...
+    @property
+    def python_functions(self) -> tuple[tuple[str, Callable[..., Any]], ...]: ...
+
+
+def functions(program: Source, backend: Backend = "auto") -> Mapping[str, Callable[..., Any]]:
     """Return the functions of a generated program by name, interpreted or compiled.
 
     Args:
@@ -58,7 +68,7 @@ def functions(program: Program, backend: Backend = "auto") -> Mapping[str, Calla
 
 
 @lru_cache(maxsize=512)
-def _functions(program: Program, backend: Literal["compiled", "python"]) -> Mapping[str, Callable[..., Any]]:
+def _functions(program: Source, backend: Literal["compiled", "python"]) -> Mapping[str, Callable[..., Any]]:
     if backend == "python":
         return interpreted(program.text, program.title, dict(program.python_functions))
     return compiled(program)
@@ -144,7 +154,7 @@ def cache_folder() -> Path:
         raise FileNotFoundError(errno.ENOENT, "there is no home folder") from None
 
 
-def compiled(program: Program) -> Mapping[str, Callable[..., Any]]:
+def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     """Return a program's functions, compiled at their first call; source and machine code are cached on disk."""
     import numba
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pendulum_env.engine import report
+from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.shape import Shape, derived, indent, joined
 
 BLOCK = 256
@@ -23,7 +24,7 @@ class Layout:
     Attributes:
         shape: interface of the program.
         varying: names of the parameters that differ between environments.
-        task: names of the task's functions, reward and lost; None for runs without a task.
+        goal: the task's functions and the form of its observation; None for runs without a task.
 
     Attributes derived from these:
         numbers: names of all parameters of the generated loops, equal or not between environments.
@@ -37,7 +38,7 @@ class Layout:
 
     shape: Shape
     varying: frozenset[str]
-    task: tuple[str, str] | None
+    goal: Goal | None
 
     numbers: tuple[str, ...] = derived()
     shared: tuple[str, ...] = derived()
@@ -49,16 +50,18 @@ class Layout:
 
     def __post_init__(self) -> None:
         """Derive the names of a block's parameters, fields and results."""
-        shape, numbers = self.shape, (*self.shape.numbers, *LIMITS)
+        shape, goal = self.shape, self.goal
+        numbers = (*shape.numbers, *LIMITS, *((SPAN,) if goal and goal.reference else ()))
         own = tuple(name for name in numbers if name in self.varying)
         shared = tuple(name for name in numbers if name not in self.varying)
         state = ("index", "q", "turns", "v", "status")
         memory = ("held", *shape.memory) if shape.memory else ()
         initial = ("initial",) if shape.ledger else ()
         lost = (*shape.lost, *shape.lost_sums)
-        fields = (*state, *memory, *initial, *shape.quadratures, *lost, *shape.remembered, *shape.slackened, *own)
-        reports = shape.info if self.task else report.names_recorded(shape)
-        seen = (*report.SEEN, "reward", "late", "ended") if self.task else ()
+        fields = (*state, *memory, *initial, *shape.sums, *lost, *shape.remembered, *shape.slackened,
+                  *(goal.before if goal else ()), *own)
+        reports = shape.info if goal else report.names_recorded(shape)
+        seen = (*goal.seen, "reward", "late", "ended") if goal else ()
         results = ("control", *seen, *reports)
         moved = tuple(name for name in shape.carried if name != "side")
         vars(self).update(

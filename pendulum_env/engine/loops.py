@@ -12,7 +12,7 @@ def _unpack(shape: Shape) -> list[str]:
     """Return the first source lines of ``run``: local names for parameters and state, and the initial energy."""
     before = shape.params.index(BOUND[-1]) if shape.adaptive else len(shape.params)
     lines = [f"{name} = params[{i}]" for i, name in enumerate(shape.params[:before])]
-    names = ["index", "q", "turns", "v", "", "", *shape.quadratures, *shape.lost]
+    names = ["index", "q", "turns", "v", "", "", *shape.sums, *shape.lost]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
         lines.append("side = side_of(turns)")
@@ -69,7 +69,7 @@ def _store(shape: Shape, target: str) -> list[str]:
     ``target`` is the source of the array entry, with {} for the index.
     """
     potential = f"potential({joined(('q',), shape.place)})"
-    values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.quadratures, *shape.lost]
+    values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.sums, *shape.lost]
     values += watch.values(shape).values()
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 

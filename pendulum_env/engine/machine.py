@@ -21,7 +21,7 @@ from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.pieces import NOWHERE as NOWHERE
 from pendulum_env.engine.pieces import Pace, run_in_pieces
-from pendulum_env.engine.problem import moving, slipping
+from pendulum_env.engine.problem import moving, program_parts, slipping
 from pendulum_env.engine.series import untraceable
 from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, STOP_REASONS, WATCHED
 from pendulum_env.engine.source import arguments
@@ -59,12 +59,14 @@ def offers(scene: Scene) -> frozenset[str]:
     offered = {*ALWAYS}
     losses, windy = scene.of_kind("dissipative"), moving(scene.effects)
     dry = any(effect.dry for effect in losses)
+    torques = [(effect, {*arguments(effect.torque)}) for effect in scene.effects if effect.torque]
     flows = all((effect.fade if windy and slipping(effect) else effect.flow) or effect.dry for effect in losses)
+    flows = flows and all(effect.flow for effect, names in torques
+                          if effect.kind != "dissipative" and BY_VELOCITY & names)
     if flows and not (windy and dry):
         offered.add("split")
-    torques = [(effect, {*arguments(effect.torque)}) for effect in scene.effects if effect.torque]
     if not dry:
-        offered |= {"reversible", "smooth"}
+        offered |= {"reversible", *(() if any(effect.limit for effect in scene.effects) else ("smooth",))}
         if not any(BY_VELOCITY & names for _, names in torques):
             offered.add("velocity_free")
     known = True
@@ -197,7 +199,8 @@ class Machine:
         self.direct: Function = self.run if self.tolerance else self.entry
         self.info: Function = generated["info"]
         self.phi = source.shape.phi
-        values = numbers_of(scene, bool(source.shape.pull or source.shape.watched)) | self.tolerance
+        self._pulled, self._parts = bool(source.shape.pull or source.shape.watched), program_parts(scene)
+        values = numbers_of(scene, self._pulled) | self.tolerance
         self.scale = values["scale"]
         self.drawn = source.shape.drawn
         self._pace = Pace()
@@ -209,12 +212,30 @@ class Machine:
         self.watched = {name: self.names.index(name) for name in source.shape.watched}
         self.width = len(source.shape.recorded)
         self.kept = {name: self.names.index(name) for name in (*ADAPTED, *SLACKENED) if name in source.shape.kept}
-        self.sums = {name: i for i, name in enumerate(source.shape.recorded) if name in source.shape.quadratures}
+        self.sums = {name: i for i, name in enumerate(source.shape.recorded) if name in source.shape.sums}
         self._at_once = self._pace.units if not self.tolerance else 0 if source.shape.remembered else 1
 
     def __reduce__(self) -> tuple[Callable[..., Machine], tuple[Any, ...]]:
         """Return the arguments that rebuild a copied or unpickled machine; compiled functions are not pickled."""
         return _rebuilt, (FORMAT, type(self), *self.arguments)
+
+    def take(self, scene: Scene) -> None:
+        """Continue with a scene that has other parameter values: its numbers replace those in ``parameters``.
+
+        Raises SceneError, and changes nothing, for a scene that needs another program.
+        """
+        self.check(scene)
+        values = numbers_of(scene, self._pulled)
+        self.scene, self.scale = scene, values["scale"]
+        for place, name in enumerate(self.numbers):
+            if name in values:
+                self.parameters[place] = values[name]
+
+    def check(self, scene: Scene) -> None:
+        """Raise SceneError if a scene needs another program than that of this machine."""
+        if program_parts(scene) != self._parts:
+            raise SceneError(f"The scene '{scene.name}' with these values needs another program than the one that "
+                             "runs; make a new environment with them.")
 
     @property
     def arguments(self) -> tuple[Any, ...]:
@@ -238,7 +259,7 @@ class Machine:
 
         The text "+ exact drag flow" is appended if the method computes the drag by its exact solution.
         """
-        drags = any(effect.flow for effect in self.scene.of_kind("dissipative"))
+        drags = any(effect.flow for effect in self.scene.effects)
         return f"{self.method.name} + exact drag flow" if drags and "split" in self.method.needs else self.method.name
 
     def array(self, values: Iterable[float]) -> Any:

@@ -70,7 +70,7 @@ def energy_of(shape: Shape) -> dict[str, str]:
 
 def balance(shape: Shape) -> dict[str, str]:
     """Return the source formulas of energy, work, heat and the energy residual [J]."""
-    heats = [f"inertia*{name}" for name in shape.quadratures if name.startswith("heat")]
+    heats = [f"inertia*{name}" for name in shape.sums if name.startswith("heat")]
     return {
         **energy_of(shape),
         "r_work": "inertia*work" if "work" in shape.quadratures else "0.0",

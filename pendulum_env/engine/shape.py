@@ -51,6 +51,9 @@ The number has a fraction if the wire went slack within a step. The entry is 0 a
 WATCHED = {"tension": ("tension",), "flow": ("reynolds", "keulegan_carpenter", "quality_factor")}
 """Diagnostic -> its entries of ``info``: tension [N], and three pure numbers of the flow past the bob."""
 
+CLIPPED = "heat_clip"
+"""Entry of ``info`` for the energy that a clip of the velocity takes; part of the heat."""
+
 HOLD = ("hold",)
 """Further parameter in scenes whose effects have a state, such as gusts: the number of steps per control step."""
 
@@ -106,12 +109,16 @@ class Shape:
         watched: names of the further reported quantities; see WATCHED.
         remembered: names of the effects' state variables, advanced at the start of every control step.
         drawn: names of the effects' state variables that start as random whole numbers.
+        clip: name of the coefficient that bounds the velocity after every step; "" without a clip.
+        drift: fraction of the step by which the last sub-flow of a splitting, a drift, turns the rod with the clipped
+            velocity, as source; "" if there is none.
 
     Attributes derived from these:
+        sums: names of the sums of work and heat in the state: the quadratures, and the heat of a clip.
         ends_slack: True if a wire that goes slack ends the run.
         accounts: True if the program computes work and heat.
         lost: names of the rounding remainders of angle and velocity, which every step takes and returns.
-        lost_sums: names of the rounding remainders of the quadratures.
+        lost_sums: names of the rounding remainders of the sums.
         handed: names of the values beside the motion that a step takes and hands to the next one: a multistep method's
             history and the rounding remainders; in adaptive steps the acceleration and the rates of the quadratures.
         pull: names of the parameters in the formula for the pull on the suspension; none if no diagnostic or wire needs
@@ -154,7 +161,10 @@ class Shape:
     watched: tuple[str, ...] = ()
     remembered: tuple[str, ...] = ()
     drawn: tuple[str, ...] = ()
+    clip: str = ""
+    drift: str = ""
 
+    sums: tuple[str, ...] = derived()
     ends_slack: bool = derived()
     accounts: bool = derived()
     lost: tuple[str, ...] = derived()
@@ -177,23 +187,25 @@ class Shape:
     def __post_init__(self) -> None:
         """Derive the names of all values that a program takes, records, keeps and reports."""
         lost = LOST_PARTS if self.compensated else ()
-        lost_sums = tuple(f"lost_{name}" for name in self.quadratures) if self.compensated else ()
+        accounts = self.ledger or self.by_effect
+        sums = (*self.quadratures, *((CLIPPED,) if self.clip and accounts else ()))
+        lost_sums = tuple(f"lost_{name}" for name in sums) if self.compensated else ()
         rates = tuple(f"rate_{name}" for name in self.quadratures)
         handed = ("a", *rates) if self.adaptive else (*self.memory, *lost)
         step_results = ("q1", "v1", *(f"{name}1" for name in handed), *(f"d_{name}" for name in self.quadratures))
         slackened = SLACKENED if self.lenient else ()
         place = ("q", "turns", "side") if self.periodic else ("q",)
-        carried = (*place, "v", *self.memory, *lost, *self.quadratures, *lost_sums, *slackened)
+        carried = (*place, "v", *self.memory, *lost, *sums, *lost_sums, *slackened)
 
         pull = PULL if self.slack or "tension" in self.watched else ()
         flow = FLOW if set(WATCHED["flow"]) & set(self.watched) else ()
         numbers = (*self.parameters, *OWN, *pull, *flow)
 
         ledger = (*LEDGER, *(LEFT_OUT if self.compensated else ())) if self.ledger else ()
-        heats = [name for name in self.quadratures if name.startswith("heat_")] if self.by_effect else []
+        heats = [name for name in sums if name.startswith("heat_") and (self.by_effect or name == CLIPPED)]
         info = (*ledger, *heats, *self.watched)
 
-        recorded = (*STATE, *self.quadratures, *lost, *self.watched)
+        recorded = (*STATE, *sums, *lost, *self.watched)
         memory = ("held", *self.memory) if self.memory else ()
         remembered = (*self.remembered, "phase") if self.remembered else ()
         kept = ("initial", *memory, *lost_sums, *(ADAPTED if self.adaptive else ()), *slackened, *remembered)
@@ -204,7 +216,7 @@ class Shape:
         params = (*numbers, *(HOLD if self.remembered else ()), *progress)
 
         vars(self).update(
-            ends_slack=self.slack and not self.lenient, accounts=self.ledger or self.by_effect, lost=lost,
+            ends_slack=self.slack and not self.lenient, accounts=accounts, sums=sums, lost=lost,
             lost_sums=lost_sums, handed=handed, pull=pull, numbers=numbers, info=info, recorded=recorded, kept=kept,
             state=(*recorded, *kept, "phi", *info), phi=len(recorded) + len(kept), paused=paused, params=params,
             slackened=slackened, carried=carried, step_results=step_results,

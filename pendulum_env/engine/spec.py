@@ -23,6 +23,7 @@ from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.certified import CertifiedBatch, CertifiedMachine, CertifiedRuns, checked_estimate
 from pendulum_env.engine.each import Each, checked_limit
+from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.runs import RecordSchedule, Runs
@@ -84,6 +85,7 @@ class RunSpec:
         seeds: seeds of the random numbers, one per run.
         formulas: a warning about effects' formulas that do not hold at the run's speeds, "" if all do.
         measured: True if method and step were chosen by measured errors, as integrator="auto" does.
+        others: further scenes that episodes of an environment may have.
         warn: False turns off the warnings before the run and those about its stop.
         careful: True raises a SceneError in place of every warning before the run.
     """
@@ -108,6 +110,7 @@ class RunSpec:
     seeds: Sequence[int] = (0,)
     formulas: str = ""
     measured: bool = False
+    others: tuple[Scene, ...] = ()
     warn: bool = shared(True, lambda value: truth(value, "warn"))
     careful: bool = shared(False, lambda value: truth(value, "careful"))
 
@@ -189,6 +192,7 @@ class RunSpec:
         rtol: float | None = None,
         atol: float | None = None,
         compensated: bool = False,
+        others: Callable[[Scene], Sequence[Scene]] | None = None,
     ) -> RunSpec:
         """Return the checked description of the runs of an environment or, with ``size``, of a vector of environments.
 
@@ -200,6 +204,7 @@ class RunSpec:
                 checked.
             size: number of environments in a vector.
             diagnostics, backend, rtol, atol, compensated: as in gym.make.
+            others: function that returns, for the scene of an environment, further scenes that its episodes may have.
 
         Raises SceneError or MethodError for invalid arguments.
         """
@@ -212,14 +217,23 @@ class RunSpec:
         place = each.scene if each else build_scene(scene, damping, given)
         if validity and not each:
             validity.look(place, (0,))
+        bases = each.corners() if each and others else [place]
+        further = tuple(other for base in bases for other in others(base)) if others else ()
+        if validity:
+            for other in further:
+                validity.look(other, (0,))
+        if each:
+            each.vary(further)
         limit = math.inf if each else checked_limit(speed_limit, place)
-        integrator, substeps, measured = choose(each.corners if each else lambda: place)
+        scenes = each.corners if each else lambda: place
+        integrator, substeps, measured = choose((lambda: [*bases, *further]) if further else scenes)
         method = find_method(integrator, place)
         return cls(
             scene=place, integrator=integrator if isinstance(integrator, str) and measured else method.name,
             method=method, h=dt / substeps, each=each, hold=substeps, diagnostics=names,
             estimate_error="error" in names, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
-            compensated=compensated, formulas=validity.warning if validity else "", measured=measured, **own,
+            compensated=compensated, formulas=validity.warning if validity else "", measured=measured, others=further,
+            **own,
         )
 
     @classmethod
@@ -273,13 +287,14 @@ class RunSpec:
             streams=Streams(self.seeds),
         )
 
-    def batch(self, size: int, task: Any, most: float, num_threads: int | None = None) -> Batch:
+    def batch(self, size: int, goal: Goal, most: float, num_threads: int | None = None) -> Batch:
         """Return the Batch that simulates ``size`` environments with episodes of at most ``most`` control steps."""
         assert self.each is not None
         kind = CertifiedBatch if self.estimate_error else Batch
+        numbers = {**self.each.numbers, SPAN: self.h * self.hold}
         return kind(
-            self.scene, self.method, self.diagnostics, self.backend, self.each.numbers, size=size, h=self.h,
-            task=task, num_threads=num_threads, substeps=self.hold, most=most, compensated=self.compensated,
+            self.scene, self.method, self.diagnostics, self.backend, numbers, size=size, h=self.h,
+            goal=goal, num_threads=num_threads, substeps=self.hold, most=most, compensated=self.compensated,
         )
 
     # --- warnings ---------------------------------------------------------------------------------------------------
@@ -309,7 +324,7 @@ class RunSpec:
         self.tell(far_away(start[0]))
         return start
 
-    def tell_of_task(self, task: str | None) -> None:
+    def tell_of_task(self, task: Any) -> None:
         """Warn if no task was chosen, and the usual one, swing_up, cannot be solved, as the scene has no motor."""
         idle = task is None and not any(effect.controlled for effect in self.scene.effects)
         if idle:
@@ -459,7 +474,7 @@ def long_steps(spec: RunSpec) -> Iterator[str]:
     if spec.rtol is None and not spec.measured:
         largest = [] if spec.start is None else [float(np.max(np.abs(values))) for values in spec.start]
         scenes = (spec.scene,) if spec.each is None else spec.each.swiftest()
-        yield from limits.too_long(spec.method, scenes, spec.h, *largest)
+        yield from limits.too_long(spec.method, (*scenes, *spec.others), spec.h, *largest)
 
 
 def coarse_steps(spec: RunSpec) -> Iterator[str]:

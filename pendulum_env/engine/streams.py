@@ -8,7 +8,7 @@ the seeding is NumPy's SeedSequence, after O'Neill 2015, Developing a seed_seq a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,11 +70,11 @@ class Streams:
         for target, values in zip((*self._state, *self._increment), (*state, *increment), strict=True):
             target[which] = values
 
-    def words(self, which: NDArray[np.intp]) -> Words:
+    def words(self, which: Any) -> Words:
         """Return the state and the increment of every stream in ``which``, each as (high, low), an array ``(4, n)``."""
         return np.stack([words[which] for words in (*self._state, *self._increment)])
 
-    def restore(self, which: NDArray[np.intp], words: Words) -> None:
+    def restore(self, which: Any, words: Words) -> None:
         """Set the streams with the indices ``which`` to states that :meth:`words` returned."""
         for target, values in zip((*self._state, *self._increment), words, strict=True):
             target[which] = values
@@ -88,6 +88,18 @@ class Streams:
             mixed, turn = high ^ low, high >> np.uint64(58)
             bits = mixed >> turn | mixed << (np.uint64(64) - turn & np.uint64(63))
         return np.asarray((bits >> np.uint64(11)).astype(np.float64) * 2.0**-53)
+
+    def generators(self, which: NDArray[np.intp]) -> Iterator[np.random.Generator]:
+        """Yield a NumPy generator for every stream in ``which``, which continues the stream while it is the last one.
+
+        It is the same object each time. Its unused half of a 64-bit number, if there is one, is dropped afterwards.
+        """
+        source = np.random.PCG64(0)
+        generator = np.random.Generator(source)
+        for place in which:
+            source.state = generator_state(self.words(place))
+            yield generator
+            self.restore(place, words_of(source.state))
 
 
 def generator_state(words: Words) -> dict[str, object]:

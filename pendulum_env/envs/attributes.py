@@ -15,14 +15,16 @@ from gymnasium.envs.registration import EnvSpec
 from integrators import METHODS, Method
 from pendulum_env.common.checks import MEANT
 from pendulum_env.common.shown import Displayed
+from pendulum_env.envs.randomize import plain_form
 from pendulum_env.physics.bodies import BODIES, body_data
 from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, nearest, shown
 
-FORMAT = 4
+FORMAT = 6
 """Number of the form in which environments are pickled; raised by one whenever their attributes change."""
 
 
@@ -126,7 +128,7 @@ def _plain(value: Any) -> Any:
         return value.name
     if isinstance(value, RigidBody):
         return body_data(value)
-    if isinstance(value, Medium):
+    if isinstance(value, (Medium, Sensor)):
         return dataclasses.asdict(value)
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
@@ -161,7 +163,8 @@ class Portable(Displayed):
         if spec is not None:
             spec = PortableSpec(**{entry.name: getattr(spec, entry.name) for entry in dataclasses.fields(spec)
                                    if entry.init})
-            spec.kwargs = {name: _plain(value) for name, value in spec.kwargs.items()}
+            spec.kwargs = {name: _plain(plain_form(value) if name == "randomize" else value)
+                           for name, value in spec.kwargs.items()}
         vars(self)["_made_by"] = spec
 
     def __getstate__(self) -> dict[str, Any]:

@@ -42,6 +42,9 @@ class Cameras:
         values = dict(zip(self._batch.names, info, strict=True))
         self._reel.keep((steps * self._batch.h, angles, velocities), values, begun.size > 0)
         self._reel.cut(begun)
+        if self._spec.each is not None and self._spec.each.episode:  # other parameters, drawn for the new episodes
+            for place in begun.tolist():
+                self._cameras.pop(place, None)
 
     def frame(self, place: int) -> NDArray[np.uint8]:
         """Return the picture of one environment, the one with index ``place``."""

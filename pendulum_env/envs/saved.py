@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
+from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import LARGEST
 from pendulum_env.engine.starts import checked_control
+from pendulum_env.envs.settings import check_parameters
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 KEYS = ("made_for", "state", "action", "trail", "random")
@@ -66,6 +69,27 @@ def checked_state(
     if not valid:
         raise SceneError("The state to restore is not that of a run: some numbers computed from it are not finite.")
     return values, share, trail
+
+
+def checked_parameters(saved: Any, scene: Scene) -> dict[str, float]:
+    """Return the parameters of the episode in a saved state, by name; empty if the episode had the scene's own.
+
+    Raises SceneError for values that are not those of numbers of the scene.
+    """
+    given = saved.get("parameters", {}) if isinstance(saved, Mapping) else {}
+    if not isinstance(given, Mapping):
+        raise SceneError(f"parameters in a state to restore must be a dict of numbers, not {shown(given)}.")
+    check_parameters(given, scene, f"parameters in a state to restore: the scene '{scene.name}' has no parameter")
+    return {name: number(value, name) for name, value in given.items()}
+
+
+def checked_sensing(saved: Mapping[str, Any], own: Sensing) -> Sensing:
+    """Return readings and delayed actions as in a saved state; SceneError if they are not those of such a sensor."""
+    sensing = own.checked(saved.get("sensing"))
+    if sensing is None:
+        raise SceneError("sensing in a state to restore must hold the readings and actions that get_state returned, "
+                         f"not {shown(saved.get('sensing'))}.")
+    return sensing
 
 
 def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:

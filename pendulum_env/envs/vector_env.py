@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from pendulum_env.common.shown import one_line
+from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.batch import Results
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import check_diagnostics
+from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
@@ -23,6 +26,8 @@ from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.members import Members
+from pendulum_env.envs.randomize import randomization
+from pendulum_env.envs.sensing import drawn_delays, plan_of, readings_of_many
 from pendulum_env.envs.settings import (
     MANY,
     START,
@@ -32,12 +37,14 @@ from pendulum_env.envs.settings import (
     checked_settings,
     settled,
     spaces_of,
+    usual,
 )
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, naming_keywords, number, one_of, shown, truth, whole_number
-from pendulum_env.tasks import Task
+from pendulum_env.tasks import Task, TaskError
 from pendulum_env.tasks.action import checked_actions
 
 Array = NDArray[np.float64]
@@ -60,14 +67,17 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
     Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
 
     - any parameter of the scene, and ``speed_limit``, may be an array with one value for each environment.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``integrator="auto"`` the
+    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``duration`` the
+      registered 500 steps do not count. With ``integrator="auto"`` the
       accuracy holds for an episode of this length (500 steps for None), tested in the environments with the smallest
       and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default one thread per core for many environments, and one thread for few.
     - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
-    ``reset(options=...)`` takes "angle" and "velocity", numbers or arrays of ``num_envs``, and "reset_mask".
+    ``reset(options=...)`` takes "angle", "velocity" and parameters of the scene, numbers or arrays of ``num_envs``, and
+    "reset_mask". A parameter that ``randomize`` does not name makes one more program when it is first set so.
+    ``episode_parameters`` has the parameters of the present episodes that were drawn or set by options.
 
     Raises SceneError, MethodError or EngineError for an invalid argument, with the index of the environment.
     """
@@ -86,11 +96,11 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self,
         num_envs: int = 1,
         scene: str | Scene | Mapping[str, object] = "lab",
-        integrator: str | Method = "rk4",
+        integrator: str | Method | None = None,
         damping: Damping = "scene",
-        dt: float = 0.02,
+        dt: float | None = None,
         substeps: int = 1,
-        task: str | None = None,
+        task: str | Task | None = None,
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: Any = None,
         render_mode: str | None = None,
@@ -108,6 +118,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         render_panels: Sequence[str] = ("apparatus", "energy"),
         velocity_bound: float | None = None,
         speed_penalty: float = 0.0,
+        duration: float | None = None,
+        reward_rate: bool = False,
+        randomize: Any = None,
+        observation: str = "full",
+        history: int | None = None,
+        sensor: Sensor | Mapping[str, Any] | None = None,
+        observation_delay: float | Sequence[float] = 0.0,
+        action_delay: float | Sequence[float] = 0.0,
         **parameters: Any,
     ) -> None:
         super().__init__()
@@ -115,26 +133,41 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             raise MethodError("rtol and atol are for single environments; a vector has fixed steps of dt / substeps.")
         self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
-        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names, True)
+        integrator, dt = usual(scene, integrator, dt)
+        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
+                                 duration, reward_rate, many=True)
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
         self.metadata = {**MANY, "render_fps": 1.0 / setup.dt, "autoreset_mode": self.autoreset_mode}
-        most = np.inf if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
+        given = None if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
+        if setup.steps is not None:  # the registered number gives way to a duration, any other holds too
+            given = setup.steps if given in (None, REGISTERED) else min(given, setup.steps)
+        most = np.inf if given is None else given
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
+        draws = self._randomization = randomization(randomize)
+        self._randomize = randomize
         with naming_keywords(type(self)):
             spec = self._spec = RunSpec.of_episodes(
                 scene, damping, parameters, dt=setup.dt, size=self._num_envs, diagnostics=names,
                 speed_limit=speed_limit, backend=backend, compensated=compensated,
-                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, max_episode_steps, compensated),
+                others=draws.scenes if draws else None,
+                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, given, compensated),
             )
-        self._batch = spec.batch(self._num_envs, (setup.task.reward, setup.task.lost), most, wanted)
+        self._batch = spec.batch(self._num_envs, setup.task.goal, most, wanted)
+        self._observation, self._history, self._sensor = observation, history, sensor
+        self._observation_delay, self._action_delay = observation_delay, action_delay
+        plan = plan_of(observation, history, sensor, observation_delay, action_delay, spec.h, spec.hold)
+        self._sensing = readings_of_many(spec, self._batch, plan)
+        self._delays: dict[str, Array] = {}
+        self._seen_before: NDArray[np.float32] | None = None
         spec.tell()
         spec.tell_of_task(task)
         self._scene, self._dt, self._substeps, self._task = spec.scene, setup.dt, spec.hold, setup.task
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
         self._integrator, self._num_threads = spec.integrator, self._batch.num_threads
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound)
+        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound, setup.task, plan)
+        self._rate, self._checks = setup.rate, setup.task.own
         self._velocity_bound = bound
         self._bounded = bound < UNBOUNDED
         self.observation_space = batched(self.single_observation_space, self._num_envs)
@@ -174,25 +207,29 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         if some and not self._begun:
             raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
         which = np.flatnonzero(mask)
-        asked = checked_options(rest, self.scene.run, self.task)
+        asked, given, task = checked_options(rest, self.scene, self.task)
+        own = {name: checked_values(name, values, which, size) for name, values in given.items()}
+        if own:
+            self._each.numbers_with(which, own)
         angle, velocity = checked_starts(self._spec, {**dict.fromkeys(START, 0.0), **asked}, which, size)
         self._seed(checked_seeds(seed, size), which)
+        numbers = self._take_parameters(which, own)
         if len(asked) < len(START):
-            drawn = self._random(which)
+            drawn = self._random(which, numbers, task)
             angle = angle if "angle" in asked else drawn[0]
             velocity = velocity if "velocity" in asked else drawn[1]
         results = self._batch.results() if self._reused is None else self._reused
         if some:
             self._batch.look(results)
-        self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results)
-        if self._bounded:
-            self._cut(results)
+        self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results, numbers)
+        self._begin_readings(which)
+        seen = self._seen(self._read(results), results)
         self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
             self._camera.keep(None, which, results.info)
         rows = np.where(mask, results.info, 0.0) if some else results.info
-        infos, none = self._infos(rows, mask.copy()), np.array(None)
-        return results.observation, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
+        infos, none = {**self._infos(rows, mask.copy()), **self._parameter_infos(which)}, np.array(None)
+        return seen, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
 
     def step(
         self, actions: Any
@@ -214,12 +251,18 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             )
         results = self._batch.results() if self._reused is None else self._reused
         try:
-            self._batch.step(action, results)
+            given = self._room(results)
+            if self._sensing is None:
+                self._batch.step(action, results)
+            else:
+                self._batch.step_in_parts(self._sensing, action, results, given)
         except BaseException:
             self._begun = False
             raise
-        if self._bounded:
-            self._cut(results)
+        if self._checks and self._batch.wrong:
+            self._refuse_rewards(results)
+        if self._rate != 1.0:
+            np.multiply(results.reward, self._rate, out=results.reward)
         if not self._slack and (slackened := self._batch.slackened):
             self._slack = True
             self._spec.tell_of_slack(slackened)
@@ -229,10 +272,10 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._steps += 1
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            self._batch.start(waiting, *self._random(waiting), self._drawn_for(waiting), results)
+            extra = self._restart(waiting, results)
             results.reward[waiting] = 0.0
-            if self._bounded:
-                self._cut(results)
+            given = self._read(results)
+        seen = self._seen(given, results)
         over, self._over = NOBODY, NOBODY
         if 1 in results.terminated.tobytes() or 1 in results.truncated.tobytes():  # faster than any() for some thousand
             over = np.flatnonzero(results.terminated | results.truncated)
@@ -241,21 +284,20 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
                 results.reward[stopped[self._batch.status(stopped) != LOST]] -= self._penalty
             reasons = self._reasons(over[results.terminated[over]], action)
             if self.autoreset_mode is AutoresetMode.SAME_STEP:
-                extra = self._final(over, results, reasons)
+                extra = self._final(over, seen, results, reasons)
                 ended, late = results.terminated[over], results.truncated[over]
                 reward = results.reward[over]
-                self._batch.start(over, *self._random(over), self._drawn_for(over), results)
+                extra |= self._restart(over, results)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
-                if self._bounded:
-                    self._cut(results)
+                seen = self._seen(self._read(results), results)
             else:
-                self._over, extra = over, reasons
+                self._over, extra = over, {**extra, **reasons}
         if self._camera is not None:
             self._camera.keep(action, over if self.autoreset_mode is AutoresetMode.SAME_STEP else waiting, results.info)
         infos = self._infos_of_all(results)
         if extra:
             infos.update(extra)
-        return results.observation, results.reward, results.terminated, results.truncated, infos
+        return seen, results.reward, results.terminated, results.truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return one frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
@@ -294,12 +336,59 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         for name in ("stop_reason", "_stop_reason"):
             self._marks[name].flags.writeable = False
 
+    def _refuse_rewards(self, results: Results) -> None:
+        """Raise TaskError if rewards by a user's function are not finite, with the first environment."""
+        bad = np.flatnonzero(~np.isfinite(results.reward))
+        if bad.size:
+            self._begun = False
+            place = int(bad[0])
+            angle, velocity = (float(values[place]) for values in self._batch.motion()[1:])
+            raise TaskError(f"The reward of the task {shown(self.task.name)} is {results.reward[place]} in environment "
+                            f"{place}, at angle = {angle:.6g} rad, velocity = {velocity:.6g} rad/s; reset the "
+                            "environments before the next step.")
+
     # --- parts --------------------------------------------------------------------------------------------------
 
-    def _cut(self, results: Results) -> None:
-        """Cut the observed velocities to ``velocity_bound``."""
-        velocity, bound = results.observation[:, 2], self._velocity_bound
-        np.clip(velocity, -bound, bound, out=velocity)
+    def _room(self, results: Results) -> NDArray[np.float32]:
+        """Return the array into which the step writes what the agents see."""
+        if self._sensing is None:
+            return results.observation
+        shape = self._num_envs, self._sensing.plan.width + results.observation.shape[1] - len(SEEN)
+        seen = np.empty(shape, np.float32) if self._seen_before is None else self._seen_before
+        self._seen_before = None if self._reused is None else seen
+        return seen
+
+    def _read(self, results: Results) -> NDArray[np.float32]:
+        """Return what the agents see of the present states, after new episodes have begun."""
+        seen = self._room(results)
+        if self._sensing is not None:
+            self._sensing.give(seen, results.info[-1])
+        return seen
+
+    def _seen(self, seen: NDArray[np.float32], results: Results) -> NDArray[np.float32]:
+        """Return the observations: what the sensors show, or the motion, and what the task shows of its reference.
+
+        Velocities are cut to ``velocity_bound``.
+        """
+        sensing = self._sensing
+        if sensing is not None:
+            width = sensing.plan.width
+            seen[:, width:] = results.observation[:, len(SEEN):]
+            if self.task.goal.upright:
+                turned = seen[:, : width - sensing.plan.swift]
+                np.negative(turned, out=turned)
+        if self._bounded and (sensing is None or sensing.plan.swift):
+            velocity, bound = seen[:, 2], self._velocity_bound
+            np.clip(velocity, -bound, bound, out=velocity)
+        return seen
+
+    def _begin_readings(self, which: Places) -> None:
+        """Begin the readings of new episodes in the environments ``which``, with delays and noise drawn for them."""
+        if self._sensing is not None:
+            drawn, steps = drawn_delays(self._sensing.plan, lambda: self._seeded().uniform(which))
+            self._batch.begin_readings(self._sensing, which, *drawn)
+            for name, late in steps.items():
+                self._delays.setdefault(name, np.zeros(self._num_envs))[which] = late * self._batch.h
 
     def _infos_of_all(self, results: Results) -> Infos:
         """Return the infos of a step in a new dict.
@@ -343,23 +432,73 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         reasons[ended] = names
         return {"stop_reason": reasons}
 
-    def _final(self, over: Places, results: Results, reasons: Infos) -> Infos:
+    def _final(self, over: Places, seen: NDArray[np.float32], results: Results, reasons: Infos) -> Infos:
         """Return Gymnasium's infos with the last observations and infos of episodes that restart in the same step."""
-        infos: Infos = marked("final_obs", over, results.observation[over], self._num_envs)
+        infos: Infos = marked("final_obs", over, seen[over], self._num_envs)
         shown = infos["_final_obs"]
         rows = np.where(shown, results.info, 0.0)
         last = {**self._infos(rows, shown), **reasons}
         last["stop_reason"] = np.where(shown, last["stop_reason"], None)
         return {**infos, "final_info": last, "_final_info": shown.copy()}
 
-    def _random(self, which: Places) -> tuple[Array, Array]:
-        """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``."""
-        run, size = self.scene.run, len(which)
-        if self.task.centre is None:
+    @property
+    def _each(self) -> Each:
+        """The scenes of the environments, with the parameters of their present episodes."""
+        assert self._spec.each is not None
+        return self._spec.each
+
+    def _restart(self, which: Places, results: Results) -> Infos:
+        """Start new episodes with drawn parameters and starts; return their parameters as infos."""
+        numbers = self._take_parameters(which, {})
+        self._batch.start(which, *self._random(which, numbers), self._drawn_for(which), results, numbers)
+        self._begin_readings(which)
+        return self._parameter_infos(which)
+
+    def _take_parameters(self, which: Places, given: Mapping[str, Array]) -> dict[str, Array]:
+        """Draw the parameters of new episodes in the environments ``which``, but for those that are ``given``.
+
+        Return the program's numbers that follow from them; {} if all episodes have the environments' own parameters.
+        """
+        each, draws = self._each, self._randomization
+        values = {**draws.drawn(self._seeded(), which, self._spec.backend), **given} if draws else given
+        return each.take(which, values) if values or each.episode else {}
+
+    def _parameter_infos(self, which: Places) -> Infos:
+        """Return the infos with the drawn or given parameters of new episodes; {} if they have none."""
+        rows: Infos = {}
+        for name, column in self.episode_parameters.items():
+            if (own := which[~np.isnan(column[which])]).size:
+                values, mask = np.zeros(self._num_envs), np.zeros(self._num_envs, dtype=np.bool_)
+                values[own], mask[own] = column[own], True
+                rows |= {name: values, f"_{name}": mask}
+        if not rows:
+            return {}
+        shown = np.logical_or.reduce([mask for name, mask in rows.items() if mask.dtype == np.bool_])
+        return {"parameters": rows, "_parameters": shown}
+
+    @property
+    def episode_parameters(self) -> dict[str, Array]:
+        """Parameters of the present episodes that were drawn, or set by options: name -> array ``(num_envs,)``.
+
+        nan stands for the value of the environment's own scene. Random delays [s] are among them.
+        """
+        return {name: column.copy() for name, column in {**self._each.episode, **self._delays}.items()}
+
+    def _random(self, which: Places, numbers: Mapping[str, Array], task: Task | None = None) -> tuple[Array, Array]:
+        """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``.
+
+        ``numbers`` are the program's numbers of these episodes, {} for those of the environments. A ``task`` with other
+        ranges of starts may take the place of the environments' own.
+        """
+        task, run, size = task or self.task, self.scene.run, len(which)
+        if not task.draws:
             return np.full(size, run.angle), np.full(size, run.velocity)
         omega0, streams = self._spec.numbers["omega0"], self._seeded()
         first, second = streams.uniform(which), streams.uniform(which)
-        angle, velocity = self.task.start(first, second, omega0[which] if isinstance(omega0, np.ndarray) else omega0)
+        omega = numbers.get("omega0", omega0[which] if isinstance(omega0, np.ndarray) else omega0)
+        if task.goal.begin is not None:
+            return self._batch.starts(first, second, np.broadcast_to(omega, size).astype(np.float64))
+        angle, velocity = task.starts(first, second, omega)
         return np.asarray(angle), np.asarray(velocity)
 
     def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
@@ -426,17 +565,32 @@ def checked_starts(spec: RunSpec, asked: Mapping[str, Any], which: Places, size:
     Options are one number, or an array with one for each environment. Raises SceneError for another shape, or values
     that are no valid start.
     """
-    starts = {}
-    for name, values in asked.items():
-        wanted = f"{name} must be one number or one for each of {size} environments"
-        try:
-            shape = np.shape(values)
-        except ValueError:
-            raise SceneError(f"{wanted}, not {shown(values)}.") from None
-        if shape not in ((), (size,)):
-            raise SceneError(f"{wanted}, not {shape}.")
-        starts[name] = np.broadcast_to(np.asarray(values), (size,))[which]
+    starts = {name: checked_shape(name, values, which, size) for name, values in asked.items()}
     return spec.tell_of_start(starts["angle"], starts["velocity"])
+
+
+def checked_shape(name: str, values: Any, which: Places, size: int) -> NDArray[Any]:
+    """Return the values of an option of ``reset`` for the environments ``which``: one for all, or an array of ``size``.
+
+    Raises SceneError for another shape.
+    """
+    wanted = f"{name} must be one number or one for each of {size} environments"
+    try:
+        shape = np.shape(values)
+    except ValueError:
+        raise SceneError(f"{wanted}, not {shown(values)}.") from None
+    if shape not in ((), (size,)):
+        raise SceneError(f"{wanted}, not {shape}.")
+    return np.broadcast_to(np.asarray(values), (size,))[which]
+
+
+def checked_values(name: str, values: Any, which: Places, size: int) -> Array:
+    """Return a parameter's values for one episode of the environments ``which``, from the options of ``reset``.
+
+    Raises SceneError for another shape than that of one number or ``size`` numbers, and for values that are no numbers.
+    """
+    own = checked_shape(name, values, which, size)
+    return np.array([number(value, name) for value in own.tolist()])
 
 
 def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:

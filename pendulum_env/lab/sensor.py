@@ -14,9 +14,9 @@ from pendulum_env.common.provenance import provenance
 from pendulum_env.common.replacing import replacing
 from pendulum_env.lab.checked import FloatArray, RecordingError, numbers
 from pendulum_env.lab.recording import Recording
-from pendulum_env.physics.units import Checked, SceneError, choice, file_path, number, one_of, shown, si, whole_number
+from pendulum_env.physics.sensor import ZEROS, Sensor, rounded, taken
+from pendulum_env.physics.units import SceneError, choice, file_path, number, one_of, shown, si, whole_number
 
-ZEROS = {"at_start": "the first reading is 0, whatever the angle of the bob", "bottom": "0 is straight down"}
 MOST_SEED = 2**64 - 1
 SIMULATED = "simulated: not a recording of a real pendulum"
 
@@ -33,9 +33,10 @@ class Motion(Protocol):
 
 
 @dataclass(frozen=True, repr=False)
-class VirtualSensor(Checked):
-    """A sensor that reads ``quantum * round((theta(t_k) - zero + noise_k) / quantum)`` at the times ``t_k``.
+class VirtualSensor(Sensor):
+    """A :class:`pendulum_env.physics.sensor.Sensor` that records rollouts, with readings at the times ``t_k``.
 
+    It reads ``quantum * round((scale (theta(t_k) - zero) + offset + noise_k) / quantum)``. The times are
     ``t_k = k / rate + jitter u_k``, with ``u_k`` uniform in [-1, 1] and k = 0, 1, ...; the first and the last time stay
     within the motion. The recorded time stamps are exact, but uneven. ``noise_k`` is Gaussian. ``zero`` is the angle at
     t_0 for "at_start", and 0 for "bottom". An encoder with N counts per turn has the quantum ``2 pi / N``.
@@ -46,7 +47,6 @@ class VirtualSensor(Checked):
     quantum: float = si(math.radians(0.25), "rad", "smallest step between readings; 0 for no rounding", least=0.0)
     rate: float = si(20.0, "Hz", "readings per second", above=0.0)
     jitter: float = si(0.0, "s", "largest deviation of a time stamp from even spacing", least=0.0)
-    noise: float = si(0.0, "rad", "standard deviation of a reading before rounding", least=0.0)
     zero: str = choice("at_start", ZEROS, "angle at which the sensor reads 0")
 
     def __post_init__(self) -> None:
@@ -80,9 +80,14 @@ class VirtualSensor(Checked):
         stamps[0], stamps[-1] = 0.0, min(stamps[-1], end)
         free = np.minimum(np.maximum(stamps - hand, 0.0) + time[0], time[-1])
         true = np.where(stamps < hand, angle[0] * _pulled(stamps, hand), _between(time, angle, velocity, free))
-        read = true - (true[0] if self.zero == "at_start" else 0.0) + self.noise * source.standard_normal(count)
+        read = taken(true, true[0] if self.zero == "at_start" else 0.0, self.scale, self.offset)
+        read = read + self.noise * source.standard_normal(count)
         if self.quantum:
-            read = self.quantum * np.round(read / self.quantum)
+            read = rounded(read, self.quantum)
+        if self.dropout:
+            kept = source.random(count) >= self.dropout
+            kept[0] = True
+            read = read[np.maximum.accumulate(np.where(kept, np.arange(count), 0))]
         return Recording(stamps, read + 0.0, "virtual sensor", (SIMULATED,))
 
     def write(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
 
 from pendulum_env.lab.recording import Recording
@@ -18,6 +17,8 @@ SCENE = {"mass": 0.010, "radius": 0.020, "gamma": 0.03}
 """Changes to the scene "lab": a light ball, for which linear and quadratic drag take about equal parts of the energy at
 the start."""
 RUN = {"angle": math.radians(35.0), "duration": 54.0, "dt": 0.005}
+SHOWN = ("quantum", "rate", "jitter", "noise", "zero")
+"""Fields of the sensor that the recipe in the file shows."""
 SENSOR = VirtualSensor(quantum=math.radians(0.25), rate=20.0, jitter=0.004, noise=math.radians(0.05))
 SEED = 1
 HAND = 6.0
@@ -47,7 +48,7 @@ def simulated_text() -> str:
     motion = rollout(scene, **RUN)  # type: ignore[arg-type]
     effects = ", ".join(effect.name for effect in scene.effects)
     known = {"length": scene.body.reach, **SCENE, "c": scene.coefficients["quadratic_drag_rate"]}
-    run, sensor = keywords(RUN), keywords({field.name: getattr(SENSOR, field.name) for field in fields(SENSOR)})
+    run, sensor = keywords(RUN), keywords({name: getattr(SENSOR, name) for name in SHOWN})
     facts = {"scene": f"lab with {effects}: {', '.join(f'{name} {value:.6g}' for name, value in known.items())}",
              "motion": f"rollout(true_scene(), {run})",
              "sensor": f"VirtualSensor({sensor}).write(path, motion, seed={SEED}, hand={HAND})"}

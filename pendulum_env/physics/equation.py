@@ -37,7 +37,7 @@ def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None
     equations = [_relative(e.equation) if winds and _drags(e) else e.equation for e in effects if e.equation]
     terms = [text.split(", ")[0] for text in equations]
     clauses = [more for text in equations for more in text.split(", ")[1:]]
-    terms_sum = _filled(" ".join(terms), numbers).removeprefix("+ ") or "0"
+    terms_sum = _filled(" ".join(filter(None, terms)), numbers).removeprefix("+ ") or "0"
     law = f"theta'' = {'-' + terms_sum[2:] if terms_sum.startswith('- ') else terms_sum}"
     where = [_filled(text, numbers) for text in (*clauses, *_slip(" ".join(equations), winds))]
     return f"{law}; {', '.join(where)}" if where else law

@@ -14,6 +14,7 @@ from pendulum_env.physics.effects import (
     AddedMass,
     BearingFriction,
     Buoyancy,
+    Clip,
     CoulombFriction,
     Fibre,
     FiniteBob,
@@ -225,9 +226,31 @@ def torsion() -> Scene:
     return Scene("torsion", Torsion(), effects=effects, run=Run(angle=math.radians(90.0), dt=0.1, duration=120.0))
 
 
+def gymnasium() -> Scene:
+    """Gymnasium's Pendulum-v1: a rod of 1 m and 1 kg, no losses, 2 N m, and its clip of the velocity at 8 rad/s.
+
+    With the task ``gymnasium``, symplectic Euler and steps of 0.05 s, which environments of this scene take by default,
+    it is that environment. The clip takes energy, ``heat_clip``; no other scene has one.
+    """
+    effects = (Gravity(), Motor(max_torque=2.0), Clip(clip_speed=8.0))
+    body = Rod(length=1.0, mass=1.0, width=1e-9)
+    return Scene("gymnasium", body, effects=effects, gravity=10.0, run=Run(angle=1.0, dt=0.05, duration=10.0))
+
+
+def dm_control() -> Scene:
+    """The pendulum of dm_control's suite: a ball of 1 kg at 0.5 m, a bearing of 0.1 N m s, a motor of 1 N m.
+
+    With the task ``dm_control`` and steps of 0.02 s it is that program's swing-up, up to the integrator: MuJoCo's
+    semi-implicit Euler treats the bearing implicitly.
+    """
+    effects = (Gravity(), FiniteBob(), BearingFriction(bearing_viscosity=0.1), Motor(max_torque=1.0))
+    body = Body(length=0.5, mass=1.0, radius=0.05)
+    return Scene("dm_control", body, effects=effects, gravity=9.81, run=Run(angle=1.0, dt=0.02, duration=20.0))
+
+
 _ALL: tuple[Callable[[], Scene], ...] = (
     textbook, vacuum, exercise, exercise_large, lab, lab_rod, sticky_bearing, water, overdamped, driven, chaotic,
-    kapitza, windy, clock_bob, moon, rod, kater, torsion,
+    kapitza, windy, clock_bob, moon, rod, kater, torsion, gymnasium, dm_control,
 )
 
 SCENES: Mapping[str, Scene] = MappingProxyType({preset.__name__: preset() for preset in _ALL})
@@ -235,6 +258,12 @@ SCENES: Mapping[str, Scene] = MappingProxyType({preset.__name__: preset() for pr
 
 PURPOSES: Mapping[str, str] = MappingProxyType({preset.__name__: first_line(preset) for preset in _ALL})
 """One line on the purpose of each scene, by the scene's name."""
+
+
+EPISODES: Mapping[str, tuple[str, float]] = MappingProxyType({
+    "gymnasium": ("symplectic_euler", 0.05), "dm_control": ("symplectic_euler", 0.02),
+})
+"""Scene that stands for another program's environment -> the method and the control step [s] of its episodes there."""
 
 
 def find_scene(scene: str | Scene | Mapping[str, object] | PathLike[str]) -> Scene:

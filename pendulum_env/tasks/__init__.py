@@ -1,19 +1,21 @@
-"""Tasks: start, reward and end of an episode, as pure functions of plain numbers."""
+"""Tasks: start, reward and end of an episode. Those of the package are made with :class:`Task`, as yours are."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.physics.units import one_of
+from pendulum_env.common.checks import SceneError, nearest, number, shown
+from pendulum_env.physics.elementary import sin
+from pendulum_env.tasks.task import QUANTITIES, Task
+from pendulum_env.tasks.translate import TaskError
 
-Numbers = float | NDArray[np.float64]
-"""A number, or an array of numbers."""
+__all__ = ["QUANTITIES", "TASKS", "USUAL_TASK", "Task", "TaskError", "find_task", "track"]
 
 SPREAD, SPEED_SPREAD = 0.1, 0.05
 """Half widths of the uniform distributions of the start: angle about the centre [rad], and velocity [omega0]."""
@@ -21,36 +23,21 @@ SPREAD, SPEED_SPREAD = 0.1, 0.05
 FELL_ANGLE = 0.5
 """Angle from upright beyond which the balancing task is lost [rad]."""
 
+TOLERANCE = math.radians(8.0)
+"""Angle from upright up to which the task of dm_control is fulfilled [rad]."""
 
-@dataclass(frozen=True)
-class Task:
-    """A task: where an episode starts, the reward of a step, and when the episode ends.
+HELD_ANGLE, HELD_SPEED = 0.1, 0.1
+"""Angle from upright [rad] and velocity [omega0] up to which the task swing_up_sparse is fulfilled."""
 
-    Attributes:
-        name: for ``gym.make(..., task=...)``.
-        centre: angle about which episodes start [rad]; None to start with the scene's usual run.
-        reward: function of phi, the angle from upright in [-pi, pi], of velocity/omega0 and of the action that returns
-            the reward of a step.
-        lost: function of phi that is True where the task is lost ("fell"). Both functions are plain, because they are
-            copied into generated programs.
-        equation: the reward as text, for the documentation.
-        ends: when the task is lost, as text; "-" for never.
-    """
+Numbers = float | NDArray[np.float64]
 
-    name: str
-    centre: float | None
-    reward: Callable[[float, float, float], float]
-    lost: Callable[[float], bool]
-    equation: str
-    ends: str = "-"
 
-    def start(self, first: Numbers, second: Numbers, omega0: Numbers) -> tuple[Numbers, Numbers]:
-        """Return the angle [rad] and velocity [rad/s] at which an episode starts, from two random numbers in [0, 1).
+def _hanging(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:
+    return 0.0 + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))
 
-        ``omega0`` is the small-angle frequency [rad/s]. All arguments may be arrays, for many episodes.
-        """
-        centre = 0.0 if self.centre is None else self.centre
-        return centre + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))
+
+def _upright(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:
+    return math.pi + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))
 
 
 def _nothing(phi: float, speed: float, action: float) -> float:
@@ -61,23 +48,79 @@ def _swing_up(phi: float, speed: float, action: float) -> float:
     return -(phi * phi + 0.1 * speed * speed + 0.001 * action * action)
 
 
+def _swing_up_sparse(phi: float, speed: float) -> float:
+    return 1.0 if (abs(phi) <= HELD_ANGLE) & (abs(speed) <= HELD_SPEED) else 0.0
+
+
 def _balance(phi: float, speed: float, action: float) -> float:
     return 1.0 - (phi / FELL_ANGLE) * (phi / FELL_ANGLE) - 0.001 * action * action
-
-
-def _never(phi: float) -> bool:
-    return False
 
 
 def _fell(phi: float) -> bool:
     return abs(phi) > FELL_ANGLE
 
 
+def _gymnasium(phi_before: float, velocity_before: float, action: float) -> float:
+    return -(phi_before * phi_before + 0.1 * velocity_before * velocity_before + 0.004 * action * action)
+
+
+def _dm_control(phi: float) -> float:
+    return 1.0 if abs(phi) <= TOLERANCE else 0.0
+
+
+def _follow(error: float, action: float) -> float:
+    return -(error * error + 0.001 * action * action)
+
+
+AMPLITUDE, PERIOD = 0.5, 4.0
+"""Amplitude [rad] and period [s] of the usual reference of the task track."""
+RATE = 2.0 * math.pi / PERIOD
+
+
+def _usual_swing(time: float) -> float:
+    return AMPLITUDE * sin(RATE * time)
+
+
+def track(
+    reference: Callable[..., float] | None = None, amplitude: float = AMPLITUDE, period: float = PERIOD,
+    name: str = "track",
+) -> Task:
+    """Return the task of following a reference angle: reward ``-(error² + 0.001 action²)`` per step.
+
+    The error is the angle less the reference, in [-pi, pi]. Episodes start as those of swing_up. The observation has
+    four more entries: cosine and sine of the reference now, and after the next control step.
+
+    Args:
+        reference: plain function of "time" [s] that returns the angle to follow, from hanging [rad]; None for
+            ``amplitude sin(2 pi time/period)``.
+        amplitude, period: those of the usual reference [rad, s].
+        name: the task's name.
+
+    Raises TaskError for a function that cannot be copied, and SceneError for invalid numbers.
+    """
+    size, cycle = number(amplitude, "amplitude", unit="rad"), number(period, "period", above=0.0, unit="s")
+    rate = 2.0 * math.pi / cycle
+    usual = (size, cycle) == (AMPLITUDE, PERIOD)
+
+    def swing(time: float) -> float:
+        return size * math.sin(rate * time)
+
+    aim = (_usual_swing if usual else swing) if reference is None else reference
+    return Task(name, _follow, start=_hanging, reference=aim, equation="-(error² + 0.001 action²)")
+
+
 _ALL = (
-    Task("free", None, _nothing, _never, "0"),
-    Task("swing_up", 0.0, _swing_up, _never, "-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
-    Task("balance", math.pi, _balance, _fell, "1 - (phi/0.5)² - 0.001 action²",
-         'abs(phi) > 0.5: "fell"'),
+    Task("free", _nothing, equation="0"),
+    Task("swing_up", _swing_up, start=_hanging, equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
+    Task("balance", _balance, _fell, _upright, equation="1 - (phi/0.5)² - 0.001 action²",
+         ends='abs(phi) > 0.5: "fell"'),
+    Task("swing_up_sparse", _swing_up_sparse, start=_hanging,
+         equation="1 if abs(phi) <= 0.1 and abs(velocity) <= 0.1 omega0, else 0"),
+    track(),
+    Task("gymnasium", _gymnasium, start={"angle": (0.0, 2.0 * math.pi), "velocity": (-1.0, 1.0)}, duration=10.0,
+         upright=True, equation="-(phi² + 0.1 velocity² + 0.004 action²) before the step", widths=("x_init", "y_init")),
+    Task("dm_control", _dm_control, start={"angle": (0.0, 2.0 * math.pi)}, duration=20.0, upright=True,
+         equation="1 if abs(phi) <= 8 pi/180, else 0"),
 )
 
 USUAL_TASK = "swing_up"
@@ -86,6 +129,14 @@ TASKS: Mapping[str, Task] = MappingProxyType({task.name: task for task in _ALL})
 """Every task by name."""
 
 
-def find_task(name: str) -> Task:
-    """Return the task of this name; SceneError with the nearest name for an unknown one."""
-    return TASKS[one_of(name, "task", TASKS)]
+def find_task(task: str | Task) -> Task:
+    """Return the task of this name, or a Task unchanged.
+
+    Raises SceneError with the nearest name for an unknown one, and for anything else.
+    """
+    if isinstance(task, Task):
+        return task
+    if not isinstance(task, str) or task not in TASKS:
+        own = "" if isinstance(task, str) else " A task of your own is a pendulum_env.Task."
+        raise SceneError(f"There is no task {shown(task)}{nearest(task, TASKS)}{own}")
+    return TASKS[task]

@@ -78,6 +78,7 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
     exact_solution = closed_form(scene, q, v, marks)
     if exact_solution is not None:
         return exact_solution
+    _refuse_clip(scene, q, v)
     rounding = ROUNDING * (4.0 + scene.omega0 * float(marks[-1]))
     problem, halves = motion_of(scene), half_turns(q) if scene.periodic else 0.0
     problem.hold({"side": side_of(0.5 * halves)})
@@ -94,9 +95,17 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
     return Truth(marks, main[:, 0] + TWO_PI * (0.5 * halves), main[:, 1], max(difference, rounding), how)
 
 
+def _refuse_clip(scene: Scene, q: float, v: float) -> None:
+    """Raise StudyError for a start [rad, rad/s] from which the speed may reach the bound at which a scene clips it."""
+    bound = min((scene.coefficients[effect.limit] for effect in scene.effects if effect.limit), default=math.inf)
+    if math.hypot(v, 2.0 * scene.omega0 * math.sin(0.5 * q)) > bound:
+        raise StudyError(f"The scene '{scene.name}' clips the velocity at {bound:g} rad/s after every step, so that no "
+                         "motion is the true one; start it slower, or leave the effect clip out.")
+
+
 def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Truth | None:
     """Return the closed form of a scene's motion at times [s] from a valid start [rad, rad/s], or None."""
-    names = {effect.name for effect in scene.effects if effect.kind != "inertia"} - {"motor"}
+    names = {effect.name for effect in scene.effects if not (effect.kind == "inertia" or effect.idle)}
     for allowed, form, how in CLOSED:
         solution = form(times, angle, velocity, scene.coefficients) if names <= allowed else None
         if solution is not None:
@@ -148,7 +157,7 @@ def true_motion(scene: Scene, angle: float, velocity: float, time: Array) -> Tru
     (Kutta 1901) at a step of about ``FINE / omega0``, checked against :func:`reference` at ``MARKS`` times. The largest
     difference is the error; if it exceeds ``TOLERANCE``, the motion is unknown (nan), as it is after a wire goes slack.
     """
-    names = {effect.name for effect in scene.effects} - {"motor"}
+    names = {effect.name for effect in scene.effects if not effect.idle}
     if any(names <= allowed for allowed, *_ in CLOSED):
         solution = reference(scene, angle, velocity, time)
         angles, speeds = _while_taut(scene, solution.angle, solution.velocity)

@@ -56,7 +56,7 @@ def test_the_number_of_environments_cannot_be_assigned() -> None:
 
 @pytest.mark.parametrize(("name", "hint"), [
     ("angle", r"reset\(options=\{'angle': 0.1"), ("state", r"reset\(options="), ("theta", r"reset\(options="),
-    ("g", "gravity=9.81"), ("max_speed", "speed_limit=8.0"), ("noise", "TransformObservation")])
+    ("g", "gravity=9.81"), ("max_speed", "speed_limit=8.0"), ("noise", "Sensor")])
 def test_words_that_are_no_attributes_cannot_be_assigned_either(name: str, hint: str) -> None:
     for env in (make(), LabPendulumVectorEnv(2, backend="python")):
         with pytest.raises(AttributeError, match=rf"^{name} cannot be assigned.*{hint}"):
@@ -161,7 +161,7 @@ def test_a_scene_without_a_motor_asks_for_a_task() -> None:
 
 
 MEANT = {"g": "gravity=", "m": "mass=", "l": "length=", "max_speed": "speed_limit=", "reward": "task=",
-         "latency": "DelayObservation", "delay": "DelayObservation", "noise": "TransformObservation",
+         "latency": "observation_delay", "delay": "observation_delay", "noise": "Sensor",
          "drag": "damping=", "max_steps": "max_episode_steps=", "method": "integrator=", "solver": "integrator=",
          "time_step": "dt="}
 
@@ -300,23 +300,28 @@ def test_pickles_of_another_version_are_refused_in_a_sentence() -> None:
 
 
 KEPT = {
-    "LabPendulumEnv": """_velocity_bound _bounded _camera _dt _explained _h _integrator _machine _np_random
+    "LabPendulumEnv": """_ahead _before _checks _cut_told _judge _last _rate _steps _upright
+        _velocity_bound _bounded _camera _dt _explained _h _integrator _machine _np_random
         _np_random_seed _omega0 _penalty _reel _render_mode _render_size _scene _share _in_flow _slackened _spec
-        _speed_limit _state _substeps _task _turning action_space metadata observation_space window""",
-    "LabPendulumVectorEnv": """_batch _begun _velocity_bound _bounded _camera _dt _everyone _explained _integrator
+        _speed_limit _state _substeps _task _turning action_space metadata observation_space window
+        _asked_limit _parameters _randomization _randomize _observation _history _sensor _observation_delay
+        _action_delay _sensing _delays _observed""",
+    "LabPendulumVectorEnv": """_batch _begun _checks _rate _velocity_bound _bounded _camera _dt _everyone _explained
+        _integrator
         _marks _masks _names _np_random _np_random_seed _num_envs _num_threads _over _penalty _render_mode _render_size
         _reused _running _scene _seeds
         _slack _spec _steps _streams _substeps _task _told _turning action_space autoreset_mode metadata
-        observation_space single_action_space single_observation_space""",
+        observation_space single_action_space single_observation_space _randomization _randomize _observation
+        _history _sensor _observation_delay _action_delay _sensing _delays _seen_before""",
 }
-"""Attributes in format 4. Whoever changes them raises FORMAT, so that older pickles are refused."""
+"""Attributes in format 6. Whoever changes them raises FORMAT, so that older pickles are refused."""
 
 
 @pytest.mark.parametrize("kind", KEPT)
 def test_the_format_of_pickles_is_that_of_these_attributes(kind: str) -> None:
     env = make() if kind == "LabPendulumEnv" else LabPendulumVectorEnv(2, backend="python")
     env.reset(seed=0)
-    assert FORMAT == 4
+    assert FORMAT == 6
     assert {*vars(env)} - {"_np_random", "_np_random_seed", "_made_by"} == {
         *KEPT[kind].split()} - {"_np_random", "_np_random_seed"}
 

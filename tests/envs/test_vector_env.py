@@ -22,6 +22,7 @@ import pytest
 from choice import check_pairs, pairs
 from gymnasium.vector import AutoresetMode, VectorObservationWrapper
 from gymnasium.wrappers import vector as wrappers
+from vector_steps import MODES, same, side_by_side, vector
 
 import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError
@@ -30,51 +31,9 @@ from pendulum_env.engine.layout import BLOCK
 from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import ActionError
 
-MODES = [mode.value for mode in AutoresetMode]
 DIAGNOSED: tuple[tuple[str, ...], ...] = ((), ("energy",), ("heat_by_effect",), ("energy", "heat_by_effect"))
 AXES = (list(SCENES), list(integrators.METHODS), list(TASKS), MODES, DIAGNOSED)
 PAIRS = pairs(AXES)
-
-
-def vector(size: int, **options: Any) -> LabPendulumVectorEnv:
-    env = gym.make_vec("LabPendulum-v0", num_envs=size, **options)
-    assert isinstance(env, LabPendulumVectorEnv)
-    return env
-
-
-def same(found: Any, wanted: Any, where: str = "") -> None:
-    """Assert that two results have equal types, shapes and bits, including nested entries."""
-    assert type(found) is type(wanted), where
-    if isinstance(wanted, dict):
-        assert set(found) == set(wanted), where
-        for key in wanted:
-            same(found[key], wanted[key], f"{where}/{key}")
-    elif isinstance(wanted, tuple):
-        for i, (mine, theirs) in enumerate(zip(found, wanted, strict=True)):
-            same(mine, theirs, f"{where}/{i}")
-    elif isinstance(wanted, np.ndarray):
-        assert (found.dtype, found.shape) == (wanted.dtype, wanted.shape), where
-        if wanted.dtype == object:
-            same(tuple(found), tuple(wanted), where)
-        else:
-            assert found.tobytes() == wanted.tobytes() or np.array_equal(found, wanted), where
-    else:
-        assert found == wanted, where
-
-
-def side_by_side(mine: Any, theirs: Any, mode: str, steps: int, seed: int = 7) -> int:
-    """Step two environments with equal actions, some outside the box; return the number of episodes that ended."""
-    random, size, ended = np.random.default_rng(1), mine.num_envs, 0
-    same(mine.reset(seed=seed), theirs.reset(seed=seed), "reset")
-    for k in range(steps):
-        actions = random.uniform(-1.2, 1.2, (size, 1)).astype(np.float32)
-        found, wanted = mine.step(actions), theirs.step(actions)
-        same(found, wanted, f"step {k}")
-        over = wanted[2] | wanted[3]
-        ended += int(over.sum())
-        if mode == "Disabled" and over.any():
-            same(mine.reset(options={"reset_mask": over.copy()}), theirs.reset(options={"reset_mask": over}), f"at {k}")
-    return ended
 
 
 def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[str, ...], steps: int = 40,
@@ -89,8 +48,8 @@ def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[st
 
 
 def test_how_many_combinations() -> None:
-    print(f"\n{len(PAIRS)} combinations of scene x method x task x autoreset mode x diagnostics here, every pair among "
-          "them, so each method in each scene that it fits")
+    """Every pair of values, but of methods in scenes every kind: LAB_PENDULUM_GRID=full takes each method in each."""
+    print(f"\n{len(PAIRS)} combinations of scene x method x task x autoreset mode x diagnostics")
     check_pairs(PAIRS, AXES)
 
 
@@ -466,7 +425,7 @@ BAD = {
     "diagnostics": ({"diagnostics": ("enrgy",)}, "did you mean energy?"),
     "threads": ({"num_threads": 0}, "num_threads must be a whole number"),
     "episode": ({"max_episode_steps": 0}, "max_episode_steps must be a whole number"),
-    "task": ({"task": "swingup"}, "did you mean swing_up?"),
+    "task": ({"task": "swingup"}, "did you mean swing_up"),
 }
 
 

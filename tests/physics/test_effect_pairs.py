@@ -33,9 +33,15 @@ from pendulum_env.physics.units import SceneError
 
 BODY = Body(length=0.353, mass=0.040, radius=0.0107)
 USUAL = Run(angle=0.9, velocity=-2.0, dt=0.01, duration=0.12)
+MOTORS = (
+    Motor(lag=0.05), Motor(ramp=0.1, control_quantum=0.25, dead_zone=0.1, lag=0.02),
+    Motor(control_sets="voltage", no_load_speed=9.0), Motor(no_load_speed=6.0, stall_torque=0.06),
+    Motor(no_load_speed=0.9, ramp=0.05),
+)
+"""Motors with options of every kind; the supply limits the torque of the last one from the start on."""
 MODELS: tuple[Effect, ...] = (
     *(GIVEN.get(name) or effect() for name, effect in EFFECTS.items()),
-    *(SphereDrag(law=law) for law in LAWS), Motor(lag=0.05), AddedMass(boundary_layer=True),
+    *(SphereDrag(law=law) for law in LAWS), *MOTORS, AddedMass(boundary_layer=True),
     LinearDrag(boundary_layer=True),
 )
 """Every effect, and variants of some."""

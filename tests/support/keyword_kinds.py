@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from pendulum_env import Run, Scene, VirtualSensor
+from pendulum_env import Run, Scene, Sensor, VirtualSensor
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.medium import Medium
@@ -78,7 +78,7 @@ def declared(entry: Field[Any]) -> str:
 
 DECLARED: Mapping[str, str] = {
     entry.name: declared(entry)
-    for kind in (*EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, VirtualSensor)
+    for kind in (*EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor, VirtualSensor)
     for entry in fields(kind) if "check" in entry.metadata
 }
 """The kind of each parameter that a scene, an effect or a sensor declares."""
@@ -86,18 +86,19 @@ DECLARED: Mapping[str, str] = {
 KIND_OF: Mapping[str, str] = DECLARED | {
     name: kind
     for kind, names in {
-        "mapping": "scene scenes options values parameters damping",
-        "word": "integrator language method task render_mode render_theme theme backend autoreset_mode unit"
+        "mapping": "sensor scene scenes options values parameters damping",
+        "word": "observation integrator language method task render_mode render_theme theme backend autoreset_mode unit"
                 " separator decimal y_axis time_unit zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
-        "least": "level tau friction_ratio speed_penalty",
-        "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size size",
+        "least": "observation_delay action_delay level tau friction_ratio speed_penalty",
+        "count": "history substeps every num_envs max_episode_steps num_threads repeats in_flight steps n"
+                 " render_size size",
         "number": "release at",
         "one and more": "periods",
         "wait": "hand",
-        "flag": "compensated copy estimate_error warn complete resume anew as_latex dense velocity_free"
-                " one_way film recalibrate long raises",
-        "none of these": "points columns pivot motion x y env"
+        "flag": "upright reward_rate compensated copy estimate_error warn complete resume anew as_latex dense"
+                " velocity_free one_way film recalibrate long raises",
+        "none of these": "randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times angles velocities over",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
@@ -114,6 +115,8 @@ KIND_OF: Mapping[str, str] = DECLARED | {
 """The kind of each keyword, wherever it occurs."""
 
 OWN: Mapping[str, str] = {
+    "Task.start": "mapping", "Task.equation": "text", "Task.ends": "text", "tasks.track.period": "positive",
+    "tasks.track.amplitude": "number",
     "rollout.progress": "progress", "stress.progress": "progress", "cost.progress": "progress",
     "sweep.progress": "progress", "fit.progress": "progress", "rollout.file": "npy",
     "compare.progress": "progress", "growth.progress": "progress", "audit.progress": "progress",
@@ -127,6 +130,7 @@ OWN: Mapping[str, str] = {
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Recording.read.part": "none of these", "Recording.read.run": "none of these", "Recording.read.until": "number",
     "Recording.read.drop": "none of these", "Recording.rate": "none of these",
+    "Recording.force": "none of these", "Recording.mount": "none of these", "Recording.read.sensor": "number",
     "lab.measure_gate.path": "none of these", "lab.measure_gate.length_error": "least",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
     "with_damping.scene": "none of these", "choose.scenes": "list", "Sweep.column.name": "none of these",

@@ -21,6 +21,7 @@ from pendulum_env import (
     controllers,
     lab,
     sweep,
+    tasks,
     testing,
 )
 from pendulum_env.auto.choice import choose
@@ -36,7 +37,7 @@ from pendulum_env.study.stability import stability
 
 ROOMS: Mapping[str, ModuleType] = {
     "": pendulum_env, "integrators.": integrators, "lab.": lab, "exact.": exact, "effects.": effects,
-    "compare.": compare, "controllers.": controllers, "testing.": testing,
+    "compare.": compare, "controllers.": controllers, "tasks.": tasks, "testing.": testing,
 }
 """What is public is in their ``__all__``; what labels begin with."""
 BESIDE: tuple[Callable[..., Any], ...] = (
@@ -47,6 +48,7 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
                      "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses", "lab.GateSheet",
+                     "lab.Posterior",
                      "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution", "testing.VectorCheck",
                      "testing.VectorReport"), "a result, which the package makes"),
@@ -96,6 +98,11 @@ def keywords(function: Callable[..., Any]) -> list[inspect.Parameter]:
 
 
 # --- calls that work ------------------------------------------------------------------------------------------------
+
+def still(phi: float) -> float:
+    """A reward."""
+    return -phi * phi
+
 
 TIME = np.linspace(0.0, 20.0, 401)
 SWING = Recording(TIME, np.cos(3.0 * TIME), "swing")
@@ -152,6 +159,8 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "fit": {"recording": SWING, "effects": "linear", "mass": 0.1},
     "lab.losses": {"points": lab.turning_points(SWING)},
     "lab.decay_rate": {"series": SWING}, "lab.period": {"series": SWING}, "lab.turning_points": {"series": SWING},
+    "tasks.find_task": {"task": "free"},
+    "Task": {"name": "still", "reward": still},
     "choose": {"scenes": SCENES["vacuum"], "accuracy": 0.1, "dt": 0.02, "steps": 1},
     "compare.write": {"folder": "out", "film": False},
     "LabPendulumVectorEnv": {"num_envs": 2},

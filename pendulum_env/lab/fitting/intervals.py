@@ -14,6 +14,7 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.errors import Errors
+from pendulum_env.lab.fitting.grade import Grade
 from pendulum_env.lab.fitting.model import SENSOR, START, Model
 from pendulum_env.lab.fitting.shooting import FitSolution, refit
 from pendulum_env.lab.recording import Recording
@@ -61,7 +62,44 @@ class Fitted(Protocol):
     @property
     def covariance(self) -> Array: ...
     @property
+    def correlations(self) -> Array: ...
+    @property
+    def grade(self) -> Grade: ...
+    @property
     def scene(self) -> Scene: ...
+
+
+class Scatter(NamedTuple):
+    """Joint distribution of the scene's fitted parameters, for ``gym.make(..., randomize=...)``.
+
+    Attributes:
+        names: names of the parameters of the scene.
+        values: their fitted values, shape ``(n,)``.
+        covariance: their covariance matrix, ``(n, n)``, from which normal draws are made.
+        least: lower bounds of the parameters, ``(n,)``, -inf for none; draws below are drawn again.
+        rows: refits of a bootstrap, ``(refits, n)``, one of which is a draw; None for normal draws.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    least: Array
+    rows: Array | None = None
+
+
+def scatter_of(fit: Fitted, covariance: Array, rows: Array | None = None) -> Scatter:
+    """Return the distribution of those fitted parameters that belong to the scene and not to start or sensor.
+
+    Raises RecordingError if one of them has no finite error.
+    """
+    own = [place for place, name in enumerate(fit.names) if name not in SENSOR]
+    lost = [fit.names[place] for place in own if not math.isfinite(covariance[place, place])]
+    if lost:
+        raise RecordingError(f"{fit.recording.source}: cannot draw values of {', '.join(lost)}, as the error is not "
+                             "finite")
+    least = np.broadcast_to(np.asarray(fit.model.least, dtype=np.float64), len(fit.names))
+    return Scatter(tuple(fit.names[place] for place in own), fit.values[own], covariance[np.ix_(own, own)], least[own],
+                   None if rows is None else rows[:, own])
 
 
 class Interval(NamedTuple):
@@ -196,6 +234,11 @@ class Bootstrap:
         """Covariance matrix of the parameters, from their scatter over the refits."""
         return np.asarray(np.cov(self.values, rowvar=False))
 
+    @property
+    def scatter(self) -> Scatter:
+        """Distribution of the scene's parameters for ``gym.make(..., randomize=fit.bootstrap(200))``: its refits."""
+        return scatter_of(self.fit, np.atleast_2d(self.covariance), self.values)
+
     def interval(self, name: str, level: float = 0.95) -> Interval:
         """Return the interval of a parameter between two quantiles of the refits, with equal shares outside.
 
@@ -264,7 +307,12 @@ def sample(fit: Fitted, n: int, seed: int, start: bool) -> dict[str, Any]:
         draws = fit.values + source.standard_normal((2 * (count - valid) + 16, len(errors))) @ spread
         rows = np.concatenate([rows, draws[(draws >= fit.model.least).all(axis=1)]])
         tried, valid = tried + len(draws), len(rows)
+    return keywords_of(fit, rows[:count], start)
+
+
+def keywords_of(fit: Fitted, rows: Array, start: bool) -> dict[str, Any]:
+    """Return rows of a fit's parameters as keywords of ``gym.make_vec`` or, with ``start``, of ``rollout``."""
     wanted = {*START[:2]} if truth(start, "start") else set()
-    columns = {name: column.copy() for name, column in zip(fit.names, rows[:count].T, strict=True)
+    columns = {name: column.copy() for name, column in zip(fit.names, rows.T, strict=True)
                if name not in SENSOR or name in wanted}
     return {"scene": fit.scene, **columns}

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from pendulum_env.physics.effects.added_mass import AddedMass
 from pendulum_env.physics.effects.bearing_friction import BearingFriction
 from pendulum_env.physics.effects.buoyancy import Buoyancy
+from pendulum_env.physics.effects.clip import Clip
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.effects.driven_pivot import HorizontalDrive, VerticalDrive
 from pendulum_env.physics.effects.effect import Effect
@@ -28,6 +29,7 @@ _ALL: tuple[type[Effect], ...] = (
     LinearDrag, QuadraticDrag, SphereDrag, WireDrag, BearingFriction, CoulombFriction,
     Wind, Gusts,
     Motor, PeriodicTorque, VerticalDrive, HorizontalDrive,
+    Clip,
 )
 
 EFFECTS: Mapping[str, type[Effect]] = MappingProxyType({effect.name: effect for effect in _ALL})
@@ -42,6 +44,7 @@ __all__ = [
     "AddedMass",
     "BearingFriction",
     "Buoyancy",
+    "Clip",
     "CoulombFriction",
     "Effect",
     "Fibre",

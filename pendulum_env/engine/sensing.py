@@ -1,0 +1,532 @@
+"""What an agent sees of a pendulum, and when its actions arrive: readings of a sensor, velocities from them, delays.
+
+The motion runs in the usual program, a control step in parts: after each part some environments change to the next
+action, and some are read. A small program of its own, generated here, takes the readings and gives them out later.
+Readings are kept in *slots*, which all environments share: every ``spacing`` integration steps the next slot is
+written, and after the last slot the first. A delayed observation comes from an earlier slot. An episode begins with its
+first reading in all slots.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine import report, wrap
+from pendulum_env.engine.elementwise import Kernel, kernel
+from pendulum_env.engine.kernels import Backend, functions
+from pendulum_env.engine.shape import indent, joined
+from pendulum_env.physics import elementary
+from pendulum_env.physics.random import next_uniform, normal, started
+from pendulum_env.physics.sensor import rounded, taken
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+KINDS = {"full": 3, "angle": 2, "encoder": 3, "history": 2}
+"""Kinds of observation -> number of entries: cosine, sine and perhaps velocity, or for each reading cosine and sine."""
+SEEDS = ("a0", "a1", "a2", "b0", "b1", "b2")
+"""Names of the six numbers of the random generator of a sensor's noise; see :mod:`pendulum_env.physics.random`."""
+NUMBERS = ("scale", "offset", "noise", "quantum", "dropout", "gain", "between", "span")
+"""Arguments of the programs: a sensor's numbers, the filter's gain, and the times between two readings and over the
+window of the velocity [s]."""
+SCRATCH = ("x0", "y0", "w0", "x1", "y1", "w1", "x_old", "y_old", "cosine", "sine", "angle")
+"""Names of the intermediate values of the programs."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is read when, and which action acts when, in whole integration steps.
+
+    Attributes:
+        kind: one of KINDS.
+        history: number of readings in an observation of the kind "history", else 1.
+        substeps: integration steps of a control step.
+        spacing: integration steps between two slots; it divides ``substeps``.
+        every: number of slots from one reading to the next; above 1 only if a control step has one slot.
+        follows: True if a reading is taken just so long before the observation as the observation delay says; False for
+            readings at times of their own.
+        window: number of readings from which a velocity is computed.
+        filtered: True if the velocity is that of a filter.
+        ideal: True if angles are seen exactly, without a sensor.
+        noisy, dropping, rounding, zeroed: True for a sensor with noise, dropout, a quantum, the zero "at_start".
+        seen_late: smallest and largest observation delay, drawn for every episode if they differ.
+        acts_late: smallest and largest action delay.
+        numbers: values of NUMBERS.
+    """
+
+    kind: str
+    history: int
+    substeps: int
+    spacing: int
+    every: int
+    follows: bool
+    window: int
+    filtered: bool
+    ideal: bool
+    noisy: bool
+    dropping: bool
+    rounding: bool
+    zeroed: bool
+    seen_late: tuple[int, int]
+    acts_late: tuple[int, int]
+    numbers: tuple[float, ...]
+
+    @property
+    def random(self) -> bool:
+        """Return True if the observation delay differs between episodes."""
+        return self.seen_late[0] < self.seen_late[1]
+
+    @property
+    def swift(self) -> bool:
+        """Return True if observations hold a velocity."""
+        return self.kind in ("full", "encoder")
+
+    @property
+    def width(self) -> int:
+        """Return the number of entries of an observation."""
+        return KINDS[self.kind] * self.history
+
+    @property
+    def draws(self) -> bool:
+        """Return True if the sensor draws random numbers."""
+        return self.noisy or self.dropping
+
+    @property
+    def slots(self) -> int:
+        """Return the number of slots."""
+        steps = (self.history - 1) * self.substeps // self.spacing
+        return 1 + max(self.window * self.every, self.lag(self.seen_late[1])[0] + steps)
+
+    def lag(self, delay: int) -> tuple[int, int]:
+        """Return how many slots an observation is behind, and after which step of a control step its slot is written.
+
+        ``delay`` is the observation delay in integration steps.
+        """
+        if self.follows:
+            return delay // self.substeps, self.substeps - delay % self.substeps
+        return -(-delay // self.spacing), self.substeps
+
+    @property
+    def readings(self) -> tuple[int, ...]:
+        """Return the steps of a control step after which a slot is written, in some environment at least."""
+        if not self.follows:
+            return tuple(range(self.spacing, self.substeps + 1, self.spacing))
+        low, high = self.seen_late
+        return tuple(sorted({self.lag(delay)[1] for delay in range(low, min(high, low + self.substeps) + 1)}))
+
+    @property
+    def changes(self) -> tuple[int, ...]:
+        """Return the steps of a control step after which an action arrives, in some environment at least; 0 is left
+        out.
+        """
+        low, high = self.acts_late
+        return tuple(sorted({delay % self.substeps for delay in range(low, min(high, low + self.substeps) + 1)} - {0}))
+
+    def parts(self, remembers: bool) -> tuple[tuple[int, int, int, bool], ...]:
+        """Return the parts of a control step: begin, end, steps of the new control step (0 to go on), and True to read.
+
+        ``remembers`` is True for scenes with effects that have a state, such as a lagging motor: where actions arrive
+        within a control step, it is advanced in every integration step.
+        """
+        single = remembers and bool(self.changes)
+        ends = {*self.readings, *self.changes, self.substeps} | ({*range(1, self.substeps)} if single else set())
+        begins = {0, *self.changes}
+        parts, begin = [], 0
+        for end in sorted(ends):
+            hold = 1 if single else self.substeps if begin in begins else 0
+            parts.append((begin, end, hold, end in self.readings))
+            begin = end
+        return tuple(parts)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the motion of the environments is in memory.
+
+    Attributes:
+        width: number of environments in a block: 256, or 1 for the state of a single environment.
+        angle, turns, velocity: indices of these fields.
+        periodic: True if the angle is that from the nearer of bottom and top.
+    """
+
+    width: int
+    angle: int
+    turns: int
+    velocity: int
+    periodic: bool
+
+
+# --- the program ----------------------------------------------------------------------------------------------------
+
+
+class Text:
+    """Writer of the program of a plan: fields of its memory, and the source of its functions.
+
+    A slot holds a reading ``x`` and a velocity ``w``; without a sensor, ``x`` is the angle from the nearer of bottom
+    and top, and ``y`` its turns. In the source ``x1`` is the new reading, and ``x0`` that in the slot before.
+    """
+
+    def __init__(self, plan: Plan, place: Place) -> None:
+        self.plan, self.place = plan, place
+        self.parts = ("x", "y") if plan.ideal else ("x",)
+        self.rings = (*self.parts, *(("w",) if plan.swift else ()))
+        own = (*(("lag", "late") if plan.random else ()), *(("zero",) if plan.zeroed else ()),
+               *(SEEDS if plan.draws else ()), *(("count",) if plan.every > 1 else ()))
+        self.fields = (*own, *(f"{ring}{slot}" for ring in self.rings for slot in range(plan.slots)))
+
+    def at(self, name: str) -> str:
+        """Return the source of a field of environment ``i``."""
+        return f"o[i + U({self.fields.index(name) * self.place.width})]"
+
+    def slot(self, ring: str, slot: str) -> str:
+        """Return the source of environment ``i``'s entry of a ring in the slot with the source ``slot``."""
+        return f"o[i + U({self.start(ring, slot)})]"
+
+    def start(self, ring: str, slot: str) -> str:
+        """Return the source of the index at which a block's entries of a ring in a slot begin."""
+        first = self.fields.index(f"{ring}0")
+        return f"{self.place.width}*({first} + {slot})"
+
+    def scratch(self, name: str) -> str:
+        """Return the source of an intermediate value of environment ``i``, in an array with constant places.
+
+        Loops whose places are constant compile to SIMD code, and those with dynamic slots do not: they only copy.
+        """
+        return f"t[i + U({SCRATCH.index(name) * self.place.width})]"
+
+    def copied_in(self, rings: Iterable[str], slot: str, mark: str) -> list[str]:
+        """Return the source lines that copy a slot's entries, such as ``x``, into the scratch, as ``x{mark}``."""
+        lines = []
+        for ring in rings:
+            lines += [f"start = {self.start(ring, slot)}", "for i in range(U(n)):",
+                      f"    {self.scratch(ring + mark)} = o[i + U(start)]"]
+        return lines
+
+    def whole(self, x: str, y: str) -> str:
+        """Return the source of the unwrapped angle of a reading [rad]."""
+        return f"{x} + 6.283185307179586*{y}" if self.plan.ideal else x
+
+    def reading(self) -> list[str]:
+        """Return the source lines that take a reading of the motion."""
+        plan, place = self.plan, self.place
+        lines = [f"{name} = s[i + U({field * place.width})]" for name, field in (
+            ("q", place.angle), ("turns", place.turns), ("v", place.velocity))]
+        if plan.ideal:
+            return [*lines, "x1 = q", "y1 = turns"]
+        zero = self.at("zero") if plan.zeroed else "0.0"
+        lines.append(f"x1 = taken(q + 6.283185307179586*turns, {zero}, scale, offset)")
+        if plan.draws:
+            lines += [f"{name} = {self.at(name)}" for name in SEEDS]
+            numbers = (*(("u1", "u2") if plan.noisy else ()), *(("u3",) if plan.dropping else ()))
+            lines += [f"{joined(SEEDS)}, {name} = next_uniform({joined(SEEDS)})" for name in numbers]
+        lines += ["x1 = x1 + noise*normal(u1, u2)"] if plan.noisy else []
+        return [*lines, *(["x1 = rounded(x1, quantum)"] if plan.rounding else [])]
+
+    def speed(self) -> list[str]:
+        """Return the source lines that compute the velocity ``w1`` of a new reading."""
+        if self.plan.kind == "full":
+            return ["w1 = v"]
+        new = self.whole("x1", "y1")
+        if self.plan.filtered:
+            return [f"w1 = w0 + gain*((({new}) - ({self.whole('x0', 'y0')}))/between - w0)"]
+        return [f"w1 = (({new}) - ({self.whole('x_old', 'y_old')}))/span"]
+
+    def sample(self) -> str:
+        """Write the source of ``sample``: write the slot ``now`` of all environments of a range of blocks.
+
+        ``before`` is the slot before it and ``old`` the one at the begin of the window. With random observation delays
+        only those environments are read that are due after this step of the control step. A lost reading is replaced by
+        the one before, from which an encoder computes its velocity; a lost reading of the kind "full" loses the
+        velocity, too.
+        """
+        plan = self.plan
+        idle = ["count > 0.0"] if plan.every > 1 else []
+        lost = ["u3 < dropout"] if plan.dropping else []
+        kept = " or ".join([*idle, *lost])
+        slow = " or ".join([*idle, *(lost if plan.kind == "full" else [])])
+        windowed = self.parts if plan.kind == "encoder" and not plan.filtered else ()
+        past = self.parts if kept or plan.filtered else ()
+        past = (*past, *(("w",) if plan.swift and (slow or plan.filtered) else ()))
+        lines = [*self.reading(), *(f"{ring}0 = {self.scratch(f'{ring}0')}" for ring in past),
+                 *(f"{ring}_old = {self.scratch(f'{ring}_old')}" for ring in windowed)]
+        if idle:
+            lines += [f"count = {self.at('count')} + 1.0", f"count = 0.0 if count >= {plan.every}.0 else count"]
+        lines += [f"{name}1 = {name}0 if {kept} else {name}1" for name in self.parts if kept]
+        lines += self.speed() if plan.swift else []
+        lines += [f"w1 = w0 if {slow} else w1"] if plan.swift and slow else []
+        stores = {self.scratch(f"{ring}1"): f"{ring}1" for ring in self.rings}
+        stores |= {self.at(name): name for name in (*(SEEDS if plan.draws else ()), *(("count",) if idle else ()))}
+        lines += [f"mine = {self.at('late')} == event"] if plan.random else []
+        lines += [f"{to} = {value} if mine else {to}" if plan.random else f"{to} = {value}"
+                  for to, value in stores.items()]
+        back = []
+        for ring in self.rings:
+            back += [f"start = {self.start(ring, 'now')}", "for i in range(U(n)):",
+                     f"    o[i + U(start)] = {self.scratch(f'{ring}1')}"]
+        return self._over_blocks(
+            "sample", f"state, memory, t, first, last, size, now, before, old, event, {joined(NUMBERS)}", [
+                "s = state[b]", *self.copied_in(past, "before", "0"), *self.copied_in(windowed, "old", "_old"),
+                *self.copied_in(self.rings if plan.random else (), "now", "1"),
+                "for i in range(U(n)):", *indent(lines, 1), *back])
+
+    def give(self) -> str:
+        """Write the source of ``give``: observations and observed angles, from slots ``lag`` behind ``now``."""
+        plan, width = self.plan, self.place.width
+        steps, entries = plan.substeps // plan.spacing, KINDS[plan.kind]
+        lag = f"int({self.at('lag')})" if plan.random else "lag"
+        lines = [f"seen = observation[{width}*b:{width}*b + n]", f"angle = observed[{width}*b:{width}*b + n]"]
+        for k in range(plan.history):
+            last = k == plan.history - 1
+            back = [f"at = now - {lag} - {(plan.history - 1 - k) * steps}", f"at = at + {plan.slots} if at < 0 else at"]
+            rings = self.rings if last else self.parts
+            if plan.random:
+                lines += ["for i in range(U(n)):", *indent(back, 1),
+                          *(f"    {self.scratch(f'{ring}1')} = {self.slot(ring, 'at')}" for ring in rings)]
+            else:
+                lines += [*back, *self.copied_in(rings, "at", "1")]
+            one = [f"{name} = {self.scratch(f'{name}1')}" for name in self.parts]
+            if plan.ideal and self.place.periodic:
+                one += ["tilt = x", "side = side_of(y)"]
+            else:
+                one += ["halves = half_turns(x)",
+                        f"tilt = max(-{report.RESOLVED}, min({report.RESOLVED}, without_half_turns(x, halves)))",
+                        "side = side_of(0.5*halves)"]
+            one += ["half = sin(0.5*tilt)", f"{self.scratch('cosine')} = side*(1.0 - 2.0*half*half)",
+                    f"{self.scratch('sine')} = side*(2.0*half*cos(0.5*tilt))"]
+            one += [f"{self.scratch('angle')} = {self.whole('x', 'y')}"] if last else []
+            lines += ["for i in range(U(n)):", *indent(one, 1), "for i in range(U(n)):",
+                      f"    seen[i, {entries * k}] = {self.scratch('cosine')}",
+                      f"    seen[i, {entries * k + 1}] = {self.scratch('sine')}"]
+        if plan.swift:
+            rate = f"max(-{report.FASTEST}, min({report.FASTEST}, {self.scratch('w1')}))"
+            lines += ["for i in range(U(n)):", f"    seen[i, 2] = {rate}"]
+        lines += ["for i in range(U(n)):", f"    angle[i] = {self.scratch('angle')}"]
+        return self._over_blocks("give", "observation, observed, memory, t, first, last, size, now, lag", lines)
+
+    def begin(self) -> str:
+        """Write the source of ``begin``: the first reading of the environments ``places``, written to all slots."""
+        plan, width = self.plan, self.place.width
+        angle = [f"s[i + U({field * width})]" for field in (self.place.angle, self.place.turns)]
+        lines = [
+            *([f"{self.at('zero')} = {angle[0]} + 6.283185307179586*{angle[1]}"] if plan.zeroed else []),
+            *self.reading(),
+            *(["w1 = v" if plan.kind == "full" else "w1 = 0.0"] if plan.swift else []),
+            *([f"{self.at('count')} = 0.0"] if plan.every > 1 else []),
+            *([f"{self.at(name)} = {name}" for name in SEEDS] if plan.draws else []),
+            f"for slot in range({plan.slots}):",
+            *indent([f"{self.slot(ring, 'slot')} = {ring}1" for ring in self.rings], 1),
+        ]
+        return "\n".join(["@entry", f"def begin(state, memory, places, {joined(NUMBERS)}):",
+                          "    for k in range(len(places)):",
+                          f"        s = state[places[k]//{width}]", f"        o = memory[places[k]//{width}]",
+                          f"        i = U(places[k] % {width})", *indent(lines, 2), "    return 0", ""])
+
+    def _over_blocks(self, name: str, arguments: str, lines: Iterable[str]) -> str:
+        """Write the source of a function that runs ``lines`` for a range of blocks of ``n`` environments, or fewer."""
+        width = self.place.width
+        return "\n".join(["@entry", f"def {name}({arguments}):", "    for b in range(first, last):",
+                          "        o = memory[b]", f"        n = min({width}, size - {width}*b)",
+                          *indent(lines, 2), "    return 0", ""])
+
+    def program(self) -> Kernel:
+        """Return the program."""
+        plan = self.plan
+        called: list[Callable[..., Any]] = [
+            taken, wrap.half_turns, wrap.without_half_turns, wrap.side_of, elementary.sin, elementary.cos,
+            *([next_uniform] if plan.draws else []), *([normal] if plan.noisy else []),
+            *([rounded] if plan.rounding else [])]
+        return kernel(called, [self.sample(), self.give(), self.begin(), PICK], f"{plan.kind} sensing")
+
+
+PICK = """@entry
+def pick(queue, whole, part, row, begun, out):
+    for i in range(len(out)):
+        k = row - whole[i] - (1 if begun < part[i] else 0)
+        out[i] = queue[k + len(queue) if k < 0 else k, i]
+    return 0
+"""
+"""Source of ``pick``: the action of every environment from the rows of a queue, for random delays."""
+
+
+# --- the memory -----------------------------------------------------------------------------------------------------
+
+
+class Sensing:
+    """Readings and delayed actions of ``size`` environments, or of one.
+
+    Args:
+        plan: what is read when.
+        place: where the motion is in memory.
+        size: number of environments.
+        remembers: True for scenes with effects that have a state; see :meth:`Plan.parts`.
+        backend: backend of the programs.
+        num_threads: number of threads.
+
+    Attributes:
+        parts: parts of a control step; see :meth:`Plan.parts`.
+    """
+
+    def __init__(
+        self, plan: Plan, place: Place, size: int, remembers: bool, backend: Backend, num_threads: int = 1
+    ) -> None:
+        self.plan, self.place, self.size, self.backend, self.num_threads = plan, place, size, backend, num_threads
+        self.parts = plan.parts(remembers)
+        self._fields = Text(plan, place).fields
+        self._memory = np.zeros((-(-size // place.width), len(self._fields) * place.width))
+        self._scratch = [np.empty(len(SCRATCH) * place.width) for _ in range(num_threads)]
+        self._now = 0
+        self._lag = plan.lag(plan.seen_late[0])[0]
+        self._queue: NDArray[Any] = np.zeros((plan.acts_late[1] // plan.substeps + 2, size), np.float32)
+        self._row = 0
+        self._whole, self._part = np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64)
+        self._set_late(slice(None), plan.acts_late[0])
+        self._load()
+
+    def _load(self) -> None:
+        found = functions(Text(self.plan, self.place).program(), self.backend)
+        self._sample, self._give, self._begin, self._pick = (
+            found[name] for name in ("sample", "give", "begin", "pick"))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes to pickle, without the compiled functions."""
+        return {name: value for name, value in vars(self).items()
+                if name not in ("_sample", "_give", "_begin", "_pick")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Restore pickled attributes and load the compiled functions."""
+        vars(self).update(state)
+        self._load()
+
+    def begin(
+        self, state: Any, which: Places, seen: Places | None, acts: Places | None, seeds: Iterable[Array]
+    ) -> None:
+        """Begin new episodes of the environments ``which``, whose motion in ``state`` is that of the start.
+
+        Args:
+            state: blocks of the motion.
+            which: indices of the environments.
+            seen, acts: their observation and action delays in integration steps; None for fixed delays.
+            seeds: for each of SEEDS random numbers in [0, 1), if the sensor draws random numbers.
+        """
+        if seen is not None:
+            lags, events = np.divmod(seen, self.plan.substeps)
+            if self.plan.follows:
+                self._set("lag", which, lags)
+                self._set("late", which, self.plan.substeps - events)
+            else:
+                self._set("lag", which, -(-seen // self.plan.spacing))
+                self._set("late", which, np.full(len(which), self.plan.substeps))
+        if acts is not None:
+            self._set_late(which, acts)
+        for name, uniform in zip(SEEDS, seeds, strict=False):
+            self._set(name, which, started(uniform))
+        self._queue[:, which] = 0.0
+        with np.errstate(all="ignore"):
+            self._begin(state, self._memory, which, *self.plan.numbers)
+
+    def _set_late(self, which: Any, steps: Any) -> None:
+        """Set the action delays of the environments ``which`` [integration steps]."""
+        self._whole[which], self._part[which] = np.divmod(steps, self.plan.substeps)
+
+    def _set(self, name: str, which: Places, values: NDArray[Any]) -> None:
+        """Set a field of the environments ``which``."""
+        width = self.place.width
+        self._memory[which // width, self._fields.index(name) * width + which % width] = values
+
+    def act(self, actions: NDArray[Any]) -> None:
+        """Put the actions of a control step into the queue."""
+        if actions.dtype != self._queue.dtype and actions.dtype == np.float64:
+            self._queue = self._queue.astype(np.float64)
+        self._row = (self._row + 1) % len(self._queue)
+        self._queue[self._row] = actions
+
+    def acting(self, begun: int) -> NDArray[Any]:
+        """Return the actions that act in a part of a control step that begins after ``begun`` integration steps."""
+        low, high = self.plan.acts_late
+        if low == high:
+            back = low // self.plan.substeps + (begun < low % self.plan.substeps)
+            return np.asarray(self._queue[self._row - back])
+        out = np.empty(self.size, self._queue.dtype)
+        self._pick(self._queue, self._whole, self._part, self._row, begun, out)
+        return out
+
+    def turn(self, end: int) -> tuple[int, int, int]:
+        """Turn to the next slot, if it is time after ``end`` integration steps of a control step.
+
+        Return the slots to write, before it and at the begin of the window, for :meth:`sample`.
+        """
+        slots = self.plan.slots
+        if not self.plan.follows or end == self.plan.readings[0]:
+            self._now = (self._now + 1) % slots
+        return self._now, (self._now - 1) % slots, (self._now - self.plan.window * self.plan.every) % slots
+
+    def sample(
+        self, state: Any, slots: tuple[int, int, int], end: int, thread: int = 0, first: int = 0,
+        last: int | None = None,
+    ) -> None:
+        """Take the readings that are due after ``end`` integration steps of a control step, in a range of blocks.
+
+        ``slots`` are those that :meth:`turn` returned; ``thread`` is the number of the calling thread.
+        """
+        with np.errstate(all="ignore"):
+            self._sample(state, self._memory, self._scratch[thread], first, len(self._memory) if last is None else last,
+                         self.size, *slots, float(end), *self.plan.numbers)
+
+    def give(
+        self, observation: NDArray[np.float32], observed: Array, thread: int = 0, first: int = 0,
+        last: int | None = None,
+    ) -> None:
+        """Write observations, shape ``(size, width)`` or wider, and observed angles [rad], shape ``(size,)``."""
+        with np.errstate(all="ignore"):
+            self._give(observation, observed, self._memory, self._scratch[thread], first,
+                       len(self._memory) if last is None else last, self.size, self._now, self._lag)
+
+    # --- saved states -----------------------------------------------------------------------------------------------
+
+    def saved(self) -> dict[str, Any]:
+        """Return everything that differs between episodes, for one environment, as plain numbers."""
+        return {"readings": self._memory[0].tolist(), "slot": self._now, "actions": self._queue[:, 0].tolist(),
+                "row": self._row, "late": int(self._whole[0] * self.plan.substeps + self._part[0])}
+
+    def checked(self, saved: Any) -> Sensing | None:
+        """Return a copy with the numbers of :meth:`saved`; None if they are not those of such an environment."""
+        other = copied(self)
+        try:
+            readings = np.array(saved["readings"], dtype=np.float64)
+            actions = np.array(saved["actions"], dtype=np.float64)
+            slot, row, late = (int(saved[name]) for name in ("slot", "row", "late"))
+            low, high = self.plan.acts_late
+            good = (readings.shape == self._memory[0].shape and actions.shape == self._queue[:, 0].shape
+                    and bool(np.isfinite(readings).all()) and bool((np.abs(actions) <= 1.0).all())
+                    and 0 <= slot < self.plan.slots and 0 <= row < len(self._queue) and low <= late <= high)
+            lags = [readings[self._fields.index(name)] for name in ("lag", "late")] if self.plan.random else []
+            good = good and all(value in range(self.plan.substeps * self.plan.slots + 1) for value in lags)
+        except (TypeError, ValueError, LookupError, OverflowError):
+            return None
+        if not good or (lags and not 0 <= lags[0] < self.plan.slots):
+            return None
+        other._memory[0], other._queue = readings, actions[:, None].copy()
+        other._set_late(0, late)
+        other._now, other._row = slot, row
+        return other
+
+
+def copied(sensing: Sensing) -> Sensing:
+    """Return a copy of a Sensing with memory of its own."""
+    other = Sensing.__new__(Sensing)
+    own: Mapping[str, Any] = {name: value.copy() if isinstance(value, np.ndarray) else value
+                              for name, value in vars(sensing).items()}
+    vars(other).update(own)
+    return other
+
+
+def gain_of(corner: float | None, between: float) -> float:
+    """Return the gain of a first-order filter with a corner frequency [Hz] for readings ``between`` seconds apart."""
+    return 0.0 if corner is None else 1.0 - elementary.exp(-2.0 * math.pi * corner * between)
+

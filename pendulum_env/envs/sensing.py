@@ -1,0 +1,190 @@
+"""Settings of what an agent sees and of delays: kind of observation, sensor, delays of observations and actions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine.batch import Batch
+from pendulum_env.engine.layout import BLOCK
+from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
+from pendulum_env.engine.sensing import KINDS, SEEDS, Place, Plan, Sensing, gain_of
+from pendulum_env.engine.shape import HOLD
+from pendulum_env.engine.spec import RunSpec
+from pendulum_env.physics.data import known
+from pendulum_env.physics.sensor import Sensor
+from pendulum_env.physics.units import SceneError, number, one_of, shown, whole_number
+
+Array = NDArray[Any]
+
+USUAL_HISTORY, MOST_HISTORY = 4, 64
+"""Usual and largest number of readings in an observation of the kind "history"."""
+MOST_STEPS = 1000
+"""Largest delay, in control steps."""
+OBSERVED = "observed_angle"
+"""Entry of ``info`` with the unwrapped angle that the sensor shows [rad]."""
+
+
+def plan_of(
+    observation: Any, history: Any, sensor: Any, observation_delay: Any, action_delay: Any, h: float, substeps: int
+) -> Plan | None:
+    """Return the checked plan of readings and delays; None if the motion is seen at once, as it is.
+
+    Args:
+        observation, history, sensor, observation_delay, action_delay: as in gym.make.
+        h: integrator's step [s].
+        substeps: integration steps of a control step.
+
+    Raises SceneError for an invalid setting.
+    """
+    kind = one_of(observation, "observation", KINDS)
+    if kind != "history" and history is not None:
+        raise SceneError(f"history={shown(history)} is for observation='history', not for {kind!r}.")
+    seen = checked_delay(observation_delay, "observation_delay", h, substeps)
+    acts = checked_delay(action_delay, "action_delay", h, substeps)
+    count = whole_number(USUAL_HISTORY if history is None else history, "history", MOST_HISTORY)
+    device = checked_sensor(sensor)
+    if kind == "full" and device is None and seen == acts == (0, 0):
+        return None
+    device = device or Sensor()
+    spacing, every = (substeps, 1) if device.rate is None else checked_rate(device.rate, h, substeps)
+    between = spacing * every * h
+    window = int(device.window) if kind == "encoder" else 1
+    return Plan(
+        kind=kind, history=count if kind == "history" else 1, substeps=substeps, spacing=spacing, every=every,
+        follows=device.rate is None, window=window, filtered=kind == "encoder" and device.corner is not None,
+        ideal=Sensor(rate=device.rate, window=device.window, corner=device.corner) == as_sensor(device),
+        noisy=device.noise > 0.0, dropping=device.dropout > 0.0, rounding=device.quantum > 0.0,
+        zeroed=device.zero == "at_start", seen_late=seen, acts_late=acts,
+        numbers=(device.scale, device.offset, device.noise, device.quantum or 1.0, device.dropout,
+                 gain_of(device.corner, between), between, window * between),
+    )
+
+
+def checked_sensor(sensor: Any) -> Sensor | None:
+    """Return a sensor, which may be given as a dict; None for None. Raises SceneError for anything else."""
+    if sensor is None:
+        return None
+    device = Sensor(**known(sensor, Sensor, "A sensor")) if isinstance(sensor, Mapping) else sensor
+    if not isinstance(device, Sensor):
+        raise SceneError(f"sensor must be a Sensor or a dict of its values, not {shown(sensor)}.")
+    if getattr(device, "jitter", 0.0):
+        raise SceneError(f"jitter={device.jitter:g} is for recordings; in an environment, a sensor reads "  # type: ignore[attr-defined]
+                         "at whole steps, so make it with jitter=0.")
+    return device
+
+
+def as_sensor(device: Sensor) -> Sensor:
+    """Return the plain sensor with the values of one of a class derived from it."""
+    return Sensor(quantum=device.quantum, rate=device.rate, noise=device.noise, scale=device.scale,
+                  offset=device.offset, dropout=device.dropout, zero=device.zero, window=device.window,
+                  corner=device.corner)
+
+
+def checked_delay(value: Any, name: str, h: float, substeps: int) -> tuple[int, int]:
+    """Return a delay, or the ends of its range, in integration steps of ``h`` [s].
+
+    Raises SceneError for delays below 0 or beyond 1000 control steps, that are not whole steps, or a range upside down.
+    """
+    ends = value if isinstance(value, (tuple, list)) else (value, value)
+    if len(ends) != 2:
+        raise SceneError(f"{name} must be a delay or (low, high) [s], not {shown(value)}.")
+    steps = []
+    for end in ends:
+        delay = number(end, name, least=0.0, unit="s") / h
+        count = round(min(delay, 2.0**53))
+        if abs(delay - count) > 1e-9 * max(1.0, delay):
+            low = math.floor(delay)
+            raise SceneError(f"{name} must be a whole number of steps of {h:.6g} s, such as {low * h:.6g} or "
+                             f"{(low + 1) * h:.6g} s, not {end!r}; more substeps make the steps shorter.")
+        if count > MOST_STEPS * substeps:
+            raise SceneError(f"{name} must be at most {MOST_STEPS} control steps, {MOST_STEPS * substeps * h:.6g} s, "
+                             f"not {end!r}.")
+        steps.append(count)
+    if steps[0] > steps[1]:
+        raise SceneError(f"{name} must have the lower end first, not {shown(value)}.")
+    return steps[0], steps[1]
+
+
+def checked_rate(rate: float, h: float, substeps: int) -> tuple[int, int]:
+    """Return the spacing of the readings of a sensor, in integration steps, and of slots from one to the next.
+
+    Raises SceneError for a rate whose readings are not at whole steps that divide a control step, or multiples of it.
+    """
+    period = 1.0 / (rate * h)
+    count = round(min(max(period, 1.0), 2.0**53))
+    if abs(period - count) <= 1e-9 * period and count <= MOST_STEPS * substeps:
+        if substeps % count == 0:
+            return count, 1
+        if count % substeps == 0:
+            return substeps, count // substeps
+    fits = [n for n in range(1, substeps + 1) if substeps % n == 0] + [substeps * k for k in range(2, MOST_STEPS + 1)]
+    near = sorted(fits, key=lambda n: abs(math.log(n / min(max(period, 1e-300), 1e300))))[:2]
+    names = " or ".join(f"{1.0 / (n * h):.6g}" for n in sorted(near))
+    raise SceneError(f"rate must give readings at whole steps of {h:.6g} s that divide a control step or are multiples "
+                     f"of it, such as {names} Hz, not {rate:.6g} Hz; more substeps allow higher rates.")
+
+
+def delays(bounds: tuple[int, int], uniform: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return delays in integration steps, drawn with equal chances, from random numbers in [0, 1)."""
+    low, high = bounds
+    return low + np.minimum((uniform * (high - low + 1)).astype(np.int64), high - low)
+
+
+# --- environments ---------------------------------------------------------------------------------------------------
+
+
+def readings_of(spec: RunSpec, plan: Plan | None) -> tuple[Machine, Sensing | None]:
+    """Return the simulator of a single environment, and its readings; None if the motion is seen as it is.
+
+    Where actions arrive within control steps, the state of effects, such as a lagging motor, is advanced in every
+    integration step. Raises SceneError for the diagnostic "error" with readings or actions within control steps.
+    """
+    machine = spec.machine()
+    if plan is None:
+        return machine, None
+    remembers = HOLD[0] in machine.numbers
+    check_parts(plan, remembers, spec)
+    if remembers and plan.changes:
+        machine = replace(spec, hold=1).machine()
+    place = Place(1, ANGLE, TURNS, VELOCITY, spec.scene.periodic)
+    return machine, Sensing(plan, place, 1, remembers, spec.backend)
+
+
+def readings_of_many(spec: RunSpec, batch: Batch, plan: Plan | None) -> Sensing | None:
+    """Return the readings of a vector of environments; see :func:`readings_of`."""
+    if plan is None:
+        return None
+    fields, remembers = batch.layout.fields, bool(batch.layout.shape.remembered)
+    check_parts(plan, remembers, spec)
+    batch.also(OBSERVED)
+    place = Place(BLOCK, fields.index("q"), fields.index("turns"), fields.index("v"), spec.scene.periodic)
+    return Sensing(plan, place, batch.size, remembers, spec.backend, batch.num_threads)
+
+
+def check_parts(plan: Plan, remembers: bool, spec: RunSpec) -> None:
+    """Raise SceneError if errors are to be estimated within control steps."""
+    if spec.estimate_error and len(plan.parts(remembers)) > 1:
+        raise SceneError('The diagnostic "error" compares runs at the ends of control steps, so that it needs delays '
+                         "of whole control steps, and a rate of one reading for each at most.")
+
+
+def drawn_delays(plan: Plan, uniform: Callable[[], Array]) -> tuple[list[Any], dict[str, Array]]:
+    """Draw what differs between episodes: delays and the seeds of a sensor's noise, from ``uniform``.
+
+    Return the arguments of :meth:`pendulum_env.engine.sensing.Sensing.begin` after the indices, and the delays that
+    were drawn, by name [integration steps].
+    """
+    named: dict[str, Array] = {}
+    drawn: list[Any] = []
+    for name, bounds in (("observation_delay", plan.seen_late), ("action_delay", plan.acts_late)):
+        drawn.append(None)
+        if bounds[0] < bounds[1]:
+            drawn[-1] = delays(bounds, uniform())
+            named[name] = drawn[-1]
+    return [*drawn, [uniform() for _ in SEEDS] if plan.draws else []], named
