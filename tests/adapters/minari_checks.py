@@ -31,7 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def policy(seen: Any) -> Any:
-    return -2.0 * seen[:, 1:2] - 0.3 * seen[:, 2:]  # beyond 1, too, so that actions are clipped
+    return -30.0 * seen[:, 1:2] - 0.3 * seen[:, 2:]  # beyond 1, too, so that actions are clipped
 
 
 def episodes(dataset: Any) -> list[Any]:
@@ -66,6 +66,7 @@ def test_recovered_environments_repeat_the_data(how: str, folder: Path) -> None:
             told.append(info["energy"])
         assert terminated or truncated
         assert np.array_equal(told, one.infos["energy"])
+    assert (max(np.abs(episode.actions).max() for episode in episodes(data)) == 1.0) is (how == "ends at random")
     assert (len({len(episode.rewards) for episode in episodes(data)}) > 3) is (how == "ends at random")
     assert {path.name for path in folder.iterdir()} == {"pendulum"}
     assert made[0].storage.metadata["dataset_id"] == "pendulum/balance1-v0"
