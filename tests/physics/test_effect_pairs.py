@@ -84,7 +84,8 @@ def check(scene: Scene, method: str) -> None:
         assert run.stop_reason == ""
         assert np.isfinite([run.angle, run.velocity, run.energy, run.ledger.work, run.ledger.heat]).all()
         assert not np.isnan(list(run.watched.values())).any()
-        assert run.heat_by_effect.keys() == {effect.name for effect in scene.of_kind("dissipative")}
+        lossy = (*scene.of_kind("dissipative"), *scene.of_kind("limit"))
+        assert run.heat_by_effect.keys() == {effect.name for effect in lossy}
         assert all(heat[-1] >= 0.0 for heat in run.heat_by_effect.values())
         results.append((np.abs(run.energy_residual).max(), run.angle[-1]))
     (coarse, first), (fine, second) = results
