@@ -29,7 +29,7 @@ KEYS = ("made_for", "numbers", "state", "random", "over")
 FIELDS = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
 """Names of a single environment's state whose fields in a vector have other names."""
 ATTRIBUTES = ("scene", "integrator", "dt", "substeps", "task", "render_mode", "render_size", "metadata", "speed_limit",
-              "omega0", "observation_space", "action_space", "np_random_seed")
+              "omega0", "velocity_bound", "observation_space", "action_space", "np_random_seed")
 """Attributes of a single environment that a vector knows; with the parameters of its scene, such as ``length``."""
 METHODS = ("get_state", "set_state", "render", "get_wrapper_attr", "has_wrapper_attr", "set_wrapper_attr")
 """Methods of a single environment that a vector can call for each."""
@@ -74,8 +74,8 @@ class Members:
         """Return an attribute of the single environments, one value for each.
 
         The attributes are ``scene``, ``integrator``, ``dt`` [s], ``substeps``, ``task``, ``render_mode``,
-        ``render_size``, ``metadata``, ``speed_limit`` [rad/s], ``omega0`` [1/s], ``observation_space``,
-        ``action_space``, ``np_random_seed``, every parameter of the scene, such as ``length`` [m], and what
+        ``render_size``, ``metadata``, ``speed_limit`` [rad/s], ``omega0`` [1/s], ``velocity_bound`` [rad/s],
+        ``observation_space``, ``action_space``, ``np_random_seed``, every parameter of the scene, such as ``length`` [m], and what
         :meth:`set_attr` has set. Raises AttributeError for other names.
         """
         return self.call(name)
