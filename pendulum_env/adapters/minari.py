@@ -180,7 +180,7 @@ def episodes_of(
 
 def check_names(names: Sequence[str], infos: Mapping[str, Any]) -> None:
     """Raise SceneError for names that are no numbers in a vector's infos."""
-    known = [name for name, values in infos.items() if values.dtype.kind == "f"]
+    known = [name for name, values in infos.items() if isinstance(values, np.ndarray) and values.dtype.kind == "f"]
     for name in names:
         if name not in known:
             raise SceneError(f"info_names has {shown(name)}, which is no number in the infos of this "

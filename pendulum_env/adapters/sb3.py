@@ -168,11 +168,16 @@ def together(options: Sequence[Info]) -> Info | None:
 
 
 def entries(infos: Info) -> tuple[Info, Info]:
-    """Return a vector's infos as lists, and the masks that say which environments have them."""
-    rows = {name: values.tolist() for name, values in infos.items() if not name.startswith("_")}
+    """Return a vector's infos as lists, and the masks that say which environments have them.
+
+    Infos within infos, such as "parameters", are pairs of the same form.
+    """
+    rows = {name: entries(values) if isinstance(values, dict) else values.tolist()
+            for name, values in infos.items() if not name.startswith("_")}
     return rows, {name: infos[f"_{name}"].tolist() for name in rows if f"_{name}" in infos}
 
 
 def row_of(rows: Info, masks: Info, place: int) -> Info:
     """Return the infos of one environment."""
-    return {name: values[place] for name, values in rows.items() if name not in masks or masks[name][place]}
+    return {name: row_of(values[0], values[1], place) if isinstance(values, tuple) else values[place]
+            for name, values in rows.items() if name not in masks or masks[name][place]}

@@ -27,9 +27,10 @@ class LabPendulumTorchEnv(EnvBase):  # type: ignore[misc]
     """Pendulums for TorchRL's collectors and losses, advanced together by compiled loops; ``batch_size`` (num_envs,).
 
     ``LabPendulumTorchEnv(64, task="balance").rollout(100)`` rolls out. "observation" is float32 of shape (num_envs, 3),
-    "action" float32 of (num_envs, 1) in [-1, 1], "reward" float32 of (num_envs, 1); "done", "terminated" and
-    "truncated" are bool of (num_envs, 1). A reset with a mask "_reset" starts episodes in the marked environments, and
-    a step with a mask "_step" leaves the others as they are.
+    or of the shape that ``observation=`` gives it, "action" float32 of (num_envs, 1) in [-1, 1], "reward" float32 of
+    (num_envs, 1); "done", "terminated" and "truncated" are bool of (num_envs, 1). A reset with a mask "_reset" starts
+    episodes in the marked environments. A step with a mask "_step" leaves the others as they are, where the vector's
+    ``get_state`` can save them.
 
     Args:
         num_envs: number of environments.
@@ -57,11 +58,12 @@ class LabPendulumTorchEnv(EnvBase):  # type: ignore[misc]
         self.vector = vector
         self._seed: int | None = None
         size, one = vector.num_envs, vector.single_observation_space
-        low, high = (torch.as_tensor(np.broadcast_to(bound, (size, 3)).copy()) for bound in (one.low, one.high))
+        shape = (size, *one.shape)
+        low, high = (torch.as_tensor(np.broadcast_to(bound, shape).copy()) for bound in (one.low, one.high))
         column = torch.Size([size, 1])
         numbers = {name: Unbounded(column, dtype=torch.float64) for name in self._names}
         self.observation_spec = Composite(
-            observation=Bounded(low, high, torch.Size([size, 3]), dtype=torch.float32), **numbers,
+            observation=Bounded(low, high, torch.Size(shape), dtype=torch.float32), **numbers,
             shape=self.batch_size, device=self.device)
         self.action_spec = Bounded(-1.0, 1.0, column, dtype=torch.float32, device=self.device)
         self.reward_spec = Unbounded(column, dtype=torch.float32, device=self.device)
@@ -120,8 +122,9 @@ class LabPendulumTorchEnv(EnvBase):  # type: ignore[misc]
     ) -> Any:
         """Return observations, numbers of the infos, and ends of episodes as tensors."""
         for name in self._names:
-            if name not in infos or infos[name].dtype.kind != "f":
-                known = [known for known, values in infos.items() if values.dtype.kind == "f"]
+            if not isinstance(infos.get(name), np.ndarray) or infos[name].dtype.kind != "f":
+                known = [known for known, values in infos.items()
+                         if isinstance(values, np.ndarray) and values.dtype.kind == "f"]
                 raise SceneError(f"info_names has {shown(name)}, which is no number in the infos of this "
                                  f"environment{nearest(name, known)}")
         parts = {name: self._column(infos[name], torch.float64) for name in self._names}

@@ -102,7 +102,7 @@ class Streams:
             self.restore(place, words_of(source.state))
 
 
-def generator_state(words: Words) -> dict[str, object]:
+def generator_state(words: Words) -> Any:
     """Return a stream's four words as the ``state`` of the NumPy generator PCG64 that goes on with the same numbers."""
     high, low, above, below = map(int, words)
     return {"bit_generator": "PCG64", "state": {"state": high << 64 | low, "inc": above << 64 | below},

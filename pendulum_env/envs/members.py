@@ -45,9 +45,9 @@ class Members:
     _over: Places
     _begun: bool
     _dt: float
-    _sensing: Any
     _randomization: Any
-    _each: Any
+    _sensing: Any
+    _task: Any
     single_observation_space: Any
     single_action_space: Any
 
@@ -75,8 +75,8 @@ class Members:
 
         The attributes are ``scene``, ``integrator``, ``dt`` [s], ``substeps``, ``task``, ``render_mode``,
         ``render_size``, ``metadata``, ``speed_limit`` [rad/s], ``omega0`` [1/s], ``velocity_bound`` [rad/s],
-        ``observation_space``, ``action_space``, ``np_random_seed``, every parameter of the scene, such as ``length`` [m], and what
-        :meth:`set_attr` has set. Raises AttributeError for other names.
+        ``observation_space``, ``action_space``, ``np_random_seed``, every parameter of the scene, such as ``length``
+        [m], and what :meth:`set_attr` has set. Raises AttributeError for other names.
         """
         return self.call(name)
 
@@ -131,7 +131,7 @@ class Members:
         if name == "scene":
             return self._scene_of(place)
         if name in ("speed_limit", "omega0"):
-            return float(np.broadcast_to(self._spec.numbers[name], (self._num_envs,))[place])
+            return self._number_of(place, name)
         if name in ("observation_space", "action_space"):
             return getattr(self, f"single_{name}")
         if name == "np_random_seed":
@@ -203,6 +203,17 @@ class Members:
         each = self._spec.each
         return self._spec.scene if each is None or each.alike else each.of(place)
 
+    def _number_of(self, place: int, name: str) -> float:
+        """Return the program's parameter ``name`` in one environment, with the parameters of its present episode."""
+        each = self._spec.each
+        at = np.array([place])
+        episode = {} if each is None else {key: column[at] for key, column in each.episode.items()
+                                           if not math.isnan(column[place])}
+        numbers = each.numbers_with(at, episode) if each is not None and episode else {}
+        if name in numbers:
+            return float(numbers[name][0])
+        return float(np.broadcast_to(self._spec.numbers[name], (self._num_envs,))[place])
+
     # --- states -------------------------------------------------------------------------------------------------
 
     def get_state(self, which: Any = None) -> dict[str, Any]:
@@ -212,7 +223,8 @@ class Members:
         "state" has the numbers of the motion, "random" the random generators, "over" marks ended episodes, and
         "made_for" and "numbers" say which environments can take it. ``call("get_state")`` returns the states in the
         form of single environments. Neither has the earlier angles and actions that only frames show. Raises SceneError
-        for an index out of range, or with the diagnostic "error".
+        for an index out of range, and for a vector that has more to save: drawn parameters, sensors, delays, a
+        reference to follow, the diagnostic "error".
         """
         self._check_saves()
         places, batch = self._places(which), self._batch
@@ -294,16 +306,18 @@ class Members:
         return {name: state[name] for name in wanted}, random, over
 
     def _check_saves(self) -> None:
-        """Raise SceneError for a vector with error estimates, drawn parameters, sensors or delays.
-
-        Error estimates have a second run beside the state, the others numbers and readings of their own.
-        """
-        if self._spec.estimate_error:
-            raise SceneError("States of a vector with the diagnostic 'error' cannot be saved, as they contain a second "
-                             "run; save those of single environments, or pickle the vector.")
-        if self._sensing is not None or self._randomization or self._each.episode:
-            raise SceneError("States of a vector with drawn parameters, a sensor or delays cannot be saved; pickle the "
-                             "vector, or save the states of single environments.")
+        """Raise SceneError for a vector that has more to save than the motion and the random streams."""
+        each = self._spec.each
+        reasons = {
+            "the diagnostic 'error'": self._spec.estimate_error,
+            "drawn parameters": self._randomization or (each is not None and each.episode),
+            "sensors, delays or a history": self._sensing is not None,
+            f"the task {self._task.name}": not {*self._batch.layout.numbers} <= {*self._spec.numbers},
+        }
+        for reason, holds in reasons.items():
+            if holds:
+                raise SceneError(f"States of a vector with {reason} cannot be saved one by one, as they have more than "
+                                 "the motion; save those of single environments, or pickle the vector.")
 
     def _made_for(self) -> dict[str, Any]:
         """Return what a state to restore must have been made for, with the same parameters."""

@@ -20,6 +20,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "ends at random": {"scene": LAB, "task": "balance", "dt": 0.01, "max_episode_steps": 60},
     "all at once": {"scene": "windy", "max_torque": 0.02, "lag": 0.1, "integrator": METHODS["heun"],
                     "max_episode_steps": 15},
+    "drawn": {"randomize": {"length": (0.3, 0.4)}, "observation_delay": 0.04, "max_episode_steps": 12},
     "arrays and numbers": {"length": np.float64(0.35), "render_size": np.array([60, 60]), "max_episode_steps": 12},
 }
 
@@ -66,7 +67,8 @@ def test_recovered_environments_repeat_the_data(how: str, folder: Path) -> None:
             told.append(info["energy"])
         assert terminated or truncated
         assert np.array_equal(told, one.infos["energy"])
-    assert (max(np.abs(episode.actions).max() for episode in episodes(data)) == 1.0) is (how == "ends at random")
+    if how == "ends at random":
+        assert max(np.abs(episode.actions).max() for episode in episodes(data)) == 1.0
     assert (len({len(episode.rewards) for episode in episodes(data)}) > 3) is (how == "ends at random")
     assert {path.name for path in folder.iterdir()} == {"pendulum"}
     assert made[0].storage.metadata["dataset_id"] == "pendulum/balance1-v0"

@@ -21,6 +21,7 @@ NAMES = ("time", "energy", "energy_residual")
 TASKS: dict[str, dict[str, Any]] = {
     "balance": {"task": "balance", "length": [0.3, 0.35, 0.4]},
     "free": {"task": "free", "max_episode_steps": 17},
+    "drawn": {"randomize": {"length": (0.3, 0.4)}, "observation_delay": 0.04, "max_episode_steps": 17},
     "stopped": {"speed_limit": 1.0, "max_episode_steps": 40, "velocity_bound": 20.0},
 }
 
@@ -120,6 +121,13 @@ def test_their_transforms_and_collector() -> None:
     collector = Collector(LabPendulumTorchEnv(4, max_episode_steps=20), None, frames_per_batch=80, total_frames=160)
     assert [batch.shape for batch in collector] == [torch.Size([4, 20])] * 2
     collector.shutdown()
+
+
+def test_observations_of_other_shapes() -> None:
+    env = LabPendulumTorchEnv(SIZE, observation="history", history=3, max_episode_steps=9)
+    check_env_specs(env)
+    rolled = env.rollout(20, break_when_any_done=False)
+    assert rolled["observation"].shape[2:] == env.vector.single_observation_space.shape
 
 
 def test_options_seeds_and_bad_input() -> None:

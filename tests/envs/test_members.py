@@ -293,6 +293,37 @@ def test_states_of_other_vectors_are_refused() -> None:
         estimating.get_state()
 
 
+MORE: dict[str, dict[str, Any]] = {
+    "drawn parameters": {"randomize": {"length": (0.3, 0.4)}}, "sensors, delays": {"observation_delay": 0.04},
+    "history": {"observation": "history", "history": 3}, "the task track": {"task": "track"},
+    "diagnostic 'error'": {"diagnostics": ("energy", "error")},
+}
+"""Options with more than the motion to save."""
+
+
+@pytest.mark.parametrize("said", MORE)
+def test_states_with_more_than_the_motion_are_refused(said: str) -> None:
+    vector = native(**MORE[said])
+    vector.reset(seed=1)
+    for save in (vector.get_state, lambda: vector.call("get_state"), lambda: vector.set_state({})):
+        with pytest.raises(SceneError, match=said):
+            save()
+
+
+def test_attributes_of_drawn_pendulums_are_those_of_gymnasiums_vector() -> None:
+    options = {"randomize": {"length": (0.3, 0.4)}}
+    mine, theirs = native(**options), sync(**options)
+    for vector in (mine, theirs):
+        vector.reset(seed=2)
+    for name in ("omega0", "speed_limit", "scene", "length"):
+        assert mine.get_attr(name) == theirs.get_attr(name)
+    assert len({*mine.get_attr("omega0")}) == SIZE
+    plain = native()
+    plain.reset(seed=1, options={"length": 0.5})
+    with pytest.raises(SceneError, match="drawn parameters"):
+        plain.get_state()
+
+
 def test_every_method_can_be_called() -> None:
     vector = native()
     vector.reset(seed=1)
