@@ -19,7 +19,7 @@ from pendulum_env.physics.units import nearest, shown
 
 _TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|[mµu]s|milli\w*|micro\w*)(?![a-z])",
                    re.IGNORECASE)
-_COUNT = re.compile(r"(?<![a-z])(?:frames?|index|idx|samples?|no|nr|n)(?![a-z])", re.IGNORECASE)
+_COUNT = re.compile(r"(?<![a-z])(?:frames?|slices?|index|idx|samples?|no|nr|n)(?![a-z])", re.IGNORECASE)
 _ANGLE = re.compile(r"angle|winkel|theta|θ|phi|φ|ϕ|°|(?<![a-z])(?:deg|degrees?|rad|radians?)(?![a-z])", re.IGNORECASE)
 _RATE_OF_CHANGE = re.compile(
     r"veloc|speed|accel|gyro|omega|ω|(?<![a-z])w[xyz](?![a-z])|geschw|dot(?![a-z])|\u0307|(?<![a-z])(?:rate(?![a-z])|d(?:theta|phi|θ|φ))"
@@ -61,6 +61,7 @@ _TILT = 10.0
 """Largest angle between the middle of the arc of a track without names and the vertical [degrees]."""
 _X = re.compile(r"(?<![a-z])x(?![a-z])", re.IGNORECASE)
 _Y = re.compile(r"(?<![a-z])y(?![a-z])", re.IGNORECASE)
+_Z = re.compile(r"(?<![a-z])z(?![a-z])", re.IGNORECASE)
 
 TRACK = "xy"
 
@@ -103,6 +104,7 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
     """
     titles = [" ".join(title) for title in table.titles]
     if columns is None:
+        _refuse_axes(table, titles)
         layout = _circular(table, titles) or _named(table, titles, timed or table.rate is not None)
         if layout.length:
             return layout
@@ -122,8 +124,10 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
         if axis and across and along:
             problem = "the header names several columns x and y (give columns=(time, x, y))"
             raise RecordingError(f"{table.name}: expected an angle, or one track, {problem}")
-        if layout.time is not None and _counts(titles[layout.time]):
-            problem = f"the header names {titles[layout.time]!r} (give rate=, the samples per second)"
+        if layout.time is not None and (_counts(titles[layout.time]) or _numbered(table, titles, layout)):
+            named = f"the header names {titles[layout.time]!r}" if titles[layout.time] else (
+                f"column {layout.time + 1} counts the readings")
+            problem = f"{named} (give rate=, the samples per second)"
             raise RecordingError(f"{table.name}: expected times, {problem}")
         return layout
     if isinstance(columns, str) and columns == TRACK:
@@ -228,6 +232,23 @@ def _could_be(table: TextTable, column: int) -> str:
     most = float(np.abs(values).max())
     size = "an angle in degrees" if most > 2.0 * np.pi else "an angle in radians or degrees"
     return f"{size}, an angular velocity, or a displacement"
+
+
+def _refuse_axes(table: TextTable, titles: list[str]) -> None:
+    """Raise RecordingError if the header names three axes x, y and z, but not the quantity that they belong to."""
+    axes = [[i for i, title in enumerate(titles) if form.fullmatch(title)] for form in (_X, _Y, _Z)]
+    if all(axes) and not any(form.search(title) for title in titles for form in (_ANGLE, _FORCE, _RATE)):
+        raise RecordingError(f"{table.name}: the axes x, y and z may be an angular velocity or an acceleration, the "
+                             f"header does not say; choose by columns='time=1,rate=2' or 'time=1,{FORCE}=2'; "
+                             f"{described(table, titles)}")
+
+
+def _numbered(table: TextTable, titles: list[str], layout: ColumnLayout) -> bool:
+    """Return True if what would be the time of a track is a column of successive whole numbers that has no title."""
+    if not layout.track or layout.time is None or not any(titles) or titles[layout.time]:
+        return False
+    values = table.values((layout.time,), layout.expected)[0][:, 0]
+    return bool(np.all(np.diff(values) == 1.0))
 
 
 def _circular(table: TextTable, titles: list[str]) -> ColumnLayout | None:

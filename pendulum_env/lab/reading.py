@@ -40,6 +40,7 @@ _PIXELS = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:px|pixels?)\s*(?:per|/|a)\s*(mm|cm
 BENCH = (0.2, 20.0)
 """Periods of pendulums on a bench [s], of 1 cm to 100 m."""
 _BACK, _LEAST = 3, 300  # times that go back so often or less, once in so many readings or more, are dropped
+_LATE = 0.05  # largest share of the readings that are dropped as their time goes back
 _LOST = 3  # number of successive readings of exactly 0 that show that the sensor lost its signal
 _COARSE = 0.05  # coarser steps are not radians, since no sensor reads in steps of 3 degrees
 _SHOWN = 3  # number of gaps that are listed one by one
@@ -300,6 +301,11 @@ def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple
     if 0 < back.size <= _BACK and len(time) >= _LEAST * back.size:
         late = time <= np.maximum.accumulate(np.concatenate([[-math.inf], time[:-1]]))
         late[back + 1] = True
+        if np.count_nonzero(late) > _LATE * len(late):
+            raise RecordingError(
+                f"{table.name}: line {lines[back[0] + 1]}: expected a time above {time[back[0]]:g} s, found "
+                f"{time[back[0] + 1]:g} s, and {np.count_nonzero(late)} of {len(late)} later times are not above it, "
+                "either; if the clock began again, leave one part out by until=, or give rate=")
         notes.append(f"dropped: {np.count_nonzero(late)} lines, as the time goes back (the first: line "
                      f"{lines[np.argmax(late)]}); if readings come at a constant rate, give rate=")
         time, values, lines = time[~late], values[~late], lines[~late]

@@ -17,6 +17,7 @@ FORMATS = {one.name: one for one in BENCH_FILES}
 REFUSED = {
     "acceleration across a rod": "'Acceleration x (m/s^2)' shows no gravity, so it is either across the rod",
     "acceleration without g": "'Linear Acceleration x (m/s^2)' is an acceleration without gravity",
+    "nameless axes": "the axes x, y and z may be an angular velocity or an acceleration",
 }
 """Ambiguous formats -> how they are refused."""
 GATES = ("gate", "periods")
@@ -112,6 +113,37 @@ def test_the_distance_of_an_accelerometer_is_known(tmp_path: Path) -> None:
     assert both[1].value == pytest.approx(both[0].value, abs=5.0 * both[0].error)
     with pytest.raises(RecordingError, match="this file has no acceleration"):
         Recording.read(written("rotary sensor", tmp_path)[0], sensor=0.3)
+
+
+def test_axes_without_a_name_are_read_by_choice(tmp_path: Path) -> None:
+    path, truth = written("nameless axes", tmp_path)
+    found = fit(Recording.read(path, columns="time=2,rate=4"), "linear", mass=1.0).parameters
+    assert found["length"].value == pytest.approx(truth["length"], rel=1e-3)
+    path, truth = written("acceleration along the string", tmp_path)
+    for columns in (None, "time=1,acceleration=2"):
+        assert Recording.read(path, columns=columns).force is not None
+
+
+REFUSALS = {
+    "imagej": (" ,Track,Slice,X,Y\n" + "".join(f"{i},1,{i},{640 + 9 * (i % 7)},{50 - i % 5}\n" for i in range(1, 40)),
+               "column 1 counts the readings (give rate="),
+    "clock": ("t (s),angle (deg)\n" + "".join(f"{i if i < 500 else i - 400},{i % 9}\n" for i in range(1000)),
+              "if the clock began again, leave one part out by until="),
+    "words": ("t,angle (deg)\n" + "".join(f"{i},{i % 9}\nhello\n" for i in range(100)), "found 'hello'"),
+    "raw": ("millis,ax,ay,az\n" + "".join(f"{i},{300 * (i % 7)},{16384 - i % 9},{i % 5}\n" for i in range(300)),
+            "m/s², not that of gravity"),
+    "columns": ("n,time,KE,GateState\n" + "".join(f"{i},{i / 100},{i % 7},{i % 2}\n" for i in range(60)),
+                "1 (n) begins with 0, 1, 2 (a counter of readings, or a time); 2 (time) begins with 0.0, 0.01, 0.02 "
+                "(a time); 3 (KE) begins with 0, 1, 2 (no angle); 4 (GateState) begins with 0, 1, 0 (no angle)"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSALS)
+def test_odd_files_are_refused_in_a_sentence(name: str, tmp_path: Path) -> None:
+    text, problem = REFUSALS[name]
+    (tmp_path / "odd.csv").write_text(text)
+    with pytest.raises(RecordingError, match=re.escape(problem)):
+        Recording.read(tmp_path / "odd.csv")
 
 
 def test_a_run_is_chosen_and_the_others_are_named(tmp_path: Path) -> None:

@@ -766,6 +766,66 @@ def period_by_amplitude(path: Path, source: Source) -> Truth:
 RUNS = ("The file holds two runs that are equally good: the angle may be that of run 1 or that of run 2, "
         "which was released elsewhere (the truth is of run 1; length and drag are those of both).")
 
+# Loggers of one's own
+
+
+def arduino_lines(path: Path, source: Source) -> Truth:
+    """What an Arduino prints over its serial line, with words of its library before and between the readings."""
+    swing = drawn(source)
+    time = even(swing, 50.0)
+    angle, zero = angle_degrees(swing, time, source)
+    body = lines((np.round(1000.0 * time).astype(int) + 4321, angle), ("d", ".2f"))
+    for at in sorted(source.choice(len(body) - 100, 6, replace=False) + 50, reverse=True):
+        body.insert(int(at), str(source.choice(["WARNING: I2C timeout, retry", "Sensor reset.", "ok"])))
+    save(path, ["Initializing...", "MPU6050 found at 0x68", *body], end="\r\n")
+    return swing.truth(zero=zero)
+
+
+def arduino_labels(path: Path, source: Source) -> Truth:
+    """Lines for the serial plotter of Arduino, each value with its name."""
+    swing = drawn(source)
+    time = even(swing, 50.0)
+    angle, zero = angle_degrees(swing, time, source)
+    save(path, [f"millis:{1000.0 * now:.0f},angle_deg:{value:.2f}" for now, value in zip(time, angle, strict=True)])
+    return swing.truth(zero=zero)
+
+
+def motion_unit(path: Path, source: Source) -> Truth:
+    """All axes of an MPU6050 on a rod, accelerations in g and rates in degrees/s, without units in the header."""
+    swing = drawn(source, degrees=(15.0, 40.0))
+    time = even(swing, 100.0)
+    reach = swing.length * source.uniform(0.5, 0.9)
+    force = [axis / 9.80665 for axis in phone(swing, time, source, reach)[0]]
+    turn = [0.1 * source.standard_normal(len(time)) + bias for bias in source.uniform(-2.0, 2.0, 3)]
+    turn[2] = turn[2] + np.degrees(swing.at(time)[1])
+    save(path, ["t_ms,ax,ay,az,gx,gy,gz",
+                *lines((1000.0 * time, *force, *turn), (".0f", ".4f", ".4f", ".4f", ".2f", ".2f", ".2f"))])
+    return swing.truth(reach=reach)
+
+
+def thousands(path: Path, source: Source) -> Truth:
+    """Milliseconds with a comma after thousands, as a spreadsheet formats them, with a byte-order mark."""
+    swing = drawn(source, rest=True)
+    time = even(swing, 50.0)
+    angle, zero = angle_degrees(swing, time, source)
+    save(path, ["Time (ms);Angle (deg)", *lines((1000.0 * time, angle), (",.0f", ".2f"), ";")], end="\r\n",
+         encoding="utf-8-sig")
+    return swing.truth(zero=zero)
+
+
+def nameless_axes(path: Path, source: Source) -> Truth:
+    """Sensor Logger's file of a gyroscope, whose header names the axes but not what they are."""
+    swing = drawn(source)
+    time = shaken(swing, 100.0, source)
+    noise = [0.004 * source.standard_normal(len(time)) for _ in range(3)]
+    stamps = 1_700_000_000_000_000_000 + np.round(1e9 * time).astype(np.int64)
+    save(path, ["time,seconds_elapsed,z,y,x", *lines((stamps, time, noise[0], swing.at(time)[1] + noise[1], noise[2]),
+                                                     ("d", ".9f", ".9f", ".9f", ".9f"))])
+    return swing.truth()
+
+
+AXES = ("The header names three axes x, y and z: they are an angular velocity or an acceleration, which only the name "
+        "of the file says.")
 ACROSS = ("A force without gravity is either that across a rod, g (1 - r/L) sin(theta), which needs the distance r of "
           "the phone from the pivot, or an acceleration without g.")
 LINEAR = ("Without gravity, a small swing of a phone far from the pivot and a large one of a phone near it are the "
@@ -811,6 +871,11 @@ BENCH_FILES: tuple[BenchFile, ...] = (
     BenchFile("acceleration across a rod", "acceleration_across.csv", "acceleration", across_acceleration, ACROSS),
     BenchFile("acceleration without g", "linear_acceleration.csv", "acceleration", linear_acceleration, LINEAR),
     BenchFile("phyphox gyroscope xls", "gyroscope.xls", "rate", phyphox_xls),
+    BenchFile("arduino with words between", "arduino_words.txt", "angle", arduino_lines),
+    BenchFile("arduino serial plotter", "arduino_plotter.txt", "angle", arduino_labels),
+    BenchFile("motion unit without units", "mpu6050.csv", "acceleration", motion_unit),
+    BenchFile("commas after thousands", "thousands.csv", "angle", thousands),
+    BenchFile("nameless axes", "nameless_axes.csv", "rate", nameless_axes, AXES),
 )
 
 

@@ -40,8 +40,9 @@ BEYOND = 10.0
 """Residual [rad] that is assumed after a trial trajectory has stopped early."""
 ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
 """Termination of the least-squares search, for a part of the recording and for all of it."""
-SEARCHED, LEAST_SEEN = 6_000, 50
-"""Least number of readings in a search that takes evenly spaced ones of very many, and of those per period."""
+SEARCHED, LEAST_SEEN, WORTH = 6_000, 50, 4
+"""Least number of readings in a search that takes evenly spaced ones of very many, and of those per period; and least
+number of readings per one of them, below which all are taken."""
 MOST = 25
 """Largest number of steps in a refit."""
 CLOSE = 1e-6
@@ -306,7 +307,8 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
     weights = np.full(len(swing.time), sigma)
     last = int(np.searchsorted(swing.time, measured.points.time[-1]))
     step = float(np.median(np.diff(swing.time)))
-    every = max(1, min(len(swing.time) // SEARCHED, int(measured.period / step / LEAST_SEEN)))
+    every = min(len(swing.time) // SEARCHED, int(measured.period / step / LEAST_SEEN))
+    every = every if every >= WORTH else 1
     solutions: dict[int, FitSolution] = {}
     leader: FitSolution | None = None
     for done, i in enumerate(sorted(range(len(models)), key=lambda i: -len(models[i].numbers))):
