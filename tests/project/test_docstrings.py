@@ -46,7 +46,6 @@ OWN_FORMULAS: Mapping[str, str] = {
     "period": "a mean of differences, with its error by propagation",
     "track_angle": "the definition of an angle",
     "turning_points": "a definition",
-    "GateSheet": "a result of measure_gate, which has the source",
     "Losses": "a result of losses, which has the source",
     "VirtualSensor": "rounding and sampling, written out",
 }
