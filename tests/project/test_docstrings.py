@@ -47,6 +47,7 @@ OWN_FORMULAS: Mapping[str, str] = {
     "track_angle": "the definition of an angle",
     "turning_points": "a definition",
     "GateSheet": "a result of measure_gate, which has the source",
+    "Recording": "readings as the sensor gives them",
     "Losses": "a result of losses, which has the source",
     "VirtualSensor": "rounding and sampling, written out",
 }

@@ -40,6 +40,7 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "seeds": ({"zero"}, {"list of none"}),
     "share": (ORDER, {"tiny"}),
     "limit": ({"half", "inf"}, EDGE),
+    "part": ({"half"}, {"tiny"}),
     "numbers": (ORDER, {*EDGE, "square", "list"}),
     "states": ({*ORDER, "complex"}, EDGE),
     "tolerance": ({"half", "tiny"}, {"huge"}),
@@ -92,14 +93,15 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
         "least": "level tau friction_ratio speed_penalty",
         "count": "substeps every num_envs max_episode_steps num_threads repeats in_flight steps n render_size size",
-        "number": "release at",
+        "number": "release at until",
         "one and more": "periods",
         "wait": "hand",
-        "flag": "compensated copy estimate_error warn complete resume anew as_latex dense velocity_free"
-                " one_way film recalibrate long raises",
+        "part": "above",
+        "flag": "robust displaced compensated copy estimate_error warn complete resume anew as_latex dense"
+                " velocity_free one_way film recalibrate long raises",
         "none of these": "points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
-                         " temperature series system times angles velocities over",
+                         " temperature series system times angles velocities over drop",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients make_vec make_single",
         "functions": "events",
@@ -123,8 +125,8 @@ OWN: Mapping[str, str] = {
     "LabPendulumVectorEnv.render_tiles.count": "count", "LabPendulumVectorEnv.render_tiles.columns": "count",
     "Scene.of_kind.kind": "word", "sweep.name": "text",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
-    "Recording.read.part": "none of these", "Recording.read.run": "none of these", "Recording.read.until": "number",
-    "Recording.read.drop": "none of these", "Recording.rate": "none of these",
+    "Recording.read.part": "none of these", "Recording.read.run": "none of these",
+    "Recording.rate": "none of these", "Recording.radius": "none of these",
     "Recording.force": "none of these", "Recording.mount": "none of these", "Recording.read.sensor": "number",
     "lab.measure_gate.path": "none of these", "lab.measure_gate.length_error": "least",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
