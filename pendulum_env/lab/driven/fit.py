@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
-
-import numpy as np
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
@@ -15,14 +12,9 @@ from pendulum_env.lab.driven.fitting import BOUNDS, solve
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.result import DrivenFit
 from pendulum_env.lab.driven.start import LAGS, TRIES
-from pendulum_env.lab.driven.windows import DELAY, DRY, LAG, VISCOUS, ZERO
-from pendulum_env.physics.units import SceneError, nearest, number, several, shown
+from pendulum_env.lab.driven.windows import DELAY, DRIVE, LAG, RATES, STIFFNESS
+from pendulum_env.physics.units import SceneError, number, one_of, several, shown
 
-FREE = {"bearing_viscosity": VISCOUS, "friction_torque": DRY, "delay": DELAY, "lag": LAG, "zero": ZERO}
-"""Parameters that can be fitted beside the period and the motor -> their number of the equation of motion."""
-USUAL = {"action": tuple(FREE), "torque": tuple(name for name in FREE if name != "lag"),
-         "current": tuple(name for name in FREE if name != "lag")}
-"""Kind of drive -> parameters that are fitted by default. What lags is the torque behind a command."""
 EARLY = tuple(-share for share in TRIES[1:])
 
 
@@ -34,9 +26,7 @@ def fit_driven(
     mass: float | None = None,
     gravity: float = 9.81,
     max_torque: float | None = None,
-    free: Sequence[str] | None = None,
-    delay: float = 0.0,
-    lag: float = 0.0,
+    hold: Mapping[str, float] | None = None,
     progress: Progress | bool | None = None,
 ) -> DrivenFit:
     """Fit a pendulum and its motor to one or several logs of driven runs, by least squares of simulated motions.
@@ -54,9 +44,10 @@ def fit_driven(
         gravity: gravity [m/s²].
         max_torque: largest torque of the motor of the resulting scene [N m]; by default the largest one of the logs, or
             that of action 1.
-        free: parameters to fit besides period and motor: any of "bearing_viscosity" (b), "friction_torque" (F),
-            "delay", "lag" and "zero"; by default all, for measured torques and currents without the lag.
-        delay, lag: values of the delay and the lag where they are not fitted [s].
+        hold: numbers of the equation of motion per moment of inertia, ``theta'' = -stiffness sin(theta - zero) - viscous
+            theta' - dry sign(theta') + drive u``, that are not fitted, and "delay" or "lag" [s]; such as
+            ``{"viscous": 0.0, "delay": 0.01}``. By default all are fitted; the lag is 0 for measured torques and
+            currents.
         progress: True shows a progress bar, False none; a function is called with the fraction done and a text.
 
     Returns a DrivenFit. Warns if the fit is not usable, and if a mass is assumed. Raises RecordingError for logs that
@@ -76,16 +67,19 @@ def fit_driven(
     known, value = next(iter(given.items()), ("torque", 1.0) if kind == "torque" else ("", 1.0))
     g = number(gravity, "gravity", above=0.0)
     peak = None if max_torque is None else number(max_torque, "max_torque", above=0.0)
-    names = USUAL[kind] if free is None else tuple(several(free, "free", "names"))
-    for name in names:
-        if name not in FREE:
-            raise SceneError(f"free has {shown(name)}, which is no parameter of a driven log{nearest(name, FREE)}")
-    places = (0, *sorted({FREE[name] for name in names} | {3}))
-    held = {DELAY: number(delay, "delay"), LAG: number(lag, "lag", least=0.0)}
-    fixed = {place: held.get(place, 0.0) for place in FREE.values() if place not in places}
-    measured = DELAY not in BOUNDS[kind]
-    delays = (*EARLY, *TRIES) if measured and DELAY in places else TRIES if DELAY in places else (0.0,)
-    lags = LAGS if LAG in places else (0.0,)
+    if hold is not None and not isinstance(hold, Mapping):
+        raise SceneError(f"hold must be a dict of numbers, as {{'viscous': 0.0}}, not {shown(hold)}.")
+    measured = DRIVES[kind].measured
+    fixed = {LAG: 0.0} if measured else {}
+    for name, number_held in (hold or {}).items():
+        place = RATES.index(one_of(name, "hold", RATES))
+        least = {"least": 0.0} if place in BOUNDS[kind] else {"above": 0.0} if place in (STIFFNESS, DRIVE) else {}
+        fixed[place] = number(number_held, f"hold[{name!r}]", **least)
+    places = tuple(place for place in range(len(RATES)) if place not in fixed)
+    if not places:
+        raise SceneError("hold leaves nothing to fit; leave one of its numbers out.")
+    delays = (fixed[DELAY],) if DELAY in fixed else (*EARLY, *TRIES) if measured else TRIES
+    lags = (fixed[LAG],) if LAG in fixed else LAGS
     with telling_of(progress, "fit") as telling:
         solution = solve(several_logs, places, fixed, delays, lags, telling)
     result = DrivenFit(several_logs, solution, g, known, value, peak)
@@ -94,9 +88,4 @@ def fit_driven(
     if not known:
         warn("A mass of 1 kg is assumed, as the motion shows torques only per moment of inertia; give mass=, inertia= "
              "or moment=.")
-    errors = np.sqrt(np.diag(solution.covariance))
-    assert np.isfinite(errors).all() or math.isnan(errors.sum())
     return result
-
-
-__all__ = ["DRIVES", "fit_driven"]

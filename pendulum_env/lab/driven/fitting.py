@@ -134,7 +134,7 @@ def solve(
         logs: the logs.
         free: places in RATES of the numbers to fit.
         fixed: values of the others.
-        delays, lags: values to try at the start, in periods of small swings.
+        delays, lags: values to try at the start, in periods of small swings, or a single one in s.
         progress: function that is called with the fraction done and a short text.
     """
     rates = start_of(logs, delays, lags)

@@ -105,25 +105,13 @@ class DrivenFit:
         values = {"length": self.gravity / stiffness, "inertia": inertia, "moment": inertia * stiffness / self.gravity,
                   "bearing_viscosity": inertia * viscous, "friction_torque": inertia * dry,
                   CONSTANTS[self.kind][0]: inertia * drive, "delay": delay, "lag": lag, "zero": zero}
-        fitted = {"delay": DELAY, "lag": LAG, "zero": ZERO, "bearing_viscosity": VISCOUS, "friction_torque": DRY}
-        left_out = {name for name, place in fitted.items() if place not in self.solution.free}
-        left_out |= {self.known} if self.known in values else set()
+        left_out = {self.known} if self.known in values else set()
         left_out |= {CONSTANTS[self.kind][0]} if self.known == "torque" else set()
         return {name: value for name, value in values.items() if name not in left_out}
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Names of the fitted parameters, in the order of ``values`` and ``covariance``."""
-        return tuple(self._of(self.solution.rates))
-
-    @cached_property
-    def values(self) -> Array:
-        """Values of the fitted parameters, an array."""
-        return np.array(list(self._of(self.solution.rates).values()))
-
-    @cached_property
-    def covariance(self) -> Array:
-        """Covariance of the fitted parameters, by their derivatives with respect to the equation's numbers."""
+    def _slopes(self) -> Array:
+        """Derivatives of all parameters by the fitted numbers of the equation of motion, by central differences."""
         rates, columns = self.solution.rates, []
         for place in self.solution.free:
             step = 1e-5 * max(abs(rates[place]), 1e-3)
@@ -132,7 +120,28 @@ class DrivenFit:
             down[place] -= step
             columns.append((np.array(list(self._of(up).values())) - np.array(list(self._of(down).values())))
                            / (2.0 * step))
-        slopes = np.stack(columns, axis=1)
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def _fitted(self) -> list[int]:
+        """Places of the parameters that depend on a fitted number."""
+        return np.flatnonzero(np.abs(self._slopes).max(axis=1)).tolist()
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fitted parameters, in the order of ``values`` and ``covariance``."""
+        names = tuple(self._of(self.solution.rates))
+        return tuple(names[i] for i in self._fitted)
+
+    @cached_property
+    def values(self) -> Array:
+        """Values of the fitted parameters, an array."""
+        return np.array(list(self._of(self.solution.rates).values()))[self._fitted]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the fitted parameters, by their derivatives with respect to the equation's numbers."""
+        slopes = self._slopes[self._fitted]
         return np.asarray(slopes @ self.solution.covariance @ slopes.T)
 
     @property
@@ -300,8 +309,8 @@ class DrivenFit:
     def grade(self) -> Grade:
         """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
         solution, faults = self.solution, []
-        drive = solution.free.index(DRIVE)
-        if solution.rates[DRIVE] < WEAK * math.sqrt(solution.covariance[drive, drive]):
+        drive = solution.free.index(DRIVE) if DRIVE in solution.free else None
+        if drive is not None and solution.rates[DRIVE] < WEAK * math.sqrt(solution.covariance[drive, drive]):
             faults.append(Fault(f"the {self.kind} does not visibly move the pendulum: its effect is below {WEAK:g} "
                                 "standard errors", True))
         if solution.lost:

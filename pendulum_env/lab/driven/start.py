@@ -61,14 +61,15 @@ def regression(logs: Sequence[DrivenLog], duration: float, delay: float, lag: fl
 def start_of(logs: Sequence[DrivenLog], delays: tuple[float, ...], lags: tuple[float, ...]) -> Array:
     """Return starting values of all numbers of the equation of motion, in the order of ``windows.RATES``.
 
-    ``delays`` and ``lags`` are the values to try, as a share of the period of small swings. Raises RecordingError if
-    the motion in the logs shows no restoring torque.
+    ``delays`` and ``lags`` are the values to try: as a share of the period of small swings, or a single one in s.
+    Raises RecordingError if the motion in the logs shows no restoring torque.
     """
     duration = _stretch(logs)
     values, _ = regression(logs, duration, 0.0, 0.0)
     period = math.tau / math.sqrt(values[0])
-    best = min(((*regression(logs, duration, share * period, slow * period), share * period, slow * period)
-                for share in delays for slow in lags), key=lambda entry: entry[1])
+    late, slow = ([share * (period if len(tries) > 1 else 1.0) for share in tries] for tries in (delays, lags))
+    best = min(((*regression(logs, duration, delay, lag), delay, lag) for delay in late for lag in slow),
+               key=lambda entry: entry[1])
     (stiffness, viscous, dry, drive, zero), _, delay, lag = best
     if not stiffness > 0.0:
         raise _no_restoring(logs)
