@@ -15,6 +15,7 @@ from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.start import start_of
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
+from pendulum_env.lab.noise import noise_level
 
 Array = NDArray[np.float64]
 
@@ -40,8 +41,8 @@ LONGER, LONGEST = 2.0, 2.0
 WORSE = 1.1
 """Longer windows are taken as long as the residual grows by less than this factor."""
 ASTRAY, FAR = 5.0, 2.0
-"""A window is left out if its residual is more than the first number of times the usual one. If there are such windows,
-others get half the weight at the second number of times."""
+"""A window is left out if its residual is more than the first number of times the usual one, and gets less weight from
+the second number of times on."""
 BOUNDS: dict[str, dict[int, float]] = {
     "action": {VISCOUS: 0.0, DRY: 0.0, DELAY: 0.0, LAG: 0.0},
     "torque": {VISCOUS: 0.0, DRY: 0.0, LAG: 0.0},
@@ -52,8 +53,6 @@ MOST = 40
 """Largest number of steps of a search."""
 CLOSE = 1e-7
 """Relative fall of the sum of squares at which a search ends."""
-UNSEEN = 0.02
-"""Torque noise that makes less than this share of the sum of squares is taken to be none."""
 DEGENERATE = 1e-9
 """Smallest eigenvalue of the scaled normal equations, relative to the largest, at which the logs determine all numbers.
 """
@@ -100,6 +99,7 @@ class _Point(NamedTuple):
     Attributes:
         rates, starts: the numbers, and the windows' starts.
         residual, slopes: readings minus model, and derivatives of the model by the free numbers.
+        by_start: derivatives of the model by the angle and the velocity at the window's start.
         inverses: for every window, the matrix that turns residuals into changes of its start.
         own, own_slopes: residuals and derivatives without the part that a change of the windows' starts can make.
         weight: weight of every reading.
@@ -109,6 +109,7 @@ class _Point(NamedTuple):
     starts: Array
     residual: Array
     slopes: Array
+    by_start: Array
     inverses: list[Array]
     own: Array
     own_slopes: Array
@@ -199,7 +200,7 @@ def _search(
 ) -> _Point:
     """Minimise the sum of squares over the free numbers and the starts of all windows (Levenberg-Marquardt).
 
-    ``robust``: windows that are far off get small weights, as in a Cauchy likelihood. ``fine``: with central
+    ``robust``: windows that are far off get less weight. ``fine``: with central
     differences.
     """
     from scipy.optimize import lsq_linear
@@ -289,16 +290,17 @@ def _point(windows: Windows, rates: Array, starts: Array, free: tuple[int, ...],
         inverses.append(begin[:, None] * (v.T / s) @ u.T)
         own[part] -= u @ (u.T @ own[part])
         own_slopes[part] -= u @ (u.T @ own_slopes[part])
-    return _Point(rates, starts, residual, slopes, inverses, own, own_slopes, np.ones(len(residual)))
+    return _Point(rates, starts, residual, slopes, by_start, inverses, own, own_slopes, np.ones(len(residual)))
 
 
 def _weighted(point: _Point, windows: Windows) -> _Point:
-    """Return a point with the weights of a robust search, as in a Cauchy likelihood: 1 for windows that fit, little for
-    those that are far off."""
+    """Return a point with the weights of a robust search: 1 for windows that fit, less for those that are far off, so
+    that their pull on the result is at most that of FAR times the usual residual (Huber 1964, Ann. Math. Stat. 35, 73).
+    """
     size = np.array([float(np.mean(point.residual[part] ** 2)) for part in windows.slices])
     log = np.array([place.log for place in windows.places])
     usual = np.array([float(np.median(size[log == i])) for i in log])
-    weight = 1.0 / (1.0 + np.maximum(size / (usual + 1e-300) - 1.0, 0.0) / FAR**2)
+    weight = FAR / np.sqrt(np.maximum(size / (usual + 1e-300), FAR**2))
     return point._replace(weight=weight[windows.owner])
 
 
@@ -311,57 +313,78 @@ def _solution(
     """Return a solution with the covariance of its numbers.
 
     The error of a reading is that of the sensor, plus the effect of a torque that is not in the log: white noise, as of
-    a current sensor, of a size that follows from the residuals. It makes residuals within a window depend on one
-    another: the covariance of the integral over its integral, ``t**2 (3 s - t)/6`` at times t below s. Errors of
-    windows are independent.
+    a current sensor, which makes residuals within a window depend on one another. Its size follows from the residuals
+    in the directions in which such a torque moves the readings. Errors of windows are independent.
+
+    Noise of a measured torque also makes the derivative by the drive noisy, which biases least squares towards a
+    smaller drive. The expected size of this part of the normal equations is subtracted (corrected score: Stefanski
+    1989, Commun. Stat. Theory Methods 18, 4335).
     """
     normal = (point.own_slopes * point.weight[:, None]).T @ point.own_slopes
-    size = np.sqrt(np.diag(normal))
-    names = [RATES[place] for place in free]
+    _check_determined(windows, normal, free)
+    inverse = np.linalg.inv(normal)
+    sigma, noise = [], []
+    meat, pulled, trust, loose = np.zeros_like(normal), np.zeros(len(free)), 0.0, 0.0
+    for i, log in enumerate(windows.logs):
+        parts = [k for k, place in enumerate(windows.places) if place.log == i]
+        if not parts:
+            sigma.append(log.noise)
+            noise.append(0.0)
+            continue
+        white = _reading_error(windows, point, parts) ** 2
+        plain, walked, twice = np.zeros_like(normal), np.zeros_like(normal), np.zeros_like(normal)
+        plain_meat, walked_meat, first, second, fourth, seen, leaned = plain.copy(), plain.copy(), 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in parts:
+            part = windows.slices[k]
+            own, slopes, weight = point.own[part], point.own_slopes[part], float(point.weight[part.start])
+            walk = _walk(windows, point, k)
+            along, square = walk @ slopes, walk @ walk
+            plain += weight * slopes.T @ slopes
+            walked += weight * slopes.T @ along
+            twice += weight * along.T @ along
+            plain_meat += weight * weight * slopes.T @ slopes
+            walked_meat += weight * weight * slopes.T @ along
+            first, second, fourth = first + np.trace(walk), second + np.sum(walk * walk), fourth + np.sum(square**2)
+            seen += float(own @ walk @ own)
+            leaned += weight * float(np.trace(walk))
+        share = inverse @ walked
+        rest = max(second - 2.0 * float(np.trace(inverse @ twice)) + float(np.trace(share @ share)), 0.2 * second)
+        excess = max(seen - white * (first - float(np.trace(share))), 0.0) / rest
+        sigma.append(math.sqrt(white))
+        noise.append(math.sqrt(excess))
+        meat += white * plain_meat + excess * walked_meat
+        trust += second * rest / fourth
+        loose += float(np.trace(inverse @ walked_meat)) * excess
+        if DRIVES[log.kind].measured and DRIVE in free:
+            step = float(np.median(np.diff(log.time)))
+            known = (point.rates[DRIVE] * noise_level(log.time, log.drive)) ** 2 * step
+            pulled[free.index(DRIVE)] += min(known, excess) * leaned / point.rates[DRIVE]
+    covariance = inverse @ meat @ inverse
+    share_of_walk = loose / float(np.trace(inverse @ meat))
+    freedom = min(trust / max(share_of_walk, 1e-3) ** 2, float(len(point.own) - len(free)))
+    if pulled.any():
+        rates = point.rates.copy()
+        rates[list(free)] += inverse @ pulled
+        moved = np.array([start @ (point.residual[part] - point.slopes[part] @ (inverse @ pulled))
+                          for part, start in zip(windows.slices, point.inverses, strict=True)])
+        starts = _best_starts(windows, rates, point.starts, moved)
+        point = point._replace(rates=rates, starts=starts,
+                               residual=windows.angle - windows.angles(rates[None, :], starts[None])[0])
+    return DrivenSolution(point.rates, free, covariance, max(freedom, 2.0), windows, lost, point.starts,
+                          point.residual, tuple(sigma), tuple(noise))
+
+
+def _check_determined(windows: Windows, normal: Array, free: tuple[int, ...]) -> None:
+    """Raise RecordingError if the logs do not determine all free numbers, with the names of those that they mix."""
+    names, size = [RATES[place] for place in free], np.sqrt(np.diag(normal))
     for name, own in zip(names, size, strict=True):
         if not own > 0.0:
-            raise RecordingError(f"{windows.logs[0].source}: the {name} number has no effect on the motion in the logs")
+            raise RecordingError(f"{windows.logs[0].source}: the {name} has no effect on the motion in the logs; hold it")
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
     if values[0] < DEGENERATE * values[-1]:
         mixed = [name for name, share in zip(names, np.abs(vectors[:, 0]), strict=True) if share > 0.3]
         raise RecordingError(f"{windows.logs[0].source}: the logs do not determine {' and '.join(mixed)} separately, "
-                             "as the drive excites too little; log a drive that changes more, or hold one fixed")
-    inverse = np.linalg.inv(normal)
-    sigma, noise, meat, freedom = [], [], np.zeros_like(normal), 0.0
-    for i in range(len(windows.logs)):
-        parts = [k for k, place in enumerate(windows.places) if place.log == i]
-        error = _reading_error(windows, point, parts)
-        walks = [_walk(windows, k) for k in parts]
-        bases = [_basis(point, windows, k) for k in parts]
-        slopes = [point.own_slopes[windows.slices[k]] for k in parts]
-        own = [point.own[windows.slices[k]] for k in parts]
-        weight = [float(point.weight[windows.slices[k].start]) for k in parts]
-        projected = [walk - base @ (base.T @ walk) for walk, base in zip(walks, bases, strict=True)]
-        projected = [walk - (walk @ base) @ base.T for walk, base in zip(projected, bases, strict=True)]
-        readings = [len(part) - base.shape[1] for part, base in zip(own, bases, strict=True)]
-        whole = float(sum(w * (part @ part) for w, part in zip(weight, own, strict=True)))
-        count = float(sum(w * n for w, n in zip(weight, readings, strict=True)))
-        spread = float(sum(w * np.trace(walk) for w, walk in zip(weight, projected, strict=True)))
-        plain, walked = np.zeros_like(normal), np.zeros_like(normal)
-        for w, slope, walk in zip(weight, slopes, projected, strict=True):
-            plain += w * w * slope.T @ slope
-            walked += w * w * slope.T @ walk @ slope
-        taken = float(np.trace(inverse @ plain)), float(np.trace(inverse @ walked))
-        white = error * error
-        excess = max(whole - white * (count - taken[0]), 0.0) / max(spread - taken[1], 1e-3 * spread)
-        if excess * spread < UNSEEN * whole:
-            white, excess = whole / max(count - taken[0], 1.0), 0.0
-        sigma.append(math.sqrt(white))
-        noise.append(math.sqrt(excess))
-        meat += white * plain + excess * walked
-        total = white * count + excess * spread
-        squares = float(sum(w * w * (white * white * n + 2.0 * white * excess * np.trace(walk)
-                                     + excess * excess * np.sum(walk * walk))
-                            for w, n, walk in zip(weight, readings, projected, strict=True)))
-        freedom += total * (total - white * taken[0] - excess * taken[1]) / squares
-    covariance = inverse @ meat @ inverse
-    return DrivenSolution(point.rates, free, covariance, max(freedom, 2.0), windows, lost, point.starts,
-                          point.residual, tuple(sigma), tuple(noise))
+                             "as the drive excites too little; log a drive that changes more, or hold one of them")
 
 
 def _reading_error(windows: Windows, point: _Point, parts: Sequence[int]) -> float:
@@ -371,14 +394,24 @@ def _reading_error(windows: Windows, point: _Point, parts: Sequence[int]) -> flo
     return max(float(np.sqrt(0.5 * np.mean(differences**2))), log.quantum / math.sqrt(12.0), 1e-12)
 
 
-def _walk(windows: Windows, number: int) -> Array:
-    """Return the covariance of the readings of a window for white torque noise of unit size [s³]."""
-    time = windows.since[windows.slices[number]] * windows.h
-    first, last = np.minimum.outer(time, time), np.maximum.outer(time, time)
-    return np.asarray(first * first * (3.0 * last - first) / 6.0)
+def _walk(windows: Windows, point: _Point, number: int) -> Array:
+    """Return the covariance of a window's readings for white torque noise of unit size [s³], without the part that a
+    change of the window's start can make.
 
-
-def _basis(point: _Point, windows: Windows, number: int) -> Array:
-    """Return an orthonormal basis of the changes of a window's readings by its start."""
+    A pulse of torque at time s moves the angle at t by ``b(t) a(s) - a(t) b(s)``, where a and b are its derivatives by
+    the angle and the velocity at the window's start; what friction takes of it within a window is left out.
+    """
+    part = windows.slices[number]
+    time, (a, b) = windows.since[part] * windows.h, point.by_start[part].T
+    earlier = np.minimum.outer(np.arange(len(time)), np.arange(len(time)))
+    aa, ab, bb = (_running(x, time)[earlier] for x in (a * a, a * b, b * b))
+    walk = np.outer(b, b) * aa - (np.outer(b, a) + np.outer(a, b)) * ab + np.outer(a, a) * bb
     u, s, _ = np.linalg.svd(point.inverses[number].T, full_matrices=False)
-    return np.asarray(u[:, s > 1e-9 * float(s[0])])
+    base = u[:, s > 1e-9 * float(s[0])]
+    walk -= base @ (base.T @ walk)
+    return np.asarray(walk - (walk @ base) @ base.T)
+
+
+def _running(values: Array, time: Array) -> Array:
+    """Return the integral of values from the first time to each time, by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))])
