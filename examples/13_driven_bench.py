@@ -1,4 +1,4 @@
-"""Which of two published sets of numbers does a real motor bench follow? Fit two of its logs, and predict one by the other.
+"""Which of two published sets of numbers does a motor bench follow? Fit two of its logs, and predict each by the other.
 
 The bench is the torque-limited simple pendulum of Wiebe et al. 2022 (J. Open Source Softw. 7, 3884). Its geometry and
 its published identification contradict each other. The free swing decides, as its frequency does not depend on the

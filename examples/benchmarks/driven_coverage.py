@@ -34,7 +34,7 @@ from pendulum_env.lab import DrivenLog, RecordingError, fit_driven
 from pendulum_env.physics.damping import parse_settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
-from support.driven_truth import drawn, expected, recorded  # noqa: E402
+from support.driven_truth import drawn, expected, recorded
 
 KINDS = ("action", "torque")
 GOAL = (0.90, 0.99)

@@ -38,7 +38,7 @@ def fit_logs(
 
     if not files:
         raise SceneError("A drive's column needs a log of a driven run; give its file.")
-    options = {**{name: value for name, value in columns.items() if value is not None},
+    options: dict[str, Any] = {**{name: value for name, value in columns.items() if value is not None},
                **({} if unit is None else {"unit": unit})}
     allowed = [name for name in signature(DrivenLog.read).parameters if name != "path"]
     for name, value in typed_values(read, "--read", "factor=-1").items():

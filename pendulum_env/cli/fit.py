@@ -16,8 +16,8 @@ from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
 def fit(
     files: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[FILE]...", help="Recording: a text file of times and angles, or of a track; by default "
-                       "a simulated one. Several logs of driven runs are fitted together."),
+        typer.Argument(metavar="[FILE]...", help="Recording: a text file of times and angles, or of a track; by "
+                       "default a simulated one. Several logs of driven runs are fitted together."),
     ] = None,
     effects: Annotated[
         str,

@@ -106,10 +106,10 @@ def motor_bench() -> Scene:
     """A real motor bench that can swing its pendulum up: 0.5 m, a geared drive, dry friction, a torque of 1.5 N m.
 
     The numbers are a fit of two logs of the torque-limited simple pendulum of Wiebe et al. 2022 (J. Open Source Softw.
-    7, 3884): I = 0.188 kg m^2, m g L = 3.63 N m, viscous friction 0.015 +- 0.006 N m s, dry friction 0.15 +- 0.02 N m, in
-    units of the torque that the drive reports, so that its records can be replayed. By the weights of the parts, that
-    torque is 1.2 to 1.35 times the true one. The bob is the point mass with the same period and moment of inertia. The
-    encoder reads in steps of 0.0029 rad, and the column of the torque is late by 5 +- 4 ms.
+    7, 3884): I = 0.188 kg m^2, m g L = 3.63 N m, viscous friction 0.015 +- 0.006 N m s, dry friction 0.15 +- 0.02 N m,
+    in units of the torque that the drive reports, so that its records can be replayed. By the weights of the parts,
+    that torque is 1.2 to 1.35 times the true one. The bob is the point mass with the same period and moment of inertia.
+    The encoder reads in steps of 0.0029 rad, and the column of the torque is late by 5 +- 4 ms.
     """
     effects = (Gravity(), BearingFriction(bearing_viscosity=0.015), CoulombFriction(friction_torque=0.15),
                Motor(max_torque=1.5))

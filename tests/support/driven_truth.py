@@ -1,7 +1,7 @@
 """Simulated logs of driven pendulums, with an equation of motion of their own: nothing here comes from the package.
 
-``theta'' = -stiffness sin(theta) - viscous theta' - dry sign(theta') + drive s(t)``, where s follows a command u that is
-held between the ticks of a clock, by ``lag s' = u(t - delay) - s``. Friction sticks: at rest it balances all other
+``theta'' = -stiffness sin(theta) - viscous theta' - dry sign(theta') + drive s(t)``, where s follows a command u that
+is held between the ticks of a clock, by ``lag s' = u(t - delay) - s``. Friction sticks: at rest it balances all other
 torques up to ``dry``.
 """
 

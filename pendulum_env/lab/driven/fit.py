@@ -44,8 +44,8 @@ def fit_driven(
         gravity: gravity [m/s²].
         max_torque: largest torque of the motor of the resulting scene [N m]; by default the largest one of the logs, or
             that of action 1.
-        hold: numbers of the equation of motion per moment of inertia, ``theta'' = -stiffness sin(theta - zero) - viscous
-            theta' - dry sign(theta') + drive u``, that are not fitted, and "delay" or "lag" [s]; such as
+        hold: numbers of the equation of motion per moment of inertia that are not fitted, ``theta'' = -stiffness
+            sin(theta - zero) - viscous theta' - dry sign(theta') + drive u``, and "delay" or "lag" [s]; such as
             ``{"viscous": 0.0, "delay": 0.01}``. By default all are fitted; the lag is 0 for measured torques and
             currents.
         progress: True shows a progress bar, False none; a function is called with the fraction done and a text.
@@ -63,7 +63,7 @@ def fit_driven(
     given: dict[str, Any] = {name: number(value, name, above=0.0) for name, value in (
         ("inertia", inertia), ("moment", moment), ("mass", mass)) if value is not None}
     if len(given) > 1:
-        raise SceneError(f"Give one of inertia, moment and mass, not {' and '.join(given)}: the motion shows the others.")
+        raise SceneError(f"Give one of inertia, moment and mass, not {' and '.join(given)}; the motion shows the rest.")
     known, value = next(iter(given.items()), ("torque", 1.0) if kind == "torque" else ("", 1.0))
     g = number(gravity, "gravity", above=0.0)
     peak = None if max_torque is None else number(max_torque, "max_torque", above=0.0)
@@ -73,8 +73,8 @@ def fit_driven(
     fixed = {LAG: 0.0} if measured else {}
     for name, number_held in (hold or {}).items():
         place = RATES.index(one_of(name, "hold", RATES))
-        least = {"least": 0.0} if place in BOUNDS[kind] else {"above": 0.0} if place in (STIFFNESS, DRIVE) else {}
-        fixed[place] = number(number_held, f"hold[{name!r}]", **least)
+        fixed[place] = number(number_held, f"hold[{name!r}]", least=0.0 if place in BOUNDS[kind] else None,
+                              above=0.0 if place in (STIFFNESS, DRIVE) else None)
     places = tuple(place for place in range(len(RATES)) if place not in fixed)
     if not places:
         raise SceneError("hold leaves nothing to fit; leave one of its numbers out.")

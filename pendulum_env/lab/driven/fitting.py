@@ -26,8 +26,8 @@ NUDGES = {VISCOUS: 1e-3, DRY: 1e-3, DELAY: 1e-3, LAG: 1e-3, ZERO: 1e-4}
 AT_START = (1e-4, 1e-4)
 """Changes of the angle [rad] and of the velocity [omega0] at the start of a window for their derivatives."""
 SEEN = 0.02
-"""A change of a window's start counts if it moves the readings by more than this share of it (root mean square). Friction
-that holds the bob hides changes of its velocity."""
+"""A change of a window's start counts if it moves the readings by more than this share of it (root mean square).
+Friction that holds the bob hides changes of its velocity."""
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)
 """Shares of a change of a window's start that are tried."""
 SETTLE = 4
@@ -127,9 +127,9 @@ def solve(
 ) -> DrivenSolution:
     """Fit the numbers of the equation of motion to logs, in windows that are as long as the logs allow.
 
-    The search begins in windows of half a period, from a linear regression. Windows that are far off are left out. Then,
-    for commands, the windows get longer, as long as the residual hardly grows: a motion without unknown torques is the
-    more telling the longer it is followed.
+    The search begins in windows of a quarter of a period, from a linear regression. Windows that are far off are left
+    out. Then, for commands, the windows get longer, as long as the residual hardly grows: a motion without unknown
+    torques is the more telling the longer it is followed.
 
     Args:
         logs: the logs.
@@ -332,14 +332,13 @@ def _solution(
             noise.append(0.0)
             continue
         white = _reading_error(windows, point, parts) ** 2
-        plain, walked, twice = np.zeros_like(normal), np.zeros_like(normal), np.zeros_like(normal)
-        plain_meat, walked_meat, first, second, fourth, seen, leaned = plain.copy(), plain.copy(), 0.0, 0.0, 0.0, 0.0, 0.0
+        walked, twice, plain_meat, walked_meat = (np.zeros_like(normal) for _ in range(4))
+        first, second, fourth, seen, leaned = 0.0, 0.0, 0.0, 0.0, 0.0
         for k in parts:
             part = windows.slices[k]
             own, slopes, weight = point.own[part], point.own_slopes[part], float(point.weight[part.start])
             walk = _walk(windows, point, k)
             along, square = walk @ slopes, walk @ walk
-            plain += weight * slopes.T @ slopes
             walked += weight * slopes.T @ along
             twice += weight * along.T @ along
             plain_meat += weight * weight * slopes.T @ slopes
@@ -379,7 +378,7 @@ def _check_determined(windows: Windows, normal: Array, free: tuple[int, ...]) ->
     names, size = [RATES[place] for place in free], np.sqrt(np.diag(normal))
     for name, own in zip(names, size, strict=True):
         if not own > 0.0:
-            raise RecordingError(f"{windows.logs[0].source}: the {name} has no effect on the motion in the logs; hold it")
+            raise RecordingError(f"{windows.logs[0].source}: the {name} has no effect on the motion; hold it")
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
     if values[0] < DEGENERATE * values[-1]:
         mixed = [name for name, share in zip(names, np.abs(vectors[:, 0]), strict=True) if share > 0.3]

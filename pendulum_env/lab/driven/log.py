@@ -91,6 +91,10 @@ class DrivenLog:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.source, str):
+            raise RecordingError(f"source must be text, got {shown(self.source)}")
+        if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
+            raise RecordingError(f"{self.source}: notes must be a tuple of texts, got {shown(self.notes)}")
         known(self.kind, "kind", DRIVES)
         for name in ("time", "angle", "drive"):
             values = numbers(getattr(self, name), f"{self.source}: {name}")
@@ -107,7 +111,7 @@ class DrivenLog:
         if len(back):
             first, then = self.time[back[0]], self.time[back[0] + 1]
             raise RecordingError(f"{self.source}: times must increase, but {then:g} s follows {first:g} s")
-        if np.ptp(self.drive) == 0.0:
+        if self.drive.max() == self.drive.min():
             raise RecordingError(f"{self.source}: the {self.kind} is {self.drive[0]:g} in every reading, which moves "
                                  "only the equilibrium, so the motor's part cannot be told from the sensor's zero; for "
                                  "a free swing leave the drive's column out")
@@ -149,7 +153,7 @@ class DrivenLog:
         return "\n  ".join((
             f"{self.source}: {len(self.time)} readings in {self.time[-1] - self.time[0]:.6g} s, {1.0 / usual:.6g} Hz",
             f"quantum: {quantum}; noise: {math.degrees(self.noise):.3g} deg",
-            f"{self.kind}: {self.drive.min():.4g} to {self.drive.max():.4g} {self.unit if self.unit != '1' else ''}".strip(),
+            f"{self.kind}: {self.drive.min():.4g} to {self.drive.max():.4g} {self.unit.strip('1')}".strip(),
             *self.notes))
 
     def __str__(self) -> str:
@@ -216,6 +220,9 @@ class DrivenLog:
         time_place = _column(table, titles, time, "time", _TIME, (drive_place,))
         angle_place = _column(table, titles, angle, "angle", _ANGLE, (drive_place, time_place))
         places = (time_place, angle_place, drive_place)
+        if len(set(places)) < len(places):
+            raise RecordingError(f"{name}: time, angle and {kind} must be different columns, got "
+                                 f"{', '.join(str(i + 1) for i in places)}; {described(table, titles)}")
         values, marks = table.values(places, "a time, an angle and a drive")
         whole = np.isfinite(values).all(axis=1)
         notes += [*table.notes, *marks]
@@ -230,7 +237,9 @@ class DrivenLog:
         notes.append(f"columns: {shown_as}, {'as given' if given else 'as the header names them'}{why}")
         if size != 1.0:
             notes.append(f"factor: {kind} multiplied by {size:g}")
-        log = cls(times, angles, drives * drive_size * size, kind, Path(name).name)
+        with np.errstate(over="ignore"):
+            drives = drives * drive_size * size
+        log = cls(times, angles, drives, kind, Path(name).name)
         log = log if until is None else log.between(-math.inf if len(times) == 0 else float(times[0]), until)
         angles, how = _in_radians(log, titles[angle_place], unit)
         return replace(log, angle=angles, notes=(*notes, *log.notes, how))
@@ -294,7 +303,7 @@ def _column(
 
 def _place(table: TextTable, titles: list[str], column: Any, what: str) -> int:
     """Return the number, from 0, of a column given by its name or by a number from 1."""
-    if isinstance(column, str) and column.strip().isdigit():
+    if isinstance(column, str) and column.strip().isdigit() and len(column) < 9:
         column = int(column)
     if isinstance(column, int) and not isinstance(column, bool) and 1 <= column <= table.width:
         return column - 1
@@ -338,7 +347,10 @@ def _in_radians(log: DrivenLog, title: str, given: str | None) -> tuple[FloatArr
 
 
 def _likely_unit(log: DrivenLog) -> tuple[str, str]:
-    """Return the unit in which the angles of a log are those of a pendulum, and why; RecordingError if both may be."""
+    """Return the unit in which the angles of a log are those of a pendulum, and why; RecordingError if both may be.
+
+    Angles within ±2 pi, with which both units fit about as well, are in radians, as those degrees would be few.
+    """
     from pendulum_env.lab.driven.start import misfit
 
     if float(np.abs(log.angle).max()) > 200.0 or quantum_level(log.angle) > 0.05:
@@ -350,6 +362,8 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
             how = "far" if not math.isfinite(share) else f"{share:.2g} times"
             return unit, f"inferred: in {other} a pendulum's motion would fit {how} worse (unit= overrides)"
     largest = float(np.abs(log.angle).max())
+    if largest <= math.tau:
+        return "rad", f"inferred: the largest |angle|, {largest:.4g}, is not above 2 pi (unit= overrides)"
     raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians or in degrees; give unit=")
 
 

@@ -31,6 +31,8 @@ CONSTANTS = {"action": ("max_torque", "N m"), "torque": ("torque_scale", "1"), "
 """Kind of drive -> name and unit of the torque for one unit of the drive."""
 NEAR_START = 0.02
 """Readings from which the start of a prediction is taken: within this share of the period of small swings."""
+FEWEST = 5
+"""Fewest readings from which the start of a prediction is taken."""
 WEAK = 3.0
 """A drive whose effect is below this number of standard errors does not visibly move the pendulum."""
 MOST_LOST = 0.3
@@ -295,9 +297,9 @@ class DrivenFit:
         omega0 = math.sqrt(self.solution.rates[STIFFNESS])
         windows = Windows.of((log,), 10.0 * (last - first), omega0, first - float(log.time[0]),
                              float(log.time[-1]) - last)
-        near = np.abs(log.time - first) <= NEAR_START * math.tau / omega0
-        if np.count_nonzero(near) < 5:
-            near = np.argsort(np.abs(log.time - first))[:5]
+        apart = np.abs(log.time - first)
+        near = np.flatnonzero(apart <= NEAR_START * math.tau / omega0)
+        near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
         curve = np.polynomial.Polynomial.fit(log.time[near] - first, log.angle[near], 2)
         begin = np.array([[[curve(0.0), curve.deriv()(0.0)]]])
         angle = windows.angles(self.solution.rates[None, :], begin)[0]
@@ -320,9 +322,10 @@ class DrivenFit:
             faults.append(Fault(f"the {self.kind} does not explain {100.0 * share:.2g} % of the logs, which are left "
                                 f"out, as of a hand that pushes ({spans})", share > MOST_LOST))
         if any(solution.torque_noise):
-            faults.append(Fault(f"the motion scatters by more than the sensor does, up to {solution.rms:.2g} rad "
-                                f"in {solution.windows.h * solution.windows.steps:.2g} s, as of torques that the logs do "
-                                "not hold; the errors allow for them", False))
+            span = solution.windows.h * solution.windows.steps
+            faults.append(Fault(f"the motion scatters by more than the sensor does, by {solution.rms:.2g} rad within "
+                                f"{span:.2g} s, as of torques that the logs do not hold; the errors allow for them",
+                                False))
         return Grade(tuple(faults))
 
     @property

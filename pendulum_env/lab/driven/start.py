@@ -47,9 +47,9 @@ def regression(logs: Sequence[DrivenLog], duration: float, delay: float, lag: fl
     rows, sums = zip(*(_equations(log, duration, delay, lag) for log in logs), strict=True)
     matrix, target = np.concatenate(rows), np.concatenate(sums)
     weight, size = np.ones(len(target)), 0.0
-    values = np.zeros(5)
+    values: Array = np.zeros(5)
     for _ in range(ROUNDS):
-        values = np.linalg.lstsq(matrix * weight[:, None], target * weight, rcond=None)[0]
+        values = np.asarray(np.linalg.lstsq(matrix * weight[:, None], target * weight, rcond=None)[0])
         off = target - matrix @ values
         size = 1.4826 * float(np.median(np.abs(off)))
         weight = 1.0 / (1.0 + (off / (3.0 * size + 1e-12)) ** 2)
@@ -103,7 +103,7 @@ def _equations(log: DrivenLog, duration: float, delay: float, lag: float) -> tup
     count = max(1, min(MOST, int(8.0 * (end - begin) / duration)))
     h = duration / PIECES
     first = begin + np.arange(count) / count * max(end - begin - duration, 0.0)
-    edges = begin + h * np.arange(math.ceil((end - begin) / h) + 2)
+    edges: Array = np.asarray(begin + h * np.arange(math.ceil((end - begin) / h) + 2), dtype=np.float64)
     middle = 0.5 * (edges[1:] + edges[:-1])
     angle = np.interp(middle, log.time, log.angle)
     drive = mean_drive(log.time, log.held, edges, delay, lag)

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,7 @@ class Windows:
     def slices(self) -> list[slice]:
         """Slice of the readings of every window, in arrays of all readings."""
         ends = np.cumsum([0, *(place.last - place.first for place in self.places)]).tolist()
-        return [slice(*pair) for pair in zip(ends[:-1], ends[1:], strict=True)]
+        return [slice(*pair) for pair in pairwise(ends)]
 
     @cached_property
     def angle(self) -> Array:
@@ -144,9 +145,9 @@ class Windows:
         found = np.empty((len(self.places), 2))
         for i, place in enumerate(self.places):
             log, at = self.logs[place.log], self.begins[place.log] + place.step * self.h
-            near = np.abs(log.time - at) < NEAR * self.steps * self.h
-            if np.count_nonzero(near) < FEWEST:
-                near = np.argsort(np.abs(log.time - at))[:FEWEST]
+            apart = np.abs(log.time - at)
+            near = np.flatnonzero(apart < NEAR * self.steps * self.h)
+            near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
             curve = np.polynomial.Polynomial.fit(log.time[near] - at, log.angle[near], 2)
             found[i] = curve(0.0), curve.deriv()(0.0)
         return found
@@ -168,9 +169,9 @@ class Windows:
         return np.asarray(curve.T + rates[:, ZERO, None])
 
     def motion(self, rates: Array, starts: Array) -> tuple[Array, Array]:
-        """Return angle from the equilibrium [rad] and velocity [rad/s] after every step, ``(steps + 1, runs, windows)``.
+        """Return the angle from the equilibrium [rad] and the velocity [rad/s] after every step.
 
-        The arguments are those of :meth:`angles`.
+        Both have the shape ``(steps + 1, runs, windows)``. The arguments are those of :meth:`angles`.
         """
         runs, count = len(rates), len(self.places)
         shape, size = (self.steps + 1, runs, count), runs * count
@@ -212,5 +213,6 @@ class Windows:
         most = [0] * len(self.logs)
         for place in self.places:
             most[place.log] = max(most[place.log], place.step + self.steps)
-        return [mean_drive(log.time, log.held, begin + self.h * np.arange(count + 1), delay, lag)
-                for log, begin, count in zip(self.logs, self.begins, most, strict=True)]
+        edges: list[Array] = [begin + self.h * np.arange(count + 1, dtype=np.float64)
+                              for begin, count in zip(self.begins, most, strict=True)]
+        return [mean_drive(log.time, log.held, own, delay, lag) for log, own in zip(self.logs, edges, strict=True)]
