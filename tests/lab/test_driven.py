@@ -266,7 +266,7 @@ def test_bad_files_are_refused(titles: str, options: dict[str, object], said: st
 def test_an_angle_without_a_unit_must_fit_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log, path = recorded({**BENCH, "duration": 4.0, "quantum": 0.0}, 7, "action"), tmp_path / "log.csv"
     log["angle"] *= 9.0 / np.abs(log["angle"]).max()
-    monkeypatch.setattr("pendulum_env.lab.driven.start.misfit", lambda log: 1.0)
+    monkeypatch.setattr("pendulum_env.lab.driven.log.misfit", lambda log: 1.0)
     path.write_text(text_of(log, "t, action, angle", "action"), encoding="utf-8")
     with pytest.raises(RecordingError, match=r"may be in radians or in degrees; give unit="):
         DrivenLog.read(path)

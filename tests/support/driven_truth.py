@@ -101,7 +101,7 @@ def drawn(seed: int, kind: str, **fixed: float) -> dict[str, float]:
     }
     if kind == "torque":
         truth |= {"delay": -source.uniform(0.0, 0.02) * period,
-                  "torque_noise": source.uniform(0.02, 0.3)}
+                  "torque_noise": source.uniform(0.02, 0.15)}
     truth |= fixed
     fine = fine_steps(truth) * truth["rate"]
     return {**truth, "delay": round(truth["delay"] * fine) / fine}

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +52,8 @@ MOST = 40
 """Largest number of steps of a search."""
 CLOSE = 1e-7
 """Relative fall of the sum of squares at which a search ends."""
+WRONSKIAN = 0.2
+"""Smallest Wronskian in the effect of torque noise."""
 DEGENERATE = 1e-9
 """Smallest eigenvalue of the scaled normal equations, relative to the largest, at which the logs determine all numbers.
 """
@@ -93,7 +94,8 @@ class DrivenSolution:
         return float(np.sqrt(np.mean(self.residual**2)))
 
 
-class _Point(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Point:
     """Residuals and derivatives of the windows at given numbers.
 
     Attributes:
@@ -231,7 +233,7 @@ def _search(
         moved = np.array([inverse @ (point.residual[part] - point.slopes[part] @ change)
                           for part, inverse in zip(windows.slices, point.inverses, strict=True)])
         starts = _best_starts(windows, new, point.starts, moved)
-        trial = _point(windows, new, starts, free, fine)._replace(weight=point.weight)
+        trial = replace(_point(windows, new, starts, free, fine), weight=point.weight)
         fall = (point.squares - trial.squares) / point.squares
         if fall >= 0.0:
             point = _weighted(trial, windows) if robust else trial
@@ -301,7 +303,7 @@ def _weighted(point: _Point, windows: Windows) -> _Point:
     log = np.array([place.log for place in windows.places])
     usual = np.array([float(np.median(size[log == i])) for i in log])
     weight = FAR / np.sqrt(np.maximum(size / (usual + 1e-300), FAR**2))
-    return point._replace(weight=weight[windows.owner])
+    return replace(point, weight=weight[windows.owner])
 
 
 # --- errors ----------------------------------------------------------------------------------------------------------
@@ -359,6 +361,8 @@ def _solution(
             known = (point.rates[DRIVE] * noise_level(log.time, log.drive)) ** 2 * step
             pulled[free.index(DRIVE)] += min(known, excess) * leaned / point.rates[DRIVE]
     covariance = inverse @ meat @ inverse
+    if any(DRIVES[log.kind].measured for log in windows.logs):
+        covariance = _widened(covariance, windows, point, inverse)
     share_of_walk = loose / float(np.trace(inverse @ meat))
     freedom = min(trust / max(share_of_walk, 1e-3) ** 2, float(len(point.own) - len(free)))
     if pulled.any():
@@ -367,10 +371,26 @@ def _solution(
         moved = np.array([start @ (point.residual[part] - point.slopes[part] @ (inverse @ pulled))
                           for part, start in zip(windows.slices, point.inverses, strict=True)])
         starts = _best_starts(windows, rates, point.starts, moved)
-        point = point._replace(rates=rates, starts=starts,
-                               residual=windows.angle - windows.angles(rates[None, :], starts[None])[0])
+        point = replace(point, rates=rates, starts=starts,
+                        residual=windows.angle - windows.angles(rates[None, :], starts[None])[0])
     return DrivenSolution(point.rates, free, covariance, max(freedom, 2.0), windows, lost, point.starts,
                           point.residual, tuple(sigma), tuple(noise))
+
+
+def _widened(covariance: Array, windows: Windows, point: _Point, inverse: Array) -> Array:
+    """Return a covariance whose errors are at least those that the scatter between windows shows.
+
+    Torque noise near a rest and noise of the derivatives have effects beyond the linear ones of white noise. The
+    scatter is that of the windows' pulls on the numbers (sandwich estimate: White 1980, Econometrica 48, 817), with the
+    factor n/(n - p) for n windows and p numbers.
+    """
+    pulls = np.array([point.weight[part] * point.own[part] @ point.own_slopes[part] for part in windows.slices])
+    count, fitted = pulls.shape
+    if count < 2 * fitted:
+        return covariance
+    scatter = inverse @ (pulls.T @ pulls) @ inverse * count / (count - fitted)
+    ratio = np.sqrt(np.maximum(np.diag(scatter) / np.diag(covariance), 1.0))
+    return np.asarray(covariance * np.outer(ratio, ratio))
 
 
 def _check_determined(windows: Windows, normal: Array, free: tuple[int, ...]) -> None:
@@ -397,13 +417,15 @@ def _walk(windows: Windows, point: _Point, number: int) -> Array:
     """Return the covariance of a window's readings for white torque noise of unit size [s³], without the part that a
     change of the window's start can make.
 
-    A pulse of torque at time s moves the angle at t by ``b(t) a(s) - a(t) b(s)``, where a and b are its derivatives by
-    the angle and the velocity at the window's start; what friction takes of it within a window is left out.
+    A pulse of torque at time s moves the angle at t by ``(b(t) a(s) - a(t) b(s))/w(s)``, where a and b are its
+    derivatives by the angle and the velocity at the window's start, and ``w = a b' - a' b`` is their Wronskian, which
+    friction makes smaller at each turning point. It is taken to be at least WRONSKIAN, as no pulse is felt in a rest.
     """
     part = windows.slices[number]
     time, (a, b) = windows.since[part] * windows.h, point.by_start[part].T
     earlier = np.minimum.outer(np.arange(len(time)), np.arange(len(time)))
-    aa, ab, bb = (_running(x, time)[earlier] for x in (a * a, a * b, b * b))
+    wronskian = np.clip(a * np.gradient(b, time) - b * np.gradient(a, time), WRONSKIAN, 1.0) ** 2
+    aa, ab, bb = (_running(x / wronskian, time)[earlier] for x in (a * a, a * b, b * b))
     walk = np.outer(b, b) * aa - (np.outer(b, a) + np.outer(a, b)) * ab + np.outer(a, a) * bb
     u, s, _ = np.linalg.svd(point.inverses[number].T, full_matrices=False)
     base = u[:, s > 1e-9 * float(s[0])]

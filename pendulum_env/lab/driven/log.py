@@ -17,6 +17,7 @@ from pendulum_env.common.shown import one_line
 from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
+from pendulum_env.lab.driven.start import misfit
 from pendulum_env.lab.noise import noise_level, quantum_level
 from pendulum_env.lab.table import TextTable
 from pendulum_env.physics.units import SceneError, file_path, nearest, shown
@@ -160,7 +161,7 @@ class DrivenLog:
         return self.text
 
     def between(self, first: float, last: float) -> DrivenLog:
-        """Return the part of the log from time ``first`` to ``last`` [s]."""
+        """Return the part of the log from time ``first`` to ``last`` [s]; RecordingError if it has too few readings."""
         keep = (self.time >= one_number(first, "first")) & (self.time <= one_number(last, "last"))
         note = f"part: {first:g} to {last:g} s"
         return replace(self, time=self.time[keep], angle=self.angle[keep], drive=self.drive[keep],
@@ -351,8 +352,6 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
 
     Angles within ±2 pi, with which both units fit about as well, are in radians, as those degrees would be few.
     """
-    from pendulum_env.lab.driven.start import misfit
-
     if float(np.abs(log.angle).max()) > 200.0 or quantum_level(log.angle) > 0.05:
         return "deg", "inferred from the size of the angles and of their steps (unit= overrides)"
     off = {unit: misfit(replace(log, angle=log.angle * size)) for unit, size in _UNITS.items()}

@@ -142,7 +142,7 @@ class DrivenFit:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the fitted parameters, by their derivatives with respect to the equation's numbers."""
+        """Covariance matrix of the fitted parameters, by their derivatives with respect to the equation's numbers."""
         slopes = self._slopes[self._fitted]
         return np.asarray(slopes @ self.solution.covariance @ slopes.T)
 

@@ -10,15 +10,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.drive import mean_drive
-from pendulum_env.lab.driven.log import DrivenLog
 
 Array = NDArray[np.float64]
+
+
+class Readings(Protocol):
+    """Readings of a log, as arrays: times [s], angles [rad], and the drive that holds from each time to the next."""
+
+    @property
+    def time(self) -> Array: ...
+    @property
+    def angle(self) -> Array: ...
+    @property
+    def held(self) -> Array: ...
+    @property
+    def source(self) -> str: ...
+
 
 PIECES = 48
 """Number of intervals into which a stretch is divided."""
@@ -39,7 +53,7 @@ _WEIGHT = -140.0 * np.poly1d([1.0, -1.0, 0.0]) ** 3
 """The weight phi(s) = 140 (s (1 - s))³ for s from 0 to 1; its integral is 1."""
 
 
-def regression(logs: Sequence[DrivenLog], duration: float, delay: float, lag: float) -> tuple[Array, float]:
+def regression(logs: Sequence[Readings], duration: float, delay: float, lag: float) -> tuple[Array, float]:
     """Return stiffness, viscous, dry, drive and zero of the regression, and the robust size of its residual [rad/s²].
 
     ``duration`` is the length of a stretch [s]; ``delay`` and ``lag`` are those of the drive [s].
@@ -58,7 +72,7 @@ def regression(logs: Sequence[DrivenLog], duration: float, delay: float, lag: fl
     return values, float(np.sqrt(np.mean(np.minimum(np.abs(off), 4.0 * size) ** 2)))
 
 
-def start_of(logs: Sequence[DrivenLog], delays: tuple[float, ...], lags: tuple[float, ...]) -> Array:
+def start_of(logs: Sequence[Readings], delays: tuple[float, ...], lags: tuple[float, ...]) -> Array:
     """Return starting values of all numbers of the equation of motion, in the order of ``windows.RATES``.
 
     ``delays`` and ``lags`` are the values to try: as a share of the period of small swings, or a single one in s.
@@ -76,7 +90,7 @@ def start_of(logs: Sequence[DrivenLog], delays: tuple[float, ...], lags: tuple[f
     return np.array([stiffness, max(viscous, 0.0), max(dry, 0.0), drive, delay, lag, zero])
 
 
-def _stretch(logs: Sequence[DrivenLog]) -> float:
+def _stretch(logs: Sequence[Readings]) -> float:
     """Return the length of a stretch that is nearest to TURNED/omega0, with the omega0 that it gives [s]."""
     least = max(LEAST * float(np.median(np.diff(log.time))) for log in logs)
     most = min(float(log.time[-1] - log.time[0]) for log in logs) / 4.0
@@ -91,13 +105,13 @@ def _stretch(logs: Sequence[DrivenLog]) -> float:
     return min(found)[1]
 
 
-def _no_restoring(logs: Sequence[DrivenLog]) -> RecordingError:
+def _no_restoring(logs: Sequence[Readings]) -> RecordingError:
     names = ", ".join(log.source for log in logs)
     return RecordingError(f"{names}: the motion shows no torque towards the bottom; check that the angle is measured "
                           "from straight down (zero=) and is in the right unit (unit=)")
 
 
-def _equations(log: DrivenLog, duration: float, delay: float, lag: float) -> tuple[Array, Array]:
+def _equations(log: Readings, duration: float, delay: float, lag: float) -> tuple[Array, Array]:
     """Return the equations of a log's stretches: rows of coefficients and right-hand sides [rad/s²]."""
     begin, end = float(log.time[0]), float(log.time[-1])
     count = max(1, min(MOST, int(8.0 * (end - begin) / duration)))
@@ -119,7 +133,7 @@ def _equations(log: DrivenLog, duration: float, delay: float, lag: float) -> tup
     return rows, near @ bend / duration**2
 
 
-def misfit(log: DrivenLog) -> float:
+def misfit(log: Readings) -> float:
     """Return the share of the acceleration that the regression leaves unexplained, without a zero; inf if it finds no
     restoring torque."""
     try:
