@@ -324,7 +324,7 @@ def _solution(
     """
     normal = (point.own_slopes * point.weight[:, None]).T @ point.own_slopes
     _check_determined(windows, normal, free)
-    inverse = np.linalg.inv(normal)
+    inverse: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     sigma, noise = [], []
     meat, pulled, trust, loose = np.zeros_like(normal), np.zeros(len(free)), 0.0, 0.0
     for i, log in enumerate(windows.logs):
