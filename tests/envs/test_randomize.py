@@ -59,6 +59,19 @@ def test_environment_i_draws_what_the_single_one_draws(mode: str, options: dict[
     compare(mode, **options)
 
 
+def test_streams_that_begin_anew_drop_what_was_drawn_ahead() -> None:
+    """Check resets with a seed for some environments: the others go on with their own streams, as single ones do."""
+    common: dict[str, Any] = {"randomize": RANGES, "backend": "python", "max_episode_steps": 4}
+    mine = vector(3, autoreset_mode="SameStep", **common)
+    theirs = gym.make_vec("LabPendulum-v0", num_envs=3, vectorization_mode="sync",
+                          vector_kwargs={"autoreset_mode": "SameStep"}, **common)
+    actions = np.zeros((3, 1), np.float32)
+    for seeds in (3, [None, 5, None], None, [7, None, 7], 9):
+        same(mine.reset(seed=seeds), theirs.reset(seed=seeds), str(seeds))
+        for _ in range(6):
+            same(mine.step(actions), theirs.step(actions), str(seeds))
+
+
 def test_a_fit_is_drawn_alike_by_single_and_vector() -> None:
     found = scatter()
     names = ("length", "mass", "gamma")
