@@ -218,13 +218,17 @@ class Each:
                 if not isinstance(own, np.ndarray) and value != own:
                     self.numbers[name] = np.full(self._size, own)
 
-    def take(self, which: Places, values: Mapping[str, Array]) -> dict[str, Array]:
+    def take(
+        self, which: Places, values: Mapping[str, Array], numbers: dict[str, Array] | None = None
+    ) -> dict[str, Array]:
         """Give the environments ``which`` new values of parameters for their next episode; see :meth:`numbers_with`.
+
+        ``numbers`` are the program's numbers for these values, where they are known already.
 
         ``episode`` then holds the values, by name, as arrays of ``size`` numbers; nan stands for the value that the
         environment was made with.
         """
-        numbers = self.numbers_with(which, values)
+        numbers = self.numbers_with(which, values) if numbers is None else numbers
         for name in {**self.episode, **values}:
             self.episode.setdefault(name, np.full(self._size, math.nan))[which] = values.get(name, math.nan)
         return numbers

@@ -321,8 +321,9 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         Raises SceneError for other options, or values that are invalid, and then changes nothing.
         """
         asked, task, given = checked_options(options, self._scene, self._task)
-        given = {name: number(value, name) for name, value in given.items()}
-        self._machine.check(self._scene.replace(**given))
+        if given:
+            given = {name: number(value, name) for name, value in given.items()}
+            self._machine.check(self._scene.replace(**given))
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
         self._tell_of_cut()

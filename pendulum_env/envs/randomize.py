@@ -274,6 +274,38 @@ class Randomization:
         return drawn
 
 
+class Bank:
+    """Parameters of the next episodes of a vector's environments, drawn for many at once.
+
+    The next episode's parameters follow those random numbers that the present episode has taken at its start, so that
+    they can be drawn at any time before it. Numbers of scenes are computed for groups, whose cost hardly depends on
+    their size: so whenever one environment needs new ones, all that have used theirs get them.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._columns: tuple[Values, Values] = {}, {}
+        self._ready = np.zeros(size, dtype=np.bool_)
+
+    def forget(self, which: Places) -> None:
+        """Drop the parameters of environments whose random streams begin anew."""
+        self._ready[which] = False
+
+    def take(self, which: Places, draw: Callable[[Places], tuple[Values, Values]]) -> tuple[Values, Values]:
+        """Return parameters and program's numbers of the next episodes of the environments ``which``.
+
+        ``draw`` returns both for the environments with the given indices.
+        """
+        if not self._ready[which].all():
+            empty = np.flatnonzero(~self._ready)
+            for columns, drawn in zip(self._columns, draw(empty), strict=True):
+                for name, column in drawn.items():
+                    columns.setdefault(name, np.empty(len(self._ready)))[empty] = column
+            self._ready[empty] = True
+        self._ready[which] = False
+        values, numbers = ({name: column[which] for name, column in columns.items()} for columns in self._columns)
+        return values, numbers
+
+
 def parts_of(given: Any) -> Iterable[Draws]:
     """Return the parts of a randomisation from a user's value; SceneError for an invalid one."""
     if isinstance(given, Mapping):

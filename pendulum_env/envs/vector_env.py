@@ -26,7 +26,7 @@ from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.members import Members
-from pendulum_env.envs.randomize import randomization
+from pendulum_env.envs.randomize import Bank, randomization
 from pendulum_env.envs.sensing import drawn_delays, plan_of, readings_of_many
 from pendulum_env.envs.settings import (
     MANY,
@@ -145,6 +145,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         most = np.inf if given is None else given
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         draws = self._randomization = randomization(randomize)
+        self._bank = Bank(self._num_envs)
         self._randomize = randomize
         with naming_keywords(type(self)):
             spec = self._spec = RunSpec.of_episodes(
@@ -460,8 +461,15 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         Return the program's numbers that follow from them; {} if all episodes have the environments' own parameters.
         """
         each, draws = self._each, self._randomization
-        values = {**draws.drawn(self._seeded(), which, self._spec.backend), **given} if draws else given
-        return each.take(which, values) if values or each.episode else {}
+        if draws is None:
+            return each.take(which, given) if given or each.episode else {}
+
+        def draw(places: Places) -> tuple[dict[str, Array], dict[str, Array]]:
+            values = draws.drawn(self._seeded(), places, self._spec.backend)
+            return values, each.numbers_with(places, values)
+
+        values, numbers = self._bank.take(which, draw)
+        return each.take(which, {**values, **given}, None if given else numbers)
 
     def _parameter_infos(self, which: Places) -> Infos:
         """Return the infos with the drawn or given parameters of new episodes; {} if they have none."""
@@ -507,16 +515,19 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             return
         if isinstance(seeds, np.ndarray) and len(which) == self._num_envs:
             self._seeds, self._streams = seeds.astype(object), Streams(seeds)
+            self._bank.forget(which)
             return
         streams = self._seeded()
         if isinstance(seeds, np.ndarray):
             self._seeds[which] = seeds[which]
             streams.seed(which, seeds[which])
+            self._bank.forget(which)
             return
         places = [place for place in which.tolist() if seeds[place] is not None]
         wanted = [seed for place in places if (seed := seeds[place]) is not None]
         self._seeds[places] = wanted
         streams.seed(np.array(places, dtype=np.intp), wanted)
+        self._bank.forget(np.array(places, dtype=np.intp))
 
     def _seeded(self) -> Streams:
         """Return the random streams of all environments, created when first used."""

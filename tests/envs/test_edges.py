@@ -312,7 +312,7 @@ KEPT = {
         _reused _running _scene _seeds
         _slack _spec _steps _streams _substeps _task _told _turning action_space autoreset_mode metadata
         observation_space single_action_space single_observation_space _randomization _randomize _observation
-        _history _sensor _observation_delay _action_delay _sensing _delays _seen_before""",
+        _history _sensor _observation_delay _action_delay _sensing _delays _seen_before _bank""",
 }
 """Attributes in format 6. Whoever changes them raises FORMAT, so that older pickles are refused."""
 

@@ -43,7 +43,7 @@ def by_generator(source: np.random.Generator) -> dict[str, float]:
 
 def compare(mode: str, steps: int = 40, **options: Any) -> None:
     """Compare a vector with single environments, which draw and restart often, in every bit and entry of info."""
-    common = {"max_episode_steps": 13, "speed_limit": 1.5, "backend": "python", **options}
+    common = {"max_episode_steps": 13, "speed_limit": 0.6, "backend": "python", **options}
     theirs = gym.make_vec("LabPendulum-v0", num_envs=3, vectorization_mode="sync",
                           vector_kwargs={"autoreset_mode": mode}, **common)
     assert side_by_side(vector(3, autoreset_mode=mode, **common), theirs, mode, steps) >= 3
@@ -57,6 +57,23 @@ def compare(mode: str, steps: int = 40, **options: Any) -> None:
 ], ids=["ranges", "function", "gusts", "errors"])
 def test_environment_i_draws_what_the_single_one_draws(mode: str, options: dict[str, Any]) -> None:
     compare(mode, **options)
+
+
+def test_streams_that_begin_anew_drop_what_was_drawn_ahead() -> None:
+    """Check resets with a seed for some environments: the others go on with their own streams, as single ones do."""
+    common: dict[str, Any] = {"randomize": RANGES, "backend": "python", "max_episode_steps": 13, "speed_limit": 0.5}
+    mine = vector(3, autoreset_mode="SameStep", **common)
+    theirs = gym.make_vec("LabPendulum-v0", num_envs=3, vectorization_mode="sync",
+                          vector_kwargs={"autoreset_mode": "SameStep"}, **common)
+    source, apart = np.random.default_rng(1), 0
+    for seeds in (3, [None, 5, None], None, [7, None, 7], 9, [1, 2, None]):
+        same(mine.reset(seed=seeds), theirs.reset(seed=seeds), str(seeds))
+        for _ in range(16):
+            actions = source.uniform(-1.2, 1.2, (3, 1)).astype(np.float32)
+            found, wanted = mine.step(actions), theirs.step(actions)
+            same(found, wanted, str(seeds))
+            apart += 0 < (wanted[2] | wanted[3]).sum() < 3
+    assert apart > 5
 
 
 def test_a_fit_is_drawn_alike_by_single_and_vector() -> None:

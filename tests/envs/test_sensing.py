@@ -64,7 +64,7 @@ CASES: dict[str, dict[str, Any]] = {
 def test_environment_i_sees_what_the_single_one_sees(case: str, shift: int) -> None:
     """Compare bits of a vector and of single environments, in one autoreset mode for each case here, in all slowly."""
     mode = MODES[([*CASES].index(case) + shift) % len(MODES)]
-    common = {"max_episode_steps": 13, "speed_limit": 1.5, "backend": "python", "warn": False, **CASES[case]}
+    common = {"max_episode_steps": 13, "speed_limit": 0.6, "backend": "python", "warn": False, **CASES[case]}
     theirs = gym.make_vec("LabPendulum-v0", num_envs=3, vectorization_mode="sync",
                           vector_kwargs={"autoreset_mode": mode}, **common)
     assert side_by_side(vector(3, autoreset_mode=mode, **common), theirs, mode, 30) >= 3
