@@ -100,7 +100,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "part": "above",
         "flag": "robust displaced upright reward_rate compensated copy estimate_error warn complete resume anew as_latex"
                 " dense velocity_free one_way film recalibrate long raises",
-        "none of these": "randomize reward lost reference points columns pivot motion x y env"
+        "none of these": "widths randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times angles velocities over drop",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
