@@ -140,7 +140,7 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
                                  f"columns='time=1,{RATE}=2', or by columns='time=1,angle=2' if it is an angle")
     places = [*([] if layout.time is None else [layout.time]), *layout.values]
     note = f"columns: {_list(places, titles)}, as given"
-    return layout._replace(notes=[note])
+    return ColumnLayout(layout.time, layout.values, [note], layout.length, layout.rate, layout.force)
 
 
 def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
