@@ -7,6 +7,7 @@ all machines. Nothing is compiled here; what cannot be translated is refused, wi
 """
 
 from __future__ import annotations
+import __future__
 
 import ast
 import builtins
@@ -47,6 +48,8 @@ CALLABLE = "abs, min, max, sin, cos, exp, log, sqrt, pow, atan2 and plain functi
 """The functions that may be called, in words."""
 ALLOWED = f"assignments, if and else, + - * / **, comparisons, and, or, not, & and |, and calls of {CALLABLE}"
 """The part of Python that may be used, in words."""
+FUTURE = __future__.annotations.compiler_flag
+"""Flag of code that was compiled with annotations as text."""
 OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
@@ -122,7 +125,7 @@ def definition(function: types.FunctionType, task: str) -> ast.FunctionDef | ast
         text = "".join(lines)
         with PARSING:
             tree = ast.parse(text)
-            whole = compile(text, "<task>", "exec", dont_inherit=True)
+            whole = compile(text, "<task>", "exec", flags=function.__code__.co_flags & FUTURE, dont_inherit=True)
     except (OSError, TypeError, SyntaxError, ValueError, IndexError):
         raise TaskError(f"The source of {name} of the task {shown(task)} cannot be read; write it in a file or a "
                         "notebook, not at a prompt or in a text for exec.") from None
