@@ -1,46 +1,40 @@
-"""Train PPO to swing up: ``python 11_train_swing_up.py FOLDER STEPS``, after ``pip install stable-baselines3``."""
+"""Train PPO to swing up: ``python 11_train_swing_up.py FOLDER STEPS``, after ``pip install 'lab-pendulum[sb3]'``."""
 
 import sys
 from pathlib import Path
 
 import numpy as np
 
-from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, plots, render
+from pendulum_env import LabPendulumEnv, plots, render
 
 try:
     import torch
     from stable_baselines3 import PPO
-    from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor
+
+    from pendulum_env.adapters.sb3 import LabPendulumVecEnv
 except ModuleNotFoundError as missing:
-    sys.exit(f"{missing.name} is not installed; this example needs: pip install stable-baselines3")
+    sys.exit(f"{missing.name} is not installed; this example needs: pip install 'lab-pendulum[sb3]'")
 
 SCALE = np.array([1.0, 1.0, 0.1], dtype=np.float32)  # scales the observations for the network
 
 
-class Pendulums(VecEnv):  # adapts the vector environment to Stable-Baselines3, with scaled rewards
-    def __init__(self, count, task):
-        self.env = LabPendulumVectorEnv(
-            count, task=task, max_episode_steps=500, autoreset_mode="SameStep", diagnostics=())
-        self.total, self.returns = np.zeros(count), []
-        super().__init__(count, self.env.single_observation_space, self.env.single_action_space)
+class Scaled(VecEnvWrapper):  # scales observations and rewards, and keeps the returns of the episodes
+    def reset(self):
+        self.returns = []
+        return SCALE * self.venv.reset()
 
-    def step_async(self, actions):
-        seen, reward, ended, late, info = self.env.step(actions)
-        over, infos, self.total = ended | late, [{} for _ in reward], self.total + reward
+    def step_wait(self):
+        seen, reward, over, infos = self.venv.step_wait()
         for i in np.flatnonzero(over):
-            infos[i] = {"terminal_observation": SCALE * info["final_obs"][i], "TimeLimit.truncated": bool(late[i])}
-        self.returns, self.total = self.returns + self.total[over].tolist(), np.where(over, 0.0, self.total)
-        self.result = SCALE * seen, 0.01 * reward, over, infos
-
-    reset, step_wait = (lambda self: SCALE * self.env.reset(seed=self._seeds[0])[0]), (lambda self: self.result)
-    env_is_wrapped = close = lambda self, *_, **__: [None] * self.num_envs
-    env_method, get_attr, set_attr = None, lambda self, name, indices=None: [getattr(self.env, name)] * self.num_envs, (
-        lambda self, name, value, indices=None: setattr(self.env, name, value))  # settings cannot be set
+            infos[i]["terminal_observation"] = SCALE * infos[i]["terminal_observation"]
+            self.returns.append(infos[i]["episode"]["r"])
+        return SCALE * seen, 0.01 * reward, over, infos
 
 
 def trained(task, steps, seed):
     torch.set_num_threads(1)
-    (env := Pendulums(64, task)).seed(seed)
+    (env := Scaled(VecMonitor(LabPendulumVecEnv(64, task=task, diagnostics=())))).seed(seed)
     more = {"use_sde": True, "sde_sample_freq": 8, "device": "cpu"}  # state-dependent noise changes slowly
     model = PPO("MlpPolicy", env, lambda left: 1e-3 * max(left, 0.02), 64, 1024, seed=seed, **more).learn(steps)
     return lambda seen: model.predict(SCALE * seen, deterministic=True)[0], env.returns

@@ -15,7 +15,7 @@ from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.moved import keep_old_paths
 
 if TYPE_CHECKING:
-    from pendulum_env import controllers, tasks, testing
+    from pendulum_env import adapters, controllers, tasks, testing
     from pendulum_env.engine.code import code
     from pendulum_env.engine.result import Rollout
     from pendulum_env.engine.rollout import rollout
@@ -72,7 +72,7 @@ _LAZY = {
     "sweep": "pendulum_env.study.sweep",
 }
 """Public names that are imported on first use, and their modules."""
-_ROOMS = ("controllers", "tasks", "testing", "web")
+_ROOMS = ("adapters", "controllers", "tasks", "testing", "web")
 """Public modules that are imported on first use."""
 
 __all__ = [
@@ -89,6 +89,7 @@ __all__ = [
     "Sweep",
     "Task",
     "VirtualSensor",
+    "adapters",
     "audit",
     "basins",
     "code",

@@ -8,6 +8,10 @@ the median relative error. 95 % intervals should contain it in 90 to 99 % of 300
 standard deviation of 1.3 %.
 
     python examples/benchmarks/fit_coverage.py [--runs 300] [--models linear coulomb] [--jobs 2] [--file coverage.jsonl]
+    python examples/benchmarks/fit_coverage.py --sensors quantum gyroscope accelerometer --models linear quadratic
+
+Sensors are an angle (by default), a quantum of 0.05 to 0.3 degrees without noise, a gyroscope with a bias, and an
+accelerometer of three axes, each with a bias, on a rod that leans by up to half a degree.
 
 With ``--file`` an interrupted study continues where it stopped. Known exceptions with too wide intervals: if the
 recording hardly distinguishes several fitted dampings, one ends at its bound 0, and the errors of the others are those
@@ -30,12 +34,14 @@ from typing import Any
 
 import numpy as np
 from machine import describe
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from pendulum_env import Scene, rollout, sweep
+from pendulum_env.lab.accelerations import felt
 from pendulum_env.lab.fitting.fit import fit
-from pendulum_env.lab.fitting.model import ANGLE, LENGTH, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.model import ANGLE, DISTANCE, LENGTH, VELOCITY, ZERO, Model
 from pendulum_env.lab.fitting.start import SEEN, visible
+from pendulum_env.lab.rates import integrated
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sensor import VirtualSensor
 from pendulum_env.physics.body import Body
@@ -61,14 +67,24 @@ amplitude, quantum [degrees], rate of readings [Hz], noise [degrees], and the la
 """
 
 
-def drawn(model: str, seed: int, fixed: Mapping[str, float]) -> tuple[Scene, Recording, dict[str, float]]:
-    """Draw a scene, a recording of it, and the true values that a fit should return.
+SENSORS: dict[str, dict[str, tuple[float, float]]] = {
+    "angle": {}, "quantum": {"quantum": (0.05, 0.3), "noise": (0.0, 0.0)}, "gyroscope": {},
+    "accelerometer": {"amplitude": (15.0, 60.0), "rate": (50.0, 100.0), "noise": (0.02, 0.1), "quantum": (0.0, 0.0)},
+}
+"""Sensor -> ranges that differ from RANGES. Quantum and noise of a gyroscope are in degrees times omega0, those of an
+accelerometer in degrees times g."""
+
+
+def drawn(
+    model: str, seed: int, fixed: Mapping[str, float], kind: str = "angle"
+) -> tuple[Scene, Recording, dict[str, float]]:
+    """Draw a scene, a recording of it by a kind of sensor, and the true values that a fit should return.
 
     The scene has no damping parameters yet. The true state is that at the time at which the fit takes the bob as
     released, which may be one or two turning points late if amplitudes are close to the noise.
     """
     source = np.random.default_rng([seed, *model.encode()])
-    given = {name: float(source.uniform(*ends)) for name, ends in RANGES.items()} | dict(fixed)
+    given = {name: float(source.uniform(*ends)) for name, ends in (RANGES | SENSORS[kind]).items()} | dict(fixed)
     amplitude, length = math.radians(given["amplitude"]), given["length"]
     sensor = VirtualSensor(quantum=math.radians(given["quantum"]), rate=given["rate"],
                            noise=math.radians(given["noise"]))
@@ -84,17 +100,61 @@ def drawn(model: str, seed: int, fixed: Mapping[str, float]) -> tuple[Scene, Rec
     period = math.tau / true.omega0
     run = rollout(true, integrator="dop853", angle=amplitude, velocity=0.0, dt=period / 100.0,
                   duration=given["periods"] * period, diagnostics=(), warn=False)
-    recording = sensor.record(run, seed=seed)
+    if kind == "gyroscope":
+        recording, zero, more = turned(run, given, true.omega0, source)
+    elif kind == "accelerometer":
+        recording, zero, more = shaken(run, given, length, source)
+    else:
+        recording, zero, more = sensor.record(run, seed=seed), -amplitude, {}
     free = recording.released()
-    zero = float(recording.time[-1] - free.time[-1])
+    begin = float(recording.time[-1] - free.time[-1])
     state = CubicHermiteSpline(run.time, run.angle, run.velocity)
-    truth = {ANGLE: float(state(zero)), VELOCITY: float(state(zero, 1)), ZERO: -amplitude, LENGTH: length, **own}
+    truth = {ANGLE: float(state(begin)), VELOCITY: float(state(begin, 1)), ZERO: zero, LENGTH: length, **more, **own}
     return scene, recording, {**truth, **{f"setting {name}": x for name, x in given.items()}}
+
+
+def samples(run: Any, rate: float) -> tuple[Any, Any, Any, Any]:
+    """Return the times of a sensor, and angle, velocity and acceleration of a run there."""
+    time = np.arange(int(run.time[-1] * rate)) / rate
+    speed = CubicSpline(run.time, run.velocity)
+    return time, CubicHermiteSpline(run.time, run.angle, run.velocity)(time), speed(time), speed(time, 1)
+
+
+def turned(
+    run: Any, given: Mapping[str, float], omega: float, source: np.random.Generator
+) -> tuple[Recording, float, dict[str, float]]:
+    """Return the recording of a gyroscope with a bias, that bias [rad/s], and no further truth."""
+    time, _, velocity, _ = samples(run, given["rate"])
+    bias = float(source.uniform(-0.03, 0.03))
+    rate = velocity + bias + math.radians(given["noise"]) * omega * source.standard_normal(len(time))
+    quantum = math.radians(given["quantum"]) * omega
+    rate = quantum * np.round(rate / quantum) if quantum else rate
+    return Recording(time, integrated(time, rate), "gyroscope", rate=rate), bias, {}
+
+
+def shaken(
+    run: Any, given: Mapping[str, float], length: float, source: np.random.Generator
+) -> tuple[Recording, float, dict[str, float]]:
+    """Return the recording of an accelerometer, the bias along the rod [m/s²], and its distance from the pivot."""
+    time, angle, velocity, turn = samples(run, given["rate"])
+    reach, lean = length * float(source.uniform(0.4, 1.0)), math.radians(source.uniform(-0.5, 0.5))
+    across, along = 9.81 * np.sin(angle) + reach * turn, 9.81 * np.cos(angle) + reach * velocity**2
+    axes = np.stack([math.cos(lean) * across - math.sin(lean) * along,
+                     math.sin(lean) * across + math.cos(lean) * along, np.zeros(len(time))], axis=1)
+    bias = source.uniform(-0.03, 0.03, 3)
+    noise = math.radians(given["noise"]) * 9.81 * source.standard_normal(axes.shape)
+    found = felt(time, axes + bias + noise, ["x", "y", "z"], False, None)
+    count = len(found.force)
+    recording = Recording(time[:count], found.angle, "accelerometer", force=found.force, mount=found.mount)
+    return recording, math.nan, {DISTANCE: reach}
 
 
 def one(point: Mapping[str, Any]) -> dict[str, Any]:
     """Run one fit; return for each parameter its deviation in errors, its relative error, and the interval tests."""
-    scene, recording, truth = drawn(point["model"], point["seed"], point["fixed"])
+    try:
+        scene, recording, truth = drawn(point["model"], point["seed"], point["fixed"], point.get("sensor", "angle"))
+    except RecordingError as error:
+        return {"failed": str(error)}
     row = {name: value for name, value in truth.items() if name.startswith("setting ")}
     begun = time.perf_counter()
     try:
@@ -103,7 +163,11 @@ def one(point: Mapping[str, Any]) -> dict[str, Any]:
         return {**row, "failed": str(error)}
     row |= {"seconds": time.perf_counter() - begun, "p of runs": result.runs.p, "p of chi2": result.p_value,
               "freedom": result.errors.freedom, "followed": not result.solution.lost}
+    if result.recording.force is not None and result.values[0] * truth[ANGLE] < 0.0:
+        truth |= {name: -truth[name] for name in (ANGLE, VELOCITY)}  # the side of the release does not show
     for name, value, error in zip(result.names, result.values, np.sqrt(np.diag(result.covariance)), strict=True):
+        if not math.isfinite(truth.get(name, math.nan)):
+            continue
         row[f"{name} deviation"] = (value - truth[name]) / error
         row[f"{name} error"] = error / abs(truth[name]) if name != VELOCITY and truth[name] else math.nan
         for level in LEVELS:
@@ -126,6 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Measure how often a fit's intervals contain the true values.")
     parser.add_argument("--runs", type=int, default=300, help="recordings of each model")
     parser.add_argument("--models", nargs="+", default=list(MODELS), help="dampings joined by +")
+    parser.add_argument("--sensors", nargs="+", default=["angle"], choices=list(SENSORS), help="kinds of sensor")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--file", default=None, help="file for results; an interrupted study continues from it")
     parser.add_argument("--fixed", nargs="+", default=[],
@@ -135,21 +200,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     fixed = {name: number(value, name) for name, value in parse_settings(options.fixed).items()}
     for name in fixed:
         one_of(name, "setting", RANGES)
-    points = [{"model": model, "seed": seed,
-               "fixed": fixed} for model in options.models for seed in range(options.runs)]
+    points = [{"model": model, "seed": seed, "fixed": fixed, **({} if kind == "angle" else {"sensor": kind})}
+              for kind in options.sensors for model in options.models for seed in range(options.runs)]
     with ProcessPoolExecutor(options.jobs) if options.jobs > 1 else nullcontext() as executor:
         study = sweep(points, executor, run=one, file=options.file, progress=True)
     rows, outside = study.rows, 0
-    print(f"{'model':26s}{'parameter':34s}{'runs':>5s}{'95 %':>8s}{'68 %':>8s}{'rms':>8s}{'error':>10s}")
-    for model in options.models:
-        for name, count, most, middle, rms, error in shares(rows, model):
+    print(f"{'model':32s}{'parameter':34s}{'runs':>5s}{'95 %':>8s}{'68 %':>8s}{'rms':>8s}{'error':>10s}")
+    for kind, model in ((kind, model) for kind in options.sensors for model in options.models):
+        own = [row for row in rows if row.get("sensor", "angle") == kind]
+        title = model if kind == "angle" else f"{kind}, {model}"
+        for name, count, most, middle, rms, error in shares(own, model):
             off = not GOAL[0] <= most <= GOAL[1]
             outside += off
-            print(f"{model:26s}{name:34s}{count:5d}{most:8.1%}{middle:8.1%}{rms:8.3f}{error:10.2g}"
+            print(f"{title:32s}{name:34s}{count:5d}{most:8.1%}{middle:8.1%}{rms:8.3f}{error:10.2g}"
                   f"{'  outside' if off else ''}")
-        failed = [row["failed"] for row in rows if row["model"] == model and row.get("failed")]
+        failed = [row["failed"] for row in own if row["model"] == model and row.get("failed")]
         if failed:
-            print(f"{model:26s}{len(failed)} runs without a fit, such as: {failed[0]}")
+            print(f"{title:32s}{len(failed)} runs without a fit, such as: {failed[0]}")
     if not study.complete:
         print("interrupted; only the finished runs are counted")
     print(f"{outside} coverages are outside {GOAL[0]:.0%} to {GOAL[1]:.0%}")

@@ -15,6 +15,7 @@ from integrators import Method
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import restarting
+from pendulum_env.physics.flow import braking
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 
@@ -63,7 +64,7 @@ def class_of(method: Method, scene: Scene) -> str:
     kind = next((name for name in names if name in KINDS), names[0])
     words = {
         "implicit": method.implicit,
-        "drag flow": "split" in method.needs and bool(scene.of_kind("dissipative")),
+        "drag flow": "split" in method.needs and bool(braking(scene)),
         "periodic": method.exact and scene.periodic,
     }
     return ", ".join([kind, *(word for word, holds in words.items() if holds)])

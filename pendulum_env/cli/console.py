@@ -22,7 +22,12 @@ NARROWEST = 20
 
 
 def say(text: str) -> None:
-    """Print a message to stderr."""
+    """Print a message to stderr, on a terminal wrapped at its width."""
+    if sys.stderr.isatty():
+        from textwrap import fill
+
+        text = "\n".join(fill(line, terminal_width(LINE), subsequent_indent="    ", break_long_words=False,
+                              break_on_hyphens=False) for line in text.splitlines())
     print(text, file=sys.stderr)
 
 

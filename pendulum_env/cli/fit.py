@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
-from pendulum_env.cli.options import Out, Reading, Settings, Svg, recording_of
+from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Settings, Svg, Until, recording_of
+
+if TYPE_CHECKING:
+    from pendulum_env.common.progress import Progress
+    from pendulum_env.lab.fitting.posterior import Posterior
+    from pendulum_env.lab.fitting.result import Fit
 
 
 def fit(
@@ -43,6 +48,22 @@ def fit(
     oscillations: Annotated[
         int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
     ] = None,
+    posterior: Annotated[
+        bool, typer.Option("--posterior", help="Also sample the posterior distribution of the parameters (emcee).")
+    ] = False,
+    steps: Annotated[int | None, typer.Option(help="Steps of the posterior's 32 walkers; by default 1500.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the posterior's random numbers; by default 0.")] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(help="Prior of a parameter, as length=0.64:0.66, gamma=log:0.01:0.1, length=normal:0.65:0.01.")
+    ] = None,
+    columns: Columns = None,
+    until: Until = None,
+    above: Above = None,
+    drop: Drop = None,
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Let readings that are far off count less (soft L1).")
+    ] = False,
     svg: Svg = False,
     out: Out = Path("out/fit"),
     settings: Settings = None,
@@ -53,15 +74,24 @@ def fit(
     Release and equilibrium are determined from the recording, and every inferred setting is printed. The quantities of
     the lab sheet are measured first: period, amplitudes, decay, length. Then the whole trajectory is fitted; with auto,
     by every damping. The report, the tables and scene.json, which gym.make and compare accept, are written to the
-    output folder.
+    output folder. With --posterior, posterior.csv, posterior.npz and the corner figure are written, too.
     """
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.lab.fitting.fit import fit as run
+    from pendulum_env.lab.fitting.robust import calmed
     from pendulum_env.lab.recording import RecordingError
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.physics.units import SceneError, number
-    from pendulum_env.study.fit_report import against_told, goodness, parameter_table, to_lay_over, write
+    from pendulum_env.study.fit_report import (
+        against_told,
+        against_track,
+        goodness,
+        parameter_table,
+        to_lay_over,
+        write,
+        write_posterior,
+    )
 
     options = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
     known = _known({name: value for name, value in options.items() if value is not None}, settings)
@@ -69,24 +99,31 @@ def fit(
         raise SceneError("--length-error needs --length; give the measured length.")
     if length_error is not None:
         number(length_error, "--length-error", above=0.0, unit="m")
+    sampling = _sampling(posterior, steps, seed, prior)
+    part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
-    data = recording_of(place, read, unit=unit, rate=rate, scale=scale)
+    given = {"unit": unit, "rate": rate, "scale": scale, "columns": columns, "until": until,
+             "drop": ",".join(drop) if drop else None}
+    data = recording_of(place, read, **given)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     print_text(data.text)
-    sheet = measure(data, n=oscillations, scene=scene, **known)
+    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above, **known)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
     output_folder(out)
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
         try:
-            best = run(data, effects, scene=scene, free=names, progress=lambda done, text: progress(0.9 * done, text),
-                       **known)
+            best = run(data, effects, scene=scene, free=names, above=above, robust=robust,
+                       progress=lambda done, text: progress(part * done, text), **known)
+            found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
         except (SceneError, RecordingError):
             tell_of(warned)
             raise
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
+        if found is not None:
+            paths[-1:-1] = write_posterior(found, out, svg)
     tell_of(warned, best.grade.text)
     if best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
@@ -96,13 +133,59 @@ def fit(
     assumed = "" if scene or "radius" in known else (
         f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
     scene_line = f"Scene: {best.scene.equation()}"
-    lines = (goodness(best), verdict, assumed, scene_line) if best.grade.usable else (scene_line, best.grade.text)
+    usable = [goodness(best), verdict, against_track(best), assumed, scene_line]
+    lines = usable if best.grade.usable else [scene_line, best.grade.text]
     print_text("\n".join(line for line in lines if line))
+    if found is not None:
+        print_table(found.table, f"posterior, {best.damping} damping")
+        print_text(found.text)
     print_files(paths)
-    given = {"unit": unit, "rate": rate, "scale": scale}
     reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
     print_text("To compare the recording with other methods, run:")
     print(to_lay_over(best, place, paths[-1], reading))
+
+
+def _sampling(
+    posterior: bool, steps: int | None, seed: int | None, prior: Sequence[str] | None
+) -> dict[str, Any] | None:
+    """Return the keywords of ``Fit.posterior`` that the options give, None without --posterior.
+
+    Raises SceneError for options that need --posterior.
+    """
+    from pendulum_env.lab.fitting.posterior import needs_emcee
+    from pendulum_env.physics.damping import typed
+    from pendulum_env.physics.units import SceneError, shown, whole_number
+
+    given = {"steps": steps, "seed": seed, "priors": prior or None}
+    for name, value in given.items():
+        if value is not None and not posterior:
+            raise SceneError(f"--{name.removesuffix('s') if name == 'priors' else name} needs --posterior.")
+    if not posterior:
+        return None
+    needs_emcee()
+    if steps is not None:
+        whole_number(steps, "--steps")
+    priors = {}
+    for text in prior or ():
+        name, mark, form = text.partition("=")
+        if not mark:
+            raise SceneError(f"--prior needs a name and a range, as length=0.64:0.66, not {shown(text)}.")
+        priors[name] = tuple(typed(part) for part in form.split(":"))
+    return {"steps": 1500 if steps is None else steps, "seed": seed or 0, "priors": priors}
+
+
+def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) -> Posterior | None:
+    """Return the posterior of a fit; None if it is not wanted or not possible, with a warning that says why."""
+    from pendulum_env.common.warn import warn
+    from pendulum_env.lab.recording import RecordingError
+
+    if sampling is None:
+        return None
+    try:
+        return best.posterior(**sampling, progress=progress)
+    except RecordingError as error:
+        warn(f"No posterior: {error}")
+        return None
 
 
 def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> None:

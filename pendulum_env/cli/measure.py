@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pendulum_env.cli.console import print_files, print_table, print_text
-from pendulum_env.cli.options import Out, Reading, recording_of
+from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Until, recording_of
 
 
 def measure(
@@ -24,6 +24,10 @@ def measure(
     oscillations: Annotated[
         int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
     ] = None,
+    columns: Columns = None,
+    until: Until = None,
+    above: Above = None,
+    drop: Drop = None,
     out: Out = Path("out/measure"),
     read: Reading = None,
 ) -> None:
@@ -42,17 +46,19 @@ def measure(
         raise SceneError("--length-error needs --length; give the measured length.")
     given: dict[str, Any] = {name: value for name, value in (("length", length), ("gravity", gravity))
                              if value is not None}
-    if file is not None and not read and is_gate(file):
+    choice = {"columns": columns, "until": until, "drop": ",".join(drop) if drop else None}
+    chosen = bool(read) or above is not None or any(value is not None for value in choice.values())
+    if file is not None and not chosen and is_gate(file):
         gate = measure_gate(file, length_error=length_error or 0.0, **given)
         print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
         print_text(gate.text)
         path = output_folder(out) / "measured.csv"
         write_csv(path, gate.table.head, gate.table.rows, provenance())
     else:
-        data = recording_of(FILE if file is None else file, read)
+        data = recording_of(FILE if file is None else file, read, **choice)
         print_text(data.text)
         given |= {} if radius is None else {"radius": radius}
-        sheet = run(data, n=oscillations, **given)
+        sheet = run(data, n=oscillations, above=above, **given)
         print_table(sheet.table, "the lab sheet")
         print_text(sheet.text)
         path = output_folder(out) / "measured.csv"

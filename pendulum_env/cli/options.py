@@ -32,6 +32,17 @@ Reading = Annotated[
     list[str] | None,
     typer.Option("--read", help="A keyword of Recording.read for the recording's file, as in --read scale=0.99."),
 ]
+Columns = Annotated[
+    str | None, typer.Option(help="Columns to read, by number from 1 or by name, as time=2,angle=5; angle may be rate "
+                             "(angular velocity), acceleration, or x and y of a track.")
+]
+Until = Annotated[float | None, typer.Option(help="Time in the file, in s, after which readings are left out.")]
+Above = Annotated[
+    str | None, typer.Option(help="Share of the first amplitude, as 5%, below which swings are left out.")
+]
+Drop = Annotated[
+    list[str] | None, typer.Option(help="Times in the file, in s, between which readings are left out, as 12.5:13.1.")
+]
 
 
 ROUND = 0.05
@@ -87,7 +98,8 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
             raise SceneError(f"--read has no keyword {shown(name)}{nearest(name, known)}")
         if name in given:
             raise SceneError(f"{name} is given twice, by --{name} and by --read.")
-        given[name] = _parts(value) if name in LISTS else _marks().get(value, value)
+        given[name] = _marks().get(value, value)
+    given |= {name: _parts(given[name]) for name in LISTS if isinstance(given.get(name), str)}
     if file is None:
         raise SceneError("--read needs a recording; give a file.")
     return Recording.read(file, **given)
@@ -105,10 +117,11 @@ def _marks() -> dict[Any, str]:
 
 
 def _parts(value: Any) -> Any:
-    """Return numbers and names separated by commas as a list, whole numbers as ints; other texts unchanged."""
+    """Return numbers and names separated by commas as a list, whole numbers as ints; other texts, such as
+    "time=2,angle=5", unchanged."""
     from pendulum_env.physics.damping import typed
 
-    if isinstance(value, str) and "," not in value:
+    if isinstance(value, str) and ("," not in value or "=" in value):
         return value
     parts = [typed(part) for part in str(value).split(",")]
     return [int(part) if isinstance(part, float) and part.is_integer() else part for part in parts]

@@ -41,7 +41,9 @@ class SwingUp:
     Gusts, shaken pivots and periodic torques are not predicted: the controller reacts to the motion that they cause. A
     motor's lag is known: the controller computes the motor's share from its own actions, from 0 at the first call or
     ``reset``; after a new episode without ``reset`` this share is right again after a few times the lag. The check that
-    the motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top.
+    the motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top. A
+    motor that brakes by its own voltage is known, but not a supply that limits its torque, nor a ramp, steps and a dead
+    zone of the control.
 
     Attributes:
         scene: the scene that the controller was designed for.

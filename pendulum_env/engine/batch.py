@@ -224,6 +224,10 @@ class Blocks:
         column = self._fields(self._state if blocks is None else blocks)[:, self.layout.fields.index(name)]
         return column.flatten()[: self.size] if which is None else column[which // BLOCK, which % BLOCK]
 
+    def put(self, name: str, which: Places, values: Array) -> None:
+        """Set one field (a quantity such as the angle "q") of the environments ``which``."""
+        self._fields(self._state)[which // BLOCK, self.layout.fields.index(name), which % BLOCK] = values
+
     def go_on(self) -> None:
         """Let all pendulums continue whose run has stopped, from the last state before the stop."""
         self._put(self._state, "status", np.zeros(self.size))

@@ -88,8 +88,11 @@ class Each:
         self._limits, self._shared_limit = limits or [speed_limit] * size, () if limits else (speed_limit,)
         self.episode: dict[str, Array] = {}
         first = {name: values[0] for name, values in own.items()}
+        mixed = {name.rpartition(".")[2] for name, values in own.items() if any(values) and not all(values)}
         try:
             self.scene = build_scene(scene, damping, {**parameters, **first})
+            if mixed:
+                self.scene = self.scene.with_effects(effect.general(mixed) for effect in self.scene.effects)
         except SceneError as error:
             if not own:
                 raise
@@ -171,6 +174,11 @@ class Each:
             names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
             raise SceneError(f"its {names} would need another program than that of the first, but all share one.")
         return scene, self._numbers(scene, self._limits[place])
+
+    @property
+    def alike(self) -> bool:
+        """Return True if no parameter of the scene was given with one value for each environment."""
+        return not self._own
 
     def corners(self) -> list[Scene]:
         """Return the scenes of environment 0 and of those with the extreme values of every parameter that differs."""

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pendulum_env.engine import air
-from pendulum_env.engine.problem import Problem, slipping, timed
+from pendulum_env.engine.problem import AT_REST, Problem, slipping, timed
 from pendulum_env.engine.shape import joined
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.exact.flows import flow_of
@@ -22,9 +22,9 @@ def acceleration(problem: Problem, name: str = "acceleration", first: str = "t, 
 
 
 def force(problem: Problem) -> str:
-    """Write the source of ``force``: the sum of the torques that do not depend on the velocity."""
+    """Write the source of ``force``: the sum of the torques, without drags, on a bob at rest."""
     still = [effect for effect in problem.torques if effect.kind != "dissipative"]
-    return problem.define("force", "t, q", [f"return {problem.sum_of(still, 'torque')}"])
+    return problem.define("force", "t, q", [f"return {problem.sum_of(still, 'torque', velocity=AT_REST)}"])
 
 
 def rates(problem: Problem) -> str:

@@ -137,7 +137,7 @@ def _step(problem: Problem) -> list[str]:
     flows, hooks = sub_flows(problem, called)
     step = unroll(
         method, quadratures=shape.quadratures, extra=problem.shape.forces, hooks=hooks,
-        exact_drag=len(problem.drags) < 2, estimates=shape.adaptive, compensated=shape.compensated,
+        exact_drag=len(problem.flows) < 2, estimates=shape.adaptive, compensated=shape.compensated,
         glides=bool(shape.dry),
     )
     return [

@@ -33,6 +33,7 @@ class Layout:
         reports: names of the reported quantities: the entries of ``info``, or without a task of a run's record.
         results: names of a block's results: action, observation, reward, end of episode, reported quantities.
         moved: names of the fields that a step changes; ``side`` is computed from ``turns``.
+        moving: names of the fields that make up a state: all but the parameters.
     """
 
     shape: Shape
@@ -45,6 +46,7 @@ class Layout:
     reports: tuple[str, ...] = derived()
     results: tuple[str, ...] = derived()
     moved: tuple[str, ...] = derived()
+    moving: tuple[str, ...] = derived()
 
     def __post_init__(self) -> None:
         """Derive the names of a block's parameters, fields and results."""
@@ -63,7 +65,8 @@ class Layout:
         results = ("control", *seen, *reports)
         moved = tuple(name for name in shape.carried if name != "side")
         vars(self).update(
-            numbers=numbers, shared=shared, fields=fields, reports=reports, results=results, moved=moved)
+            numbers=numbers, shared=shared, fields=fields, reports=reports, results=results, moved=moved,
+            moving=tuple(name for name in fields if name not in own))
 
     def at(self, name: str) -> str:
         """Return the source of the array element that holds the field ``name`` of environment ``i`` in a block."""

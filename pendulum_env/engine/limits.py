@@ -21,7 +21,7 @@ from pendulum_env.engine.problem import moving
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.source import arguments
 from pendulum_env.engine.starts import at_most
-from pendulum_env.physics.flow import damping_rate, natural_rate, terminal_speed
+from pendulum_env.physics.flow import braking, damping_rate, natural_rate, terminal_speed
 from pendulum_env.physics.scene import Scene
 
 SHORT = 0.11, 0.03
@@ -122,7 +122,7 @@ def too_long(
     for scene in scenes:
         start = scene.run.angle if angle is None else angle, scene.run.velocity if velocity is None else velocity
         z, limit = natural_rate(scene) * h, turning_speed(method, scene, h)
-        lossy = bool(scene.of_kind("dissipative"))
+        lossy = bool(braking(scene))
         long = fast = True
         for slowed in (False, True):
             speed = fastest(scene, *start, slowed)

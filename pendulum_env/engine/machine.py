@@ -59,10 +59,12 @@ def offers(scene: Scene) -> frozenset[str]:
     offered = {*ALWAYS}
     losses, windy = scene.of_kind("dissipative"), moving(scene.effects)
     dry = any(effect.dry for effect in losses)
+    torques = [(effect, {*arguments(effect.torque)}) for effect in scene.effects if effect.torque]
     flows = all((effect.fade if windy and slipping(effect) else effect.flow) or effect.dry for effect in losses)
+    flows = flows and all(effect.flow for effect, names in torques
+                          if effect.kind != "dissipative" and BY_VELOCITY & names)
     if flows and not (windy and dry):
         offered.add("split")
-    torques = [(effect, {*arguments(effect.torque)}) for effect in scene.effects if effect.torque]
     if not dry:
         offered |= {"reversible", *(() if any(effect.limit for effect in scene.effects) else ("smooth",))}
         if not any(BY_VELOCITY & names for _, names in torques):
@@ -257,7 +259,7 @@ class Machine:
 
         The text "+ exact drag flow" is appended if the method computes the drag by its exact solution.
         """
-        drags = any(effect.flow for effect in self.scene.of_kind("dissipative"))
+        drags = any(effect.flow for effect in self.scene.effects)
         return f"{self.method.name} + exact drag flow" if drags and "split" in self.method.needs else self.method.name
 
     def array(self, values: Iterable[float]) -> Any:

@@ -20,7 +20,7 @@ from integrators.steps.straight_line import ATOM, PRODUCT, Record, StraightLine
 from integrators.steps.terms import literal
 from integrators.steps.tracing import Trace, Traced
 from integrators.steps.unroll import unroll
-from pendulum_env.engine.problem import moving, slipping
+from pendulum_env.engine.problem import by_flow, moving, slipping
 from pendulum_env.engine.series import TorqueTracer
 from pendulum_env.engine.source import Plain, arguments, text_of, with_callees
 from pendulum_env.engine.starts import checked_steps
@@ -198,7 +198,7 @@ class _Functions:
     """The functions of a scene that a step calls, written when a step first calls them.
 
     Attributes:
-        drags: the dissipative effects.
+        drags: the effects of which a splitting method takes the exact solution: see :func:`by_flow`.
         lines: source lines of the functions so far.
         signatures: name of a written function -> names of its arguments.
         numbers: names of the scene's coefficients that they use.
@@ -208,7 +208,7 @@ class _Functions:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.drags = [effect for effect in scene.effects if effect.kind == "dissipative" and effect.torque]
+        self.drags = [effect for effect in scene.effects if by_flow(effect)]
         self.windy = moving(scene.effects)
         self.lines: list[str] = []
         self.signatures: dict[str, tuple[str, ...]] = {}
@@ -222,7 +222,7 @@ class _Functions:
         return self._called(trace, "acceleration", lambda: self.scene.effects)
 
     def force(self, trace: Record) -> Callable[..., Traced]:
-        """Return the recording function ``force(t, q)`` of the torques that do not depend on the velocity."""
+        """Return the recording function ``force(t, q)`` of the torques, without drags, on a bob at rest."""
         return self._called(trace, "force", lambda: [e for e in self.scene.effects if e.kind != "dissipative"])
 
     def jacobian(self, trace: Record) -> Callable[..., tuple[Traced, None]]:
@@ -261,7 +261,11 @@ class _Functions:
         tracer = TorqueTracer(periodic=False, trace=Record())
         if self.windy:
             self._move(tracer)
-        terms = [self._recorded(tracer, getattr(effect, role)) for effect in effects if getattr(effect, role)]
+        chosen, start = [effect for effect in effects if getattr(effect, role)], tracer.get("velocity")
+        if name == "force" and any(map(by_flow, chosen)):
+            tracer.named["velocity"] = tracer.trace.leaf("steady", 0.0)
+        terms = [self._recorded(tracer, getattr(effect, role)) for effect in chosen]
+        tracer.named["velocity"] = start
         total = sum(terms[1:], terms[0]) if terms else tracer.trace.leaf("steady", 0.0)
         label = {"force": "acceleration"}.get(name, name)
         alone = name == "force" and bool(self.drags)

@@ -21,6 +21,8 @@ ARGUMENTS = {"time": "t", "angle": "q", "tilt": "q", "velocity": "v", "duration"
 STILL = {"slip": "v", "speed": "abs(v)"}
 """Argument names of effects -> their source in a step, if they differ; STILL: further ones in a medium at rest."""
 
+AT_REST = "0.0"
+"""Source of the velocity of a bob at rest."""
 WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"
 """Source of the angle from the bottom in periodic scenes; their ``q`` is that from the nearer of bottom and top."""
 
@@ -58,6 +60,14 @@ class Problem:
         return next((effect for effect in self.effects if effect.dry), None)
 
     @property
+    def flows(self) -> list[Effect]:
+        """Return the effects whose torque, or its part that depends on the velocity, splitting methods solve exactly.
+
+        They are the drags, and motors that turn slower under load.
+        """
+        return [effect for effect in self.torques if by_flow(effect)]
+
+    @property
     def title(self) -> str:
         """Return a name of the program for file names and messages: effects, method and diagnostics."""
         names = "+".join(effect.name for effect in self.effects) or "nothing"
@@ -82,14 +92,14 @@ class Problem:
         names = {**ARGUMENTS, **({} if self.windy else STILL), **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 
-    def sum_of(self, effects: Iterable[Effect], *roles: str) -> str:
+    def sum_of(self, effects: Iterable[Effect], *roles: str, **renamed: str) -> str:
         """Write the source of a sum over effects.
 
         The term of an effect is the call of its first function among ``roles``, such as "torque"; the sum of no terms
-        is "0.0".
+        is "0.0". ``renamed`` is that of :meth:`call`.
         """
         having = ([getattr(effect, role) for role in roles if getattr(effect, role)] for effect in effects)
-        return " + ".join(self.call(functions[0]) for functions in having if functions) or "0.0"
+        return " + ".join(self.call(functions[0], **renamed) for functions in having if functions) or "0.0"
 
     def define(self, name: str, first: str, body: Sequence[str], extra: Sequence[str] | None = None) -> str:
         """Write the source of a function with the arguments ``first`` and ``extra``.
@@ -159,6 +169,11 @@ def program_parts(scene: Scene) -> tuple[Any, ...]:
 
 
 # --- questions about effects ----------------------------------------------------------------------------------------
+
+
+def by_flow(effect: Effect) -> bool:
+    """Return True if splitting methods solve an effect's torque, or its part that depends on the velocity, exactly."""
+    return effect.torque is not None and (effect.kind == "dissipative" or effect.flow is not None)
 
 
 def slipping(effect: Effect) -> bool:

@@ -8,7 +8,8 @@ the seeding is NumPy's SeedSequence, after O'Neill 2015, Developing a seed_seq a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,15 @@ class Streams:
         for target, values in zip((*self._state, *self._increment), (*state, *increment), strict=True):
             target[which] = values
 
+    def words(self, which: Any) -> Words:
+        """Return the state and the increment of every stream in ``which``, each as (high, low), an array ``(4, n)``."""
+        return np.stack([words[which] for words in (*self._state, *self._increment)])
+
+    def restore(self, which: Any, words: Words) -> None:
+        """Set the streams with the indices ``which`` to states that :meth:`words` returned."""
+        for target, values in zip((*self._state, *self._increment), words, strict=True):
+            target[which] = values
+
     def uniform(self, which: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the next random number in [0, 1) of every stream in ``which``, an array of distinct indices."""
         increment = (self._increment[0][which], self._increment[1][which])
@@ -79,7 +89,6 @@ class Streams:
             bits = mixed >> turn | mixed << (np.uint64(64) - turn & np.uint64(63))
         return np.asarray((bits >> np.uint64(11)).astype(np.float64) * 2.0**-53)
 
-
     def generators(self, which: NDArray[np.intp]) -> Iterator[np.random.Generator]:
         """Yield a NumPy generator for every stream in ``which``, which continues the stream while it is the last one.
 
@@ -87,13 +96,23 @@ class Streams:
         """
         source = np.random.PCG64(0)
         generator = np.random.Generator(source)
-        for place in which.tolist():
-            state, step = (int(pair[0][place]) << 64 | int(pair[1][place]) for pair in (self._state, self._increment))
-            source.state = {"bit_generator": "PCG64", "state": {"state": state, "inc": step}, "has_uint32": 0,
-                            "uinteger": 0}
+        for place in which:
+            source.state = generator_state(self.words(place))
             yield generator
-            state = source.state["state"]["state"]
-            self._state[0][place], self._state[1][place] = state >> 64, state & 2**64 - 1
+            self.restore(place, words_of(source.state))
+
+
+def generator_state(words: Words) -> Any:
+    """Return a stream's four words as the ``state`` of the NumPy generator PCG64 that goes on with the same numbers."""
+    high, low, above, below = map(int, words)
+    return {"bit_generator": "PCG64", "state": {"state": high << 64 | low, "inc": above << 64 | below},
+            "has_uint32": 0, "uinteger": 0}
+
+
+def words_of(state: Mapping[str, Any]) -> Words:
+    """Return the four words of a stream from the ``state`` of a NumPy generator PCG64."""
+    return np.array([state["state"][name] >> shift & 2**64 - 1 for name in ("state", "inc") for shift in (64, 0)],
+                    dtype=np.uint64)
 
 
 def fresh_seeds(size: int) -> Words:

@@ -1,6 +1,7 @@
 """Generated source of the sub-flows (kicks and drag flows) of splitting methods, with their work and heat.
 
-A kick changes the velocity by a torque at a fixed angle; a drag flow is the exact solution for drag alone.
+A kick changes the velocity by a torque at a fixed angle; a drag flow is the exact solution for drag alone, and for
+the part of a motor's torque that depends on the velocity.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from pendulum_env.engine import air
-from pendulum_env.engine.problem import Problem, slipping, timed
+from pendulum_env.engine.problem import AT_REST, Problem, slipping, timed
 from pendulum_env.engine.series import by_time
 from pendulum_env.engine.shape import joined
 from pendulum_env.engine.source import arguments
@@ -32,7 +33,7 @@ def sub_flows(problem: Problem, called: Collection[str]) -> tuple[list[str], Hoo
     if name and (riding or problem.shape.dry):
         source, hooks = stored(problem) or kick(problem, name)
         pieces.append(source)
-    if "drag" in called and problem.drags:
+    if "drag" in called and problem.flows:
         source, adds = drag(problem)
         pieces.append(source)
         hooks = {**hooks, "drag": adds}
@@ -51,7 +52,8 @@ def kick(problem: Problem, name: str) -> tuple[str, Hooks]:
         lines = ["v1 = v + h*a", "path = 0.5*h*(v + v1)"]
     parts: dict[str, list[str]] = {}
     if problem.drives and shape.accounts:
-        parts["work"] = [f"path*({problem.sum_of(problem.drives, 'torque')})"]
+        velocity = {"velocity": AT_REST} if name == "kick" else {}
+        parts["work"] = [f"path*({problem.sum_of(problem.drives, 'torque', **velocity)})"]
     if heat := problem.heat_of(problem.dry):
         parts.setdefault(heat, []).append(f"length*{shape.dry}")
     if name == "push":
@@ -122,9 +124,11 @@ def gradient_kicks(problem: Problem) -> tuple[list[str], Hooks]:
 def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
     """Write the source of the exact solution for the drags alone; return it with the quadratures that it changes.
 
-    Several drags are composed symmetrically.
+    Several drags are composed symmetrically. A motor's torque that depends on the velocity counts as a drag whose heat
+    is work, negative where the motor brakes.
     """
-    halves = [(effect, "0.5*h") for effect in problem.drags[:-1]]
+    flows = problem.flows
+    halves = [(effect, "0.5*h") for effect in flows[:-1]]
     lines, sums = air.motion(problem), []
 
     def add(name: str, value: str) -> None:
@@ -132,7 +136,7 @@ def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
         lines.append(f"d_{name} = {f'd_{name} + ' if name in sums else ''}{value}")
         sums.append(name)
 
-    for effect, duration in (*halves, (problem.drags[-1], "h"), *reversed(halves)):
+    for effect, duration in (*halves, (flows[-1], "h"), *reversed(halves)):
         if effect.flow is None:
             raise NotImplementedError(
                 f"{effect.name} has no exact flow, which a splitting method needs; use another method."
@@ -147,6 +151,8 @@ def drag(problem: Problem) -> tuple[str, tuple[str, ...]]:
             lines.append(f"w = {problem.call(effect.flow, duration=duration)}")
             if heat:
                 add(heat, "0.5*(v - w)*(v + w)")
+            elif effect.kind == "drive" and problem.shape.accounts:
+                add("work", "0.5*(w - v)*(w + v)")
         lines.append("v = w")
     ordered = tuple(dict.fromkeys(sums))
     lines.append(f"return {', '.join(['v', *(f'd_{name}' for name in ordered)])}")

@@ -60,11 +60,12 @@ def flow(problem: Problem) -> list[str]:
     potential = f"potential({joined(('q',), shape.place)})"
     bottom = problem.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential})"], shape.place)
     lines, terms = ["u = u if u > 1e-150 else 1e-150"], []
+    idle = dict.fromkeys(("control", *(name for effect in problem.drives for name in effect.memory)), "0.0")
     for k in range(NODES):
         cosine = cos(math.pi * (k + 0.5) / (2 * NODES))
         lines.append(f"u{k} = {cosine!r}*u")
-        names = dict.fromkeys(("velocity", "slip", "speed"), f"u{k}")
-        torques = [problem.call(effect.torque, **names) for effect in problem.drags if effect.torque]
+        names = {**dict.fromkeys(("velocity", "slip", "speed"), f"u{k}"), **idle}
+        torques = [problem.call(effect.torque, **names) for effect in problem.flows if effect.torque]
         if torques:
             terms.append(f"{cosine!r}*({' + '.join(torques)})")
     lines += [f"loss = {-2.0 / NODES!r}/u*({' + '.join(terms) or '0.0'})"]

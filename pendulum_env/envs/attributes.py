@@ -22,7 +22,7 @@ from pendulum_env.physics.effects import EFFECTS, Effect
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, shown
+from pendulum_env.physics.units import SceneError, nearest, shown
 
 FORMAT = 6
 """Number of the form in which environments are pickled; raised by one whenever their attributes change."""
@@ -33,9 +33,10 @@ STATE = ("angle", "velocity", "theta", "state")
 
 
 class Fixed:
-    """Attribute of an environment that is read from ``_name``, and that refuses to be assigned.
+    """Attribute of an environment, read from ``_name`` or from the scene's parameters, that refuses to be assigned.
 
-    The value is built into the environment's program, so that another value would change nothing.
+    The value is built into the environment's program, so that another value would change nothing. Parameters of the
+    scene are read in single environments; the environments of a vector may differ, and its ``get_attr`` has them all.
     """
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -44,10 +45,12 @@ class Fixed:
     def __get__(self, environment: Any, kind: type | None = None) -> Any:
         if environment is None:
             return self
-        try:
-            return vars(environment)[f"_{self.name}"]
-        except KeyError:
-            raise AttributeError(f"{type(environment).__name__} has no attribute {self.name!r}.") from None
+        kept = vars(environment)
+        if f"_{self.name}" in kept:
+            return kept[f"_{self.name}"]
+        if self.maker == "gym.make" and "_scene" in kept:
+            return parameter(kept["_scene"], self.name)
+        raise AttributeError(f"{type(environment).__name__} has no attribute {self.name!r}.")
 
     def __set__(self, environment: Any, value: Any) -> None:
         if self.name == "omega0":
@@ -87,6 +90,16 @@ def fix(environment: type, more: Iterable[str]) -> None:
         attribute: Fixed | Absent = Fixed() if name in fixed else Absent()
         attribute.__set_name__(environment, name)
         setattr(environment, name, attribute)
+
+
+def parameter(scene: Scene, name: str) -> Any:
+    """Return a parameter or part of a scene by its name; AttributeError if the scene has none of this name."""
+    values: Mapping[str, Any] = scene.parameters()
+    if name in values:
+        return values[name]
+    if name in ("body", "medium", "effects", "run"):
+        return getattr(scene, name)
+    raise AttributeError(f"The scene '{scene.name}' has no parameter {shown(name)}{nearest(name, values)}")
 
 
 class PortableSpec(EnvSpec):

@@ -25,6 +25,7 @@ from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
+from pendulum_env.envs.members import Members
 from pendulum_env.envs.randomize import Bank, randomization
 from pendulum_env.envs.sensing import drawn_delays, plan_of, readings_of_many
 from pendulum_env.envs.settings import (
@@ -57,7 +58,7 @@ NOBODY: Places = np.empty(0, dtype=np.intp)
 """Empty array of environment indices."""
 
 
-class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """Vector environment of ``num_envs`` pendulums, advanced together by compiled loops.
 
     ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives
@@ -491,9 +492,7 @@ class LabPendulumVectorEnv(Portable, VectorEnv[NDArray[np.float32], NDArray[np.f
         """
         return {name: column.copy() for name, column in {**self._each.episode, **self._delays}.items()}
 
-    def _random(
-        self, which: Places, numbers: Mapping[str, Array], task: Task | None = None
-    ) -> tuple[Array, Array]:
+    def _random(self, which: Places, numbers: Mapping[str, Array], task: Task | None = None) -> tuple[Array, Array]:
         """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``.
 
         ``numbers`` are the program's numbers of these episodes, {} for those of the environments. A ``task`` with other

@@ -19,6 +19,7 @@ from pendulum_env.lab.turning import TurningPoints, turning_points
 
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.fit import fit
+    from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "LabSheet",
     "Losses",
     "Measurement",
+    "Posterior",
     "Recording",
     "RecordingError",
     "TurningPoints",
@@ -51,7 +53,8 @@ __all__ = [
     "turning_points",
 ]
 
-_LAZY = {"Fit": "pendulum_env.lab.fitting.result", "fit": "pendulum_env.lab.fitting.fit"}
+_LAZY = {"Fit": "pendulum_env.lab.fitting.result", "Posterior": "pendulum_env.lab.fitting.posterior",
+         "fit": "pendulum_env.lab.fitting.fit"}
 """Names that are imported on first use, because their modules load the simulation engine."""
 
 

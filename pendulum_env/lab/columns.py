@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pendulum_env.lab.accelerations import STANDARD
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.table import TextTable
 from pendulum_env.lab.tracks import fit_circle
@@ -18,7 +19,7 @@ from pendulum_env.physics.units import nearest, shown
 
 _TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|[mµu]s|milli\w*|micro\w*)(?![a-z])",
                    re.IGNORECASE)
-_COUNT = re.compile(r"(?<![a-z])(?:frames?|index|idx|samples?|no|nr|n)(?![a-z])", re.IGNORECASE)
+_COUNT = re.compile(r"(?<![a-z])(?:frames?|slices?|index|idx|samples?|no|nr|n)(?![a-z])", re.IGNORECASE)
 _ANGLE = re.compile(r"angle|winkel|theta|θ|phi|φ|ϕ|°|(?<![a-z])(?:deg|degrees?|rad|radians?)(?![a-z])", re.IGNORECASE)
 _RATE_OF_CHANGE = re.compile(
     r"veloc|speed|accel|gyro|omega|ω|(?<![a-z])w[xyz](?![a-z])|geschw|dot(?![a-z])|\u0307|(?<![a-z])(?:rate(?![a-z])|d(?:theta|phi|θ|φ))"
@@ -38,8 +39,16 @@ _RATE = re.compile(
 _RATE_UNITS = {"deg": re.compile(r"(?:deg\w*|°)\s*/\s*s|(?<![a-z])dps(?![a-z])", re.IGNORECASE),
                "rad": re.compile(r"rad\w*\s*/\s*s|(?<![a-z])w[xyz](?![a-z])|gyro", re.IGNORECASE)}
 """Unit of an angular velocity, per s; those of gyroscopes of phones are in rad/s if their titles have no unit."""
-_ABSOLUTE = re.compile(r"absolut|magnitude|norm|total", re.IGNORECASE)
+_ABSOLUTE = re.compile(r"absolut|magnitude|norm|total|betrag|(?<![a-z])(?:tg?f|at)(?![a-z])", re.IGNORECASE)
 RATE = "rate"
+_FORCE = re.compile(r"accel|beschleun|(?<![a-z])(?:g?f|a|acc)[ _-]?[xyz](?![a-z])|g[ -]?force", re.IGNORECASE)
+"""Columns of an acceleration."""
+_NO_FORCE = re.compile(r"linear|without g|ohne g|user|angular", re.IGNORECASE)
+"""Accelerations from which a phone has subtracted gravity, or of the angle."""
+_FORCE_UNITS = {1.0: re.compile(r"m\s*/?\s*s\s*(?:\^?-?2|²|⁻²|/s)", re.IGNORECASE),
+                STANDARD: re.compile(r"[(\[]\s*g\s*[)\]]|(?<![a-z])gf|g[ -]?force", re.IGNORECASE)}
+"""Size of the unit of an acceleration [m/s²] -> how a title names it."""
+FORCE = "acceleration"
 _FEW = 3
 """Number of values of each column that a refusal prints."""
 _ON_CIRCLE = 0.02
@@ -52,6 +61,7 @@ _TILT = 10.0
 """Largest angle between the middle of the arc of a track without names and the vertical [degrees]."""
 _X = re.compile(r"(?<![a-z])x(?![a-z])", re.IGNORECASE)
 _Y = re.compile(r"(?<![a-z])y(?![a-z])", re.IGNORECASE)
+_Z = re.compile(r"(?<![a-z])z(?![a-z])", re.IGNORECASE)
 
 TRACK = "xy"
 
@@ -61,6 +71,7 @@ class ColumnLayout(NamedTuple):
 
     ``length``: the unit [m] of a column that holds a displacement or distance in place of an angle; else 0. ``rate``:
     the unit, "deg" or "rad" per s, of columns that hold an angular velocity about one or more axes; else "".
+    ``force``: the unit [m/s²] of columns that hold accelerations; -1 if the titles do not say it; else 0.
     """
 
     time: int | None
@@ -68,11 +79,12 @@ class ColumnLayout(NamedTuple):
     notes: list[str]
     length: float = 0.0
     rate: str = ""
+    force: float = 0.0
 
     @property
     def track(self) -> bool:
         """True if the columns hold the x and y of a track, as of a filmed bob; False if they hold an angle."""
-        return len(self.values) == 2 and not self.rate
+        return len(self.values) == 2 and not self.rate and not self.force
 
     @property
     def expected(self) -> str:
@@ -92,12 +104,16 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
     """
     titles = [" ".join(title) for title in table.titles]
     if columns is None:
+        _refuse_axes(table, titles)
         layout = _circular(table, titles) or _named(table, titles, timed or table.rate is not None)
         if layout.length:
             return layout
         rates = _rates(titles, layout)
         if rates is not None:
             return rates
+        forces = _forces(table, titles, layout)
+        if forces is not None:
+            return forces
         wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
         if wrong:
             raise RecordingError(f"{table.name}: expected an angle, the header names {wrong[0]!r}; "
@@ -108,8 +124,10 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
         if axis and across and along:
             problem = "the header names several columns x and y (give columns=(time, x, y))"
             raise RecordingError(f"{table.name}: expected an angle, or one track, {problem}")
-        if layout.time is not None and _counts(titles[layout.time]):
-            problem = f"the header names {titles[layout.time]!r} (give rate=, the samples per second)"
+        if layout.time is not None and (_counts(titles[layout.time]) or _numbered(table, titles, layout)):
+            named = f"the header names {titles[layout.time]!r}" if titles[layout.time] else (
+                f"column {layout.time + 1} counts the readings")
+            problem = f"{named} (give rate=, the samples per second)"
             raise RecordingError(f"{table.name}: expected times, {problem}")
         return layout
     if isinstance(columns, str) and columns == TRACK:
@@ -117,12 +135,12 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
     else:
         layout = _selected(table, titles, columns, timed)
         wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
-        if wrong and not layout.rate and not (isinstance(columns, str) and "angle" in columns):
+        if wrong and not layout.rate and not layout.force and not (isinstance(columns, str) and "angle" in columns):
             raise RecordingError(f"{table.name}: {wrong[0]!r} is the name of an angular velocity; choose it by "
                                  f"columns='time=1,{RATE}=2', or by columns='time=1,angle=2' if it is an angle")
     places = [*([] if layout.time is None else [layout.time]), *layout.values]
     note = f"columns: {_list(places, titles)}, as given"
-    return ColumnLayout(layout.time, layout.values, [note], layout.length, layout.rate)
+    return layout._replace(notes=[note])
 
 
 def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
@@ -142,13 +160,95 @@ def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
     return ColumnLayout(layout.time, tuple(places), [note], rate=min(units))
 
 
+def _forces(table: TextTable, titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
+    """Return the columns of an acceleration with gravity, where the header names no angle; else None.
+
+    Those of all axes are taken, and the absolute value only if there is nothing else. Raises RecordingError for an
+    acceleration from which a phone has subtracted gravity.
+    """
+    if layout.time is None or _ANGLE.search(titles[layout.values[0]]):
+        return None
+    places = [i for i, title in enumerate(titles) if _FORCE.search(title) and i != layout.time
+              and not _RATE.search(title)]
+    if not places or (layout.values[0] not in places and not layout.track):
+        return None
+    without = [i for i in places if _NO_FORCE.search(titles[i])]
+    if len(without) == len(places):
+        raise RecordingError(
+            f"{table.name}: {titles[places[0]]!r} is an acceleration without gravity, which shows only the product of "
+            "the amplitude and the distance of the phone from the pivot: a small swing far from it or a large one near "
+            f"it; record the acceleration with g, or the gyroscope; {described(table, titles)}")
+    places = [i for i in places if i not in without]
+    places = [i for i in places if not _ABSOLUTE.search(titles[i])] or places[:1]
+    return _with_force(titles, layout.time, places[:3])
+
+
+def _with_force(titles: list[str], time: int, places: Sequence[int]) -> ColumnLayout:
+    """Return the layout of a file with a time and accelerations, whose unit is that in their titles."""
+    units = {unit for i in places for unit, form in _FORCE_UNITS.items() if form.search(titles[i])}
+    unit = units.pop() if len(units) == 1 else -1.0
+    said = {1.0: " in m/s²", STANDARD: " in g"}.get(unit, "")
+    return ColumnLayout(time, tuple(places), [f"columns: {_list([time, *places], titles)}, an acceleration{said}"],
+                        force=unit)
+
+
+def is_absolute(titles: Sequence[str]) -> bool:
+    """Return True if the titles are that of one column with an absolute value."""
+    return len(titles) == 1 and bool(_ABSOLUTE.search(titles[0]))
+
+
 def described(table: TextTable, titles: list[str]) -> str:
-    """Return a sentence with the columns of a file, their first values, and how to choose among them."""
+    """Return a sentence with the columns of a file, their first values, what each could be, and how to choose."""
     columns = []
     for i, title in enumerate(titles):
         values = [fields[i] for _, fields in table.rows[:_FEW] if len(fields) > i]
-        columns.append(f"{i + 1}{f' ({title})' if title else ''} begins with {', '.join(values)}")
-    return f"column {'; '.join(columns)}; choose by columns='time=1,angle=2'"
+        name = f"{i + 1}{f' ({title})' if title else ''}"
+        columns.append(f"{name} begins with {', '.join(values)} ({_could_be(table, i)})")
+    return (f"column {'; '.join(columns)}; choose by columns='time=1,angle=2', with rate, {FORCE}, or x and y in place "
+            "of angle")
+
+
+def _could_be(table: TextTable, column: int) -> str:
+    """Return what a column could be, as far as its title and its values show."""
+    title = " ".join(table.titles[column])
+    found = [table.number(fields[column]) for _, fields in table.rows if len(fields) > column]
+    values = np.array([value for value in found if value is not None and np.isfinite(value)])
+    if len(values) < 3:
+        return "no numbers"
+    if np.ptp(values) == 0.0:
+        return "does not change"
+    steps = np.diff(values)
+    if (steps > 0.0).all():
+        even = bool((steps == steps[0]).all()) and float(steps[0]).is_integer()
+        return "a counter of readings, or a time" if even or _counts(title) else "a time"
+    named = [what for what, form in (("an acceleration", _FORCE), ("an angular velocity", _RATE), ("an angle", _ANGLE),
+                                     ("a displacement", _DISTANCE), ("no angle", _OTHER)) if form.search(title)]
+    if named:
+        return named[0]
+    if len(np.unique(values)) == 2:
+        return "a state"
+    if _RATE_OF_CHANGE.search(title):
+        return "a rate of change"
+    most = float(np.abs(values).max())
+    size = "an angle in degrees" if most > 2.0 * np.pi else "an angle in radians or degrees"
+    return f"{size}, an angular velocity, or a displacement"
+
+
+def _refuse_axes(table: TextTable, titles: list[str]) -> None:
+    """Raise RecordingError if the header names three axes x, y and z, but not the quantity that they belong to."""
+    axes = [[i for i, title in enumerate(titles) if form.fullmatch(title)] for form in (_X, _Y, _Z)]
+    if all(axes) and not any(form.search(title) for title in titles for form in (_ANGLE, _FORCE, _RATE)):
+        raise RecordingError(f"{table.name}: the axes x, y and z may be an angular velocity or an acceleration, the "
+                             f"header does not say; choose by columns='time=1,rate=2' or 'time=1,{FORCE}=2'; "
+                             f"{described(table, titles)}")
+
+
+def _numbered(table: TextTable, titles: list[str], layout: ColumnLayout) -> bool:
+    """Return True if what would be the time of a track is a column of successive whole numbers that has no title."""
+    if not layout.track or layout.time is None or not any(titles) or titles[layout.time]:
+        return False
+    values = table.values((layout.time,), layout.expected)[0][:, 0]
+    return bool(np.all(np.diff(values) == 1.0))
 
 
 def _circular(table: TextTable, titles: list[str]) -> ColumnLayout | None:
@@ -241,6 +341,7 @@ def _first_of_track(table: TextTable, timed: bool) -> ColumnLayout:
 
 def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) -> ColumnLayout:
     """Return the columns of a recording's file that the caller selects by name, or by number from 1."""
+    forced = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{FORCE}\s*=", columns) is not None
     rated = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{RATE}\s*=", columns) is not None
     if isinstance(columns, str) and "=" in columns:
         columns = _by_kind(table, columns)
@@ -256,17 +357,19 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
     if rated:
         units = {unit for unit, form in _RATE_UNITS.items() if form.search(titles[places[1]])}
         return ColumnLayout(places[0], tuple(places[1:]), [], rate=min(units) if len(units) == 1 else "rad")
+    if forced:
+        return _with_force(titles, places[0], places[1:])
     return ColumnLayout(None, (places[0],), []) if len(places) == 1 else ColumnLayout(places[0], tuple(places[1:]), [])
 
 
 def _by_kind(table: TextTable, columns: str) -> tuple[str | int, ...]:
     """Return the columns that a text such as "time=2,angle=5" or "time=1,x=2,y=3" names, in the usual order."""
     parts = {kind.strip(): place.strip() for kind, _, place in (part.partition("=") for part in columns.split(","))}
-    kinds = next((kinds for kinds in (("time", "angle"), ("time", "x", "y"), ("time", RATE), ("angle",), ("x", "y"))
-                  if set(kinds) == parts.keys()), None)
+    choices = ("time", "angle"), ("time", "x", "y"), ("time", RATE), ("time", FORCE), ("angle",), ("x", "y")
+    kinds = next((kinds for kinds in choices if set(kinds) == parts.keys()), None)
     if kinds is None:
-        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate or x and y, as in "
-                             "columns='time=2,angle=5'")
+        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate, {FORCE} or x and y, "
+                             "as in columns='time=2,angle=5'")
     return tuple(int(parts[kind]) if parts[kind].isdigit() else parts[kind] for kind in kinds)
 
 

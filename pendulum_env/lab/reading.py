@@ -10,14 +10,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, count, gaps_of, known
-from pendulum_env.lab.columns import ColumnLayout, layout_of
+from pendulum_env.lab.accelerations import STANDARD, Mount, felt
+from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, count, gaps_of, known, one_number
+from pendulum_env.lab.columns import LENGTHS, ColumnLayout, is_absolute, layout_of
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.displacement import displacement_angle
+from pendulum_env.lab.jumps import without_jumps
+from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.noise import quantum_level
+from pendulum_env.lab.parts import Drop, kept
 from pendulum_env.lab.rates import along_axis, integrated, with_sign
 from pendulum_env.lab.table import DAY, DECIMALS, SEPARATORS, TextTable
-from pendulum_env.lab.tracks import Y_AXES, track_angle
+from pendulum_env.lab.tracks import Y_AXES, about_pivot
 from pendulum_env.physics.units import SceneError, number, shown
 
 UNITS = {"deg": math.pi / 180, "rad": 1.0}
@@ -29,9 +33,14 @@ _TIME_WORDS = {unit: re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECAS
 _OTHER_UNIT = re.compile(
     r"(?<![a-z])(?:mrad|milliradians?|gon|rev|revolutions?|turns?|counts?|ticks|pulses|arcmin|arcsec|volts?)(?![a-z])"
     r"|[(\[]\s*(?:m?V|[cm]?m|px|pixels?|N|A|g|%)\s*[)\]]", re.IGNORECASE)
+_LENGTH_UNIT = re.compile(r"[(\[]\s*(mm|cm|m)\s*[)\]]", re.IGNORECASE)
+_PIXELS = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:px|pixels?)\s*(?:per|/|a)\s*(mm|cm|m)(?:et(?:re|er)s?)?(?![a-z])",
+                     re.IGNORECASE)
+"""Scale of a track in a header line, such as "480 pixels per metre"."""
 BENCH = (0.2, 20.0)
 """Periods of pendulums on a bench [s], of 1 cm to 100 m."""
 _BACK, _LEAST = 3, 300  # times that go back so often or less, once in so many readings or more, are dropped
+_LATE = 0.05  # largest share of the readings that are dropped as their time goes back
 _LOST = 3  # number of successive readings of exactly 0 that show that the sensor lost its signal
 _COARSE = 0.05  # coarser steps are not radians, since no sensor reads in steps of 3 degrees
 _SHOWN = 3  # number of gaps that are listed one by one
@@ -53,6 +62,9 @@ class ReadOptions(NamedTuple):
     time_unit: str | None = None
     part: str | None = None
     run: int | None = None
+    sensor: float | None = None
+    until: float | None = None
+    drop: Drop | None = None
 
     def checked(self) -> ReadOptions:
         """Return the settings after a check, with rate and scale as floats; RecordingError for an invalid value.
@@ -77,13 +89,16 @@ class ReadOptions(NamedTuple):
             scale = 0.0
         if not scale:
             raise RecordingError(f"scale must be a finite number other than 0, got {shown(self.scale)}")
-        return self._replace(rate=rate, scale=scale, run=count(self.run, "runs", "run"))
+        sensor = None if self.sensor is None else one_number(self.sensor, "sensor", above=0.0, unit="m")
+        return self._replace(rate=rate, scale=scale, run=count(self.run, "runs", "run"), sensor=sensor)
 
 
 class FileReadings(NamedTuple):
     """The readings of a file: times [s], angles [rad], notes on what was inferred, and the file's angle unit in rad.
 
-    ``rate``: the angular velocities [rad/s] from which the angles were integrated; None if the file holds angles.
+    ``rate``: the angular velocities [rad/s] from which the angles were integrated; ``force``: the specific forces
+    [m/s²] from which they were estimated, and ``mount`` that of the accelerometer; None if the file holds angles.
+    ``displaced``: True if it holds a displacement; ``radius``: that of a track, [m] if its unit is known.
     """
 
     time: FloatArray
@@ -91,6 +106,10 @@ class FileReadings(NamedTuple):
     notes: list[str]
     unit: float
     rate: FloatArray | None = None
+    force: FloatArray | None = None
+    mount: Mount | None = None
+    displaced: bool = False
+    radius: Measurement | None = None
 
 
 def read_file(name: str, options: ReadOptions) -> FileReadings:
@@ -107,17 +126,30 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     notes = [*origin, *table.notes, *marks, *layout.notes, *timing]
     time, values, dropped = _increasing(table, time, values)
     notes += dropped
+    keep, left_out = kept(name, time, options.until, options.drop)
+    time, values, notes = time[keep], values[keep], notes + left_out
     gaps = gaps_of(time)
     notes += _gap_notes(time, gaps)
     if layout.rate:
         return _rates(table, layout, options, time, values, notes)
+    if layout.force:
+        return _forces(table, layout, options, time, values, notes)
+    if options.sensor is not None:
+        raise RecordingError(f"{name}: sensor= is the distance of an accelerometer from the pivot; this file has no "
+                             "acceleration")
+    radius = None
     if layout.track:
         unit = "rad"
         try:
-            angle, pivot_notes = track_angle(*values.T, pivot=options.pivot, y_axis=options.y_axis)
+            if len(values) < 4:
+                raise RecordingError(f"expected a track of at least 4 points, found {len(values)}")
+            angle, pivot_notes, size = about_pivot(values.T, options.pivot, options.y_axis)
         except RecordingError as error:
             raise RecordingError(f"{name}: {error}") from None
-        notes += pivot_notes
+        metres, scaled = _unit_of_track(table, layout)
+        own = "m" if metres else "units of the track"
+        radius = Measurement(size[0] * (metres or 1.0), size[1] * (metres or 1.0), own)
+        notes += [*pivot_notes, *scaled]
     elif layout.length and options.unit is None:
         unit = "rad"
         try:
@@ -135,9 +167,28 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
         gaps = gaps_of(time) if lost else gaps
     angle, turns = _unwrapped(angle, gaps, by_track=layout.track)
     notes += turns
+    if not layout.track:
+        angle, jumps = without_jumps(time, angle)
+        notes += jumps
     if options.scale != 1.0:
         notes.append(f"scale: angle multiplied by {options.scale:g}")
-    return FileReadings(time, angle * options.scale, notes, UNITS[unit] * options.scale)
+    displaced = bool(layout.length and options.unit is None)
+    return FileReadings(time, angle * options.scale, notes, UNITS[unit] * options.scale, displaced=displaced,
+                        radius=radius)
+
+
+def _unit_of_track(table: TextTable, layout: ColumnLayout) -> tuple[float, list[str]]:
+    """Return the unit of a track's coordinates [m], 0 if it is not known, and a list with a note on a scale in pixels.
+    """
+    unit = _LENGTH_UNIT.search(" ".join(table.titles[layout.values[0]]))
+    if unit is not None:
+        return LENGTHS[unit[1].lower()], []
+    for line in (*table.header, *table.comments):
+        scale = _PIXELS.search(line)
+        if scale is not None:
+            size = LENGTHS[scale[2].lower()] / float(scale[1].replace(",", "."))
+            return size, [f"scale: {scale[0].strip()}, as the header says"]
+    return 0.0, []
 
 
 def _rates(
@@ -156,6 +207,29 @@ def _rates(
         raise RecordingError(f"{table.name}: {error}") from None
     notes += [how, "angle: the integral of the angular velocity; a fit compares the angular velocity itself"]
     return FileReadings(time, angle, notes, UNITS[unit] * options.scale, rate)
+
+
+def _forces(
+    table: TextTable, layout: ColumnLayout, options: ReadOptions, time: FloatArray, values: FloatArray, notes: list[str]
+) -> FileReadings:
+    """Return the readings of a file that holds accelerations; RecordingError if no angle follows from them."""
+    titles = [" ".join(table.titles[i]) for i in layout.values]
+    unit = layout.force if layout.force > 0.0 else _unit_of_force(values)
+    if unit != 1.0:
+        notes.append(f"acceleration: in g of {STANDARD:g} m/s²")
+    try:
+        found = felt(time, values * unit * options.scale, titles, is_absolute(titles), options.sensor)
+    except RecordingError as error:
+        raise RecordingError(f"{table.name}: {error}") from None
+    where = f"sensor: {options.sensor:g} m from the pivot, as given" if options.sensor else (
+        "the distance of the sensor from the pivot is fitted, too (sensor= gives it)")
+    notes += [*found.notes, f"angle: estimated from the acceleration; a fit compares the acceleration itself; {where}"]
+    return FileReadings(time[:len(found.angle)], found.angle, notes, 1.0, None, found.force, found.mount)
+
+
+def _unit_of_force(values: FloatArray) -> float:
+    """Return the unit [m/s²] of accelerations whose titles name none: g if their mean is nearer to 1 than to 9.81."""
+    return STANDARD if 0.5 < float(np.linalg.norm(values.mean(axis=0))) < 2.0 else 1.0
 
 
 def _times(
@@ -227,6 +301,11 @@ def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple
     if 0 < back.size <= _BACK and len(time) >= _LEAST * back.size:
         late = time <= np.maximum.accumulate(np.concatenate([[-math.inf], time[:-1]]))
         late[back + 1] = True
+        if np.count_nonzero(late) > _LATE * len(late):
+            raise RecordingError(
+                f"{table.name}: line {lines[back[0] + 1]}: expected a time above {time[back[0]]:g} s, found "
+                f"{time[back[0] + 1]:g} s, and {np.count_nonzero(late)} of {len(late)} later times are not above it, "
+                "either; if the clock began again, leave one part out by until=, or give rate=")
         notes.append(f"dropped: {np.count_nonzero(late)} lines, as the time goes back (the first: line "
                      f"{lines[np.argmax(late)]}); if readings come at a constant rate, give rate=")
         time, values, lines = time[~late], values[~late], lines[~late]

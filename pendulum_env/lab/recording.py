@@ -13,8 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.lab.accelerations import Mount
 from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
+from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.noise import noise_level, quantum_level
+from pendulum_env.lab.parts import Drop, kept, share
 from pendulum_env.lab.reading import ReadOptions, read_file
 from pendulum_env.lab.turning import TurningPoints, all_turning_points, equilibrium, extremes
 from pendulum_env.physics.units import SceneError, file_path, shown
@@ -38,6 +41,11 @@ class Recording(Plotted):
         zero: angle [rad] that was subtracted to put the equilibrium at 0; None: nothing was subtracted.
         rate: array of angular velocities [rad/s] of a gyroscope, from which the angles were integrated, and which a fit
             compares with the model; None if the angles were recorded.
+        force: array of specific forces [m/s²] of an accelerometer, from which the angles were estimated, and which a
+            fit compares with the model; None for other sensors.
+        mount: direction and distance of an accelerometer; None for other sensors.
+        displaced: True if the angles were calculated from a displacement, whose scale a fit determines.
+        radius: radius of the circle of a track, in m if its unit is known, with its error; None without a track.
 
     Raises RecordingError for arrays of different shapes, fewer than 3 points, values that are not finite, or
     times that do not increase.
@@ -50,6 +58,10 @@ class Recording(Plotted):
     release: float | None = None
     zero: float | None = None
     rate: FloatArray | None = None
+    force: FloatArray | None = None
+    mount: Mount | None = None
+    displaced: bool = False
+    radius: Measurement | None = None
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.time)} readings in {self.time[-1] - self.time[0]:.4g} s")
@@ -59,7 +71,8 @@ class Recording(Plotted):
             raise RecordingError(f"source must be text, got {shown(self.source)}")
         if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
             raise RecordingError(f"{self.source}: notes must be a tuple of texts, got {shown(self.notes)}")
-        for name in ("time", "angle", *(() if self.rate is None else ("rate",))):
+        beside = [name for name in ("rate", "force") if getattr(self, name) is not None]
+        for name in ("time", "angle", *beside):
             values = numbers(getattr(self, name), f"{self.source}: {name}")
             values.setflags(write=False)
             object.__setattr__(self, name, values)
@@ -69,9 +82,17 @@ class Recording(Plotted):
         if self.time.ndim != 1 or self.time.shape != self.angle.shape:
             shapes = f"found shapes {self.time.shape} and {self.angle.shape}"
             raise RecordingError(f"{self.source}: expected time and angle of one length, {shapes}")
-        if self.rate is not None and (self.rate.shape != self.time.shape or not np.isfinite(self.rate).all()):
-            raise RecordingError(f"{self.source}: expected a finite rate for each of {len(self.time)} times, found "
-                                 f"shape {self.rate.shape}")
+        for name in beside:
+            own = getattr(self, name)
+            if own.shape != self.time.shape or not np.isfinite(own).all():
+                raise RecordingError(f"{self.source}: expected a finite {name} for each of {len(self.time)} times, "
+                                     f"found shape {own.shape}")
+        if (self.force is None) != (self.mount is None):
+            raise RecordingError(f"{self.source}: force and mount must be given together")
+        if self.mount is not None and not isinstance(self.mount, Mount):
+            raise RecordingError(f"{self.source}: mount must be a Mount, got {shown(self.mount)}")
+        if not isinstance(self.displaced, bool) or not isinstance(self.radius, (Measurement, type(None))):
+            raise RecordingError(f"{self.source}: displaced must be True or False, and radius a Measurement or None")
         if len(self.time) < 3:
             raise RecordingError(f"{self.source}: expected at least 3 points, found {len(self.time)}")
         if not (np.isfinite(self.time).all() and np.isfinite(self.angle).all()):
@@ -96,7 +117,8 @@ class Recording(Plotted):
         part: str | None = None,
         run: int | None = None,
         until: float | None = None,
-        drop: Sequence[float] | str | None = None,
+        drop: Drop | None = None,
+        sensor: float | None = None,
         release: float | None = None,
         zero: float | None = None,
     ) -> Recording:
@@ -129,7 +151,8 @@ class Recording(Plotted):
                 several.
             run: number of the run, in a file whose titles name several; None: the first.
             until: time in the file [s] after which readings are left out.
-            drop: times in the file [s] between which readings are left out, such as (12.5, 13.1) or "12.5:13.1".
+            drop: times in the file [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
+            sensor: distance of an accelerometer from the pivot [m]; None: fitted.
             release: time in the file [s] at which the bob is free; earlier readings are cut, see :meth:`released`.
             zero: reading at the equilibrium, in the unit of the file (a track: rad), see :meth:`centred`.
 
@@ -141,30 +164,43 @@ class Recording(Plotted):
             raise RecordingError(str(error)) from None
         zero = None if zero is None else one_number(zero, "zero")
         file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit,
-                                           part, run))
-        recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes), rate=file.rate)._kept(until, drop)
+                                           part, run, sensor, until, drop))
+        recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes), rate=file.rate, force=file.force,
+                        mount=file.mount, displaced=file.displaced, radius=file.radius)
         recording = recording if release is None else recording.released(release)
         return recording if zero is None else recording.centred(zero * file.unit)
 
     @property
     def readings(self) -> FloatArray:
-        """What the sensor measured, which a fit compares with the model: the angle [rad], or its rate [rad/s]."""
-        return self.angle if self.rate is None else self.rate
+        """What the sensor measured, which a fit compares with the model: the angle [rad], its rate [rad/s] or a
+        specific force [m/s²]."""
+        return self.force if self.force is not None else self.angle if self.rate is None else self.rate
 
     @property
     def unit(self) -> str:
-        """Unit of ``readings``: "rad" or "rad/s"."""
-        return "rad" if self.rate is None else "rad/s"
+        """Unit of ``readings``: "rad", "rad/s" or "m/s^2"."""
+        return "m/s^2" if self.force is not None else "rad" if self.rate is None else "rad/s"
+
+    def shown(self, reading: float) -> tuple[float, str]:
+        """Return a reading in the unit of texts and figures, and that unit: degrees, degrees/s or m/s²."""
+        if self.force is not None:
+            return reading, "m/s²"
+        return math.degrees(reading), "degrees" if self.rate is None else "degrees/s"
+
+    @property
+    def indirect(self) -> bool:
+        """True if the sensor measured another quantity than the angle, from which the angle was calculated."""
+        return self.readings is not self.angle
 
     @cached_property
     def reading_quantum(self) -> float:
         """Smallest step between ``readings``, in their unit; 0 if they show none."""
-        return self.quantum if self.rate is None else quantum_level(self.rate)
+        return quantum_level(self.readings) if self.indirect else self.quantum
 
     @cached_property
     def reading_noise(self) -> float:
         """Standard deviation of one of the ``readings``, in their unit, its rounding included."""
-        return self.noise if self.rate is None else noise_level(self.time, self.rate)
+        return noise_level(self.time, self.readings) if self.indirect else self.noise
 
     @cached_property
     def quantum(self) -> float:
@@ -245,22 +281,34 @@ class Recording(Plotted):
         note = f"release: time zero at {at:g} s, {len(keep) - left} earlier points cut off{why}"
         return part_of(self, keep, note, at, release=at)
 
-    def _kept(self, until: float | None, drop: Sequence[float] | str | None) -> Recording:
-        """Return the recording without readings after ``until`` [s] and without those between the times ``drop``."""
-        keep, notes = np.ones(len(self.time), dtype=np.bool_), []
-        if until is not None:
-            keep &= self.time <= one_number(until, "until")
-            notes.append(f"until: {np.count_nonzero(~keep)} readings after {until:g} s left out, as given")
-        if drop is not None:
-            first, last = _span(drop)
-            lost = keep & (self.time >= first) & (self.time <= last)
-            keep &= ~lost
-            notes.append(f"drop: {np.count_nonzero(lost)} readings from {first:g} to {last:g} s left out, as given")
-        if not notes:
-            return self
-        if np.count_nonzero(keep) < 3:
-            raise RecordingError(f"{self.source}: until and drop must leave at least 3 readings of {len(keep)}")
-        return part_of(self, keep, "; ".join(notes))
+    def kept(
+        self, *, until: float | None = None, drop: Drop | None = None, above: float | str | None = None
+    ) -> Recording:
+        """Return the recording without some of its readings.
+
+        Args:
+            until: time [s] after which readings are left out.
+            drop: times [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several of them.
+            above: share of the first amplitude of the free swing, such as 0.05 or "5%"; readings after the last turning
+                point beyond it are left out.
+
+        Raises RecordingError for other values, and if fewer than 3 readings remain.
+        """
+        keep, notes = kept(self.source, self.time, until, drop)
+        part = part_of(self, keep, "; ".join(notes)) if notes else self
+        if above is None:
+            return part
+        least = share(above)
+        swing = part.released().centred()
+        size, first = swing._turns.amplitude, float(np.max(np.abs(swing.angle)))
+        beyond = np.flatnonzero(np.isfinite(swing._turns.error) & (size >= least * first))
+        if not len(beyond) or beyond[-1] == len(size) - 1:
+            return part
+        start = 0.0 if part.release is not None or swing.release is None else swing.release
+        end = float(swing._turns.time[beyond[-1]]) + start
+        left = int(np.count_nonzero(part.time > end))
+        return part_of(part, part.time <= end, f"above: {left} readings after {end:.4g} s left out, where the "
+                       f"amplitude is below {100.0 * least:g} % of the first")
 
     def centred(self, zero: float | None = None) -> Recording:
         """Return the recording with its angle measured from the equilibrium.
@@ -319,18 +367,6 @@ class Recording(Plotted):
         return first + int(middle_time - turns[0] > 1.1 * (turns[1] - middle_time))
 
 
-def _span(drop: Sequence[float] | str) -> tuple[float, float]:
-    """Return the two times [s] of ``drop``, such as (12.5, 13.1) or "12.5:13.1"; RecordingError for anything else."""
-    parts = drop.split(":") if isinstance(drop, str) else drop
-    try:
-        first, last = (float(part) for part in parts)
-    except (TypeError, ValueError):
-        first, last = 0.0, -1.0
-    if not first <= last:
-        raise RecordingError(f"drop must be two times in s, the earlier first, as in '12.5:13.1', got {shown(drop)}")
-    return first, last
-
-
 def part_of(
     recording: Recording, keep: NDArray[np.bool_], note: str, before: float = 0.0, **changes: float
 ) -> Recording:
@@ -338,6 +374,14 @@ def part_of(
 
     ``before`` is the time [s] that becomes 0, and ``changes`` are other attributes.
     """
-    rate = None if recording.rate is None else recording.rate[keep]
-    return replace(recording, time=recording.time[keep] - before, angle=recording.angle[keep], rate=rate,
+    rate, force = (None if own is None else own[keep] for own in (recording.rate, recording.force))
+    return replace(recording, time=recording.time[keep] - before, angle=recording.angle[keep], rate=rate, force=force,
                    notes=(*recording.notes, note), **changes)  # type: ignore[arg-type]
+
+
+def with_readings(recording: Recording, readings: FloatArray, angle: FloatArray) -> Recording:
+    """Return a recording with other readings and angles; its resolution stays that of the sensor."""
+    changed = {"rate": readings} if recording.rate is not None else {"force": readings} if recording.indirect else {}
+    other = replace(recording, angle=angle, **changed)  # type: ignore[arg-type]
+    vars(other).update({name: getattr(recording, name) for name in ("quantum", "reading_quantum")})
+    return other

@@ -16,6 +16,7 @@ from pendulum_env.lab.checked import RecordingError, count
 from pendulum_env.lab.cycles import Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
 from pendulum_env.lab.measures import Measurement, crossings, envelope_rate, period
+from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics.body import Body
@@ -209,6 +210,9 @@ def measure(
     *,
     n: int | None = None,
     scene: str | Scene | Mapping[str, object] | PathLike[str] | None = None,
+    until: float | None = None,
+    above: float | str | None = None,
+    drop: Drop | None = None,
     **parameters: Any,
 ) -> LabSheet:
     """Measure the quantities of a lab sheet on a recorded free swing, with errors.
@@ -223,6 +227,9 @@ def measure(
         n: number of oscillations for the mean period, from the first; None for all.
         scene: the pendulum and its surroundings, as for ``gym.make``; by default a pendulum in air with the given
             ``parameters``.
+        until: time of the recording [s] after which readings are left out.
+        above: share of the first amplitude, such as 0.05 or "5%", below which swings are left out.
+        drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
         **parameters: known parameters of the scene, such as ``length=0.65, radius=0.011``. The Reynolds number needs a
             radius; without a given length, it uses the length from the period.
 
@@ -236,7 +243,7 @@ def measure(
         known = apparatus(scene, parameters)
     if not known.gravity > 0.0:
         raise SceneError("gravity must be above 0 m/s^2, as the length follows from it and the period.")
-    swing = recording.released().centred()
+    swing = recording.kept(until=until, drop=drop).released().kept(above=above).centred()
     mean, points = period(swing, taken), turning_points(swing)
     if taken is None:
         ends = crossings(swing.time, swing.angle, level=CLEAR * swing.noise)

@@ -16,11 +16,18 @@ from pendulum_env.physics.units import shown
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
 _HEADER_LINES = 12
+_WORDY = 0.05
+"""Largest share of lines of text between readings that are left out."""
+_BEGINNINGS = {*"+-.,0123456789\N{MINUS SIGN}"}
+"""Characters with which a number begins."""
+_LABELLED = re.compile(r"\s*([^\W\d_][\w °/()]*?)\s*[:=]\s*([+-]?[\d.]+(?:e[+-]?\d+)?)\s*(?:[,;\t]|$|\s)")
+"""A value with its label, as the serial plotter of Arduino prints them."""
 _END = 20
 """Largest number of lines at the end of a file that are left out as text after the readings."""
 _RUN = re.compile(r"(?<![a-z])(?:run|set|trial|lauf|messung)\s*[#:]?\s*(\d+)", re.IGNORECASE)
 """Number of a run in a column's title."""
-_MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf"}
+_MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf", "missing", "invalid",
+            "err", "error", "overflow", "no data"}
 _NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
 }
@@ -60,9 +67,11 @@ class TextTable:
         self.comments: list[str] = []
         self.rows: list[tuple[int, list[str]]] = []
         self._number_form = _NUMBERS[decimal or ".,"]
+        self._thousands = False
         self.separator = ""
         self._titles: list[list[str]] | None = None
-        marks = [separator] if separator else [mark for mark in SEPARATORS if mark != "," or decimal != ","]
+        text, labelled = _without_labels(text)
+        marks: list[str] = [separator] if separator else [mark for mark in SEPARATORS if mark != "," or decimal != ","]
         for number, line in enumerate(text.splitlines(), 1):
             if line.lstrip().startswith("#"):
                 self.comments += [] if self.rows else [line.lstrip(" \t#")]
@@ -81,11 +90,17 @@ class TextTable:
             raise RecordingError(f"{name}: expected lines with a time [s] and an angle, found no numbers")
         self.width = mode(len(trimmed(fields)) for _, fields in self.rows[1:12] or self.rows)
         cut = self._cut_end()
+        between = self._text_between()
+        self._thousands = self.separator != "," and self._has_thousands()
         self.pairs = self._pairs_above() if self.width == 1 else []
         count = len(self.header)
         self.notes = [f"header: {count or 'no'} line{'s' * (count != 1)}"]
         self.notes += [f"separator: {SEPARATORS[self.separator]}"] if self.width > 1 else []
         self.notes += [f"end: {cut} lines without all numbers left out after the last reading"] if cut else []
+        self.notes += ["labels: taken from each line, as time:12"] if labelled else []
+        self.notes += [f"text: {len(between)} lines without numbers left out (first: line {between[0]})"
+                       ] if between else []
+        self.notes += ["thousands: separated by commas, as there are decimal points"] if self._thousands else []
 
     def error(self, number: int, expected: str, found: str) -> RecordingError:
         """Return a RecordingError for a faulty line of a file: its number, the expected content and its text."""
@@ -184,6 +199,8 @@ class TextTable:
         a date.
         """
         text = text.replace("\N{MINUS SIGN}", "-").removesuffix("°")
+        if self._thousands and "," in text:
+            text = text.replace(",", "")
         if self._number_form.fullmatch(text):
             return float(text.replace(",", "."))
         moment = _CLOCK.fullmatch(text)
@@ -193,6 +210,26 @@ class TextTable:
         """Return True if a column holds times of day."""
         fields = self.rows[0][1]
         return len(fields) > column and _CLOCK.fullmatch(fields[column]) is not None
+
+    def _text_between(self) -> list[int]:
+        """Remove lines of text between the readings, of which no field begins like a number; return their numbers.
+
+        They stay if there are more than one in twenty (_WORDY), as such a table is no recording.
+        """
+        words = [row for row in self.rows if not any(
+            field[:1] in _BEGINNINGS or field.lower() in _MISSING for field in row[1])]
+        if not words or len(words) > max(_WORDY * len(self.rows), 1.0):
+            return []
+        lines = {line for line, _ in words}
+        self.rows = [row for row in self.rows if row[0] not in lines]
+        return sorted(lines)
+
+    def _has_thousands(self) -> bool:
+        """Return True if all commas separate thousands: there are decimal points, too, and three digits after each."""
+        fields = [field for _, row in self.rows for field in row]
+        commas = [field for field in fields if "," in field]
+        return bool(commas) and any("." in field for field in fields) and all(
+            re.fullmatch(rf"[+-]?{_THOUSANDS}(?:\.\d+)?", field) for field in commas)
 
     def _cut_end(self) -> int:
         """Remove the lines after the last reading: text, and a last line that breaks off; return their number.
@@ -242,6 +279,18 @@ class TextTable:
         del self.rows[0]
         names = split(self.header[-1], self.separator) if self.header else []
         return list(zip(names, first, strict=True)) if len(names) == len(first) else []
+
+
+def _without_labels(text: str) -> tuple[str, bool]:
+    """Return a text whose lines are values with labels, "time:12,angle:3.5", as a table, and True; others unchanged.
+    """
+    lines = text.splitlines()
+    first = next((line for line in lines if line.strip()), "")
+    labels = [match[1] for match in _LABELLED.finditer(first)]
+    if len(labels) < 2 or _LABELLED.sub("", first).strip():
+        return text, False
+    rows = ["\t".join(match[2] for match in _LABELLED.finditer(line)) or line for line in lines]
+    return "\n".join(["\t".join(labels), *rows]) + "\n", True
 
 
 def _seconds(moment: re.Match[str]) -> float:

@@ -37,7 +37,8 @@ def track_table(name: str, text: str, part: str | None) -> tuple[str, list[str]]
     x0, y0, turn = ((_number(axes, key) or 0.0) if axes is not None else 0.0 for key in (
         "xorigin", "yorigin", "xaxisangle"))
     sine, cosine = math.sin(turn), math.cos(turn)
-    lines = ["t (s)\tx (m)\ty (m)"]
+    unit = "px" if scale_x == 1.0 else "m"
+    lines = [f"t (s)\tx ({unit})\ty ({unit})"]
     for frame, x, y in _points(tracks[mass]):
         across, up = x - x0, y0 - y
         lines.append(f"{frame * step * 1e-3!r}\t{(across * cosine + up * sine) / scale_x!r}\t"

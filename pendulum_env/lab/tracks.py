@@ -98,9 +98,19 @@ def track_angle(
     Raises RecordingError for a pivot that is not two numbers, an unknown y_axis, a track too short to find its pivot,
     and a track that passes through the pivot.
     """
-    points = _points(x, y)
+    return about_pivot(_points(x, y), pivot, y_axis)[:2]
+
+
+def about_pivot(
+    points: FloatArray, pivot: Any, y_axis: str | None
+) -> tuple[FloatArray, list[str], tuple[float, float]]:
+    """Return the angle and the notes of :func:`track_angle`, and the radius of the track with its standard error.
+
+    ``points`` are the x and y of the track as the two rows of an array. Raises RecordingError as it does.
+    """
     if y_axis is not None:
         known(y_axis, "y_axis", Y_AXES)
+    circle = None
     if pivot is not None:
         centre, origin = _checked_pivot(pivot), "as given"
         where = f"({centre[0]:g}, {centre[1]:g})"
@@ -120,7 +130,9 @@ def track_angle(
                else (_upward(away), "inferred: the bob hangs below the pivot"))
     sense = f"y axis: points {'up' if up > 0.0 else 'down'}, {why}"
     notes = [f"pivot: {where}, {origin}", sense, "angle: from straight down, positive to the right"]
-    return np.asarray(np.arctan2(away[0], -up * away[1])), notes
+    size = (float(distance.mean()), float(distance.std()) / math.sqrt(distance.size)) if circle is None else (
+        circle.radius, circle.error)
+    return np.asarray(np.arctan2(away[0], -up * away[1])), notes, size
 
 
 def _upward(away: FloatArray) -> float:

@@ -251,6 +251,14 @@ def fit(one: Any) -> Iterator[str]:
     yield html.words(goodness(one) if one.comparison is None else f"{goodness(one)}\n{one.comparison.text}")
 
 
+def posterior(one: Any) -> Iterator[str]:
+    """Yield the parts of a Posterior's card."""
+    yield f"Posterior of {one.fit.recording.source}, {one.fit.model.title} damping"
+    yield equation(one.fit.scene)
+    yield html.table(one.table.head, one.table.rows, most=None)
+    yield html.words(one.text)
+
+
 def recording(one: Any) -> Iterator[str]:
     """Yield the parts of a Recording's card."""
     title, _, text = one.text.partition("\n")
@@ -263,6 +271,6 @@ CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "Comparison": comparison, "CostStudy": cost, "Growth": growth, "Audit": audit, "Simplification": simplification,
     "Simplified": simplified,
     "Matrix": matrix, "Sweep": sweep, "Section": section, "Basins": basins, "LabSheet": sheet, "Fit": fit,
-    "Recording": recording,
+    "Posterior": posterior, "Recording": recording,
 }
 """Class -> function that yields its title and the parts of its HTML, which the usual figure follows."""

@@ -94,6 +94,12 @@ def keulegan_carpenter(scene: Surroundings, amplitude: float) -> float:
     return math.pi * scene.body.reach * abs(amplitude) / scene.body.radius
 
 
+def braking(scene: Surroundings) -> tuple[Loss, ...]:
+    """Return the effects that slow a swing down without control: dissipative ones, and motors that brake."""
+    return tuple(effect for effect in scene.effects
+                 if effect.kind == "dissipative" or (effect.kind == "drive" and effect.flow))
+
+
 def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
     """Return the share of its amplitude [rad] that a harmonic swing loses per half swing to a dissipative effect.
 
@@ -115,12 +121,15 @@ def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
 
 
 def still_torque(effect: Loss, values: Mapping[str, float], angle: float, velocity: float) -> float:
-    """Return a dissipative effect's torque divided by the moment of inertia, in a medium at rest [1/s²]."""
+    """Return a dissipative effect's torque divided by the moment of inertia, in a medium at rest [1/s²].
+
+    Of a motor it is the torque without control.
+    """
     if effect.torque is None:
         return -math.copysign(values[effect.dry], velocity)
     known = {
         "time": 0.0, "angle": angle, "tilt": angle, "side": 1.0, "velocity": velocity, "slip": velocity,
-        "speed": abs(velocity), **values,
+        "speed": abs(velocity), "control": 0.0, **dict.fromkeys(effect.memory, 0.0), **values,
     }
     return effect.torque(*(known[name] for name in _parameters(effect.torque)))
 
@@ -137,13 +146,13 @@ def terminal_speed(scene: Surroundings, steepness: float = 1.0) -> float:
     A bob released at rest never gets faster than that. The relative error is 1e-9. Returns inf if the losses stay below
     the weight.
     """
-    pull, values = scene.omega0**2 * steepness, scene.coefficients
+    pull, values, brakes = scene.omega0**2 * steepness, scene.coefficients, braking(scene)
     low, high = 0.0, 1e9
     for _ in range(200):
         middle = 0.5 * (low + high) if low > 0.0 else high / 1024.0
         if high - low <= 1e-9 * high or high < 1e-30:
             break
-        losses = -sum(still_torque(effect, values, 0.0, middle) for effect in scene.of_kind("dissipative"))
+        losses = -sum(still_torque(effect, values, 0.0, middle) for effect in brakes)
         low, high = (low, middle) if losses >= pull else (middle, high)
     return scene.body.reach * high if high < 1e9 else math.inf
 
@@ -152,11 +161,12 @@ def quality_factor(scene: Surroundings, amplitude: float) -> float:
     """Return the quality factor ``Q = omega0/gamma_eq`` of a swing of this amplitude [rad].
 
     ``gamma_eq`` is the linear damping rate that takes as much energy from a harmonic swing at omega0 as all dissipative
-    effects together, dry friction included. Q is inf without losses and 0 without a restoring torque.
+    effects together, dry friction and motors that brake without control included. Q is inf without losses and 0 without
+    a restoring torque.
     """
     if natural_rate(scene) == 0.0:
         return 0.0
-    loss = sum(swing_loss(effect, scene, amplitude) for effect in scene.of_kind("dissipative"))
+    loss = sum(swing_loss(effect, scene, amplitude) for effect in braking(scene))
     return 0.5 * math.pi / loss if loss > 0.0 else math.inf
 
 
@@ -182,5 +192,5 @@ def damping_rate(scene: Surroundings, velocity: float) -> float:
     """
     values, near = scene.coefficients, 1e-4 * abs(velocity) or 1e-9
     slopes = (still_torque(effect, values, 0.0, velocity - near) - still_torque(effect, values, 0.0, velocity + near)
-              for effect in scene.of_kind("dissipative") if effect.torque)
+              for effect in braking(scene) if effect.torque)
     return max(sum(slopes) / (2.0 * near), 0.0)

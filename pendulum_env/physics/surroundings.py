@@ -68,5 +68,8 @@ class Loss(Protocol):
     @property
     def dry(self) -> str: ...
 
+    @property
+    def memory(self) -> tuple[str, ...]: ...
+
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         """Return the coefficients that the effect's torque takes."""

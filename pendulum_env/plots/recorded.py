@@ -73,7 +73,7 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
         _residual(rest, fit)
         _envelope(drawing.add_subplot(grid[3, 0]), fit, turns, fine)
         _phase(drawing.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
-        rms = f"residual {math.degrees(fit.rms):.2g}{_sign(fit)} rms"
+        rms = f"residual {fit.shown(fit.rms):.2g}{fit.sign} rms"
         headline(drawing, f"{swing.source} · {fit.damping} damping · {rms} · {fit.grade.word}")
     return drawing
 
@@ -88,16 +88,11 @@ def _over_time(
     at.set(xlabel="time since the release [s]", ylabel="angle [degrees]", xlim=span)
 
 
-def _sign(fit: Fit) -> str:
-    """Return the sign of the unit of a fit's residuals: ° or °/s."""
-    return "°" if fit.recording.rate is None else "°/s"
-
-
 def _residual(at: Axes, fit: Fit) -> None:
     """Draw the residual of a fit over time [s], with the error of a reading shaded."""
-    time, rest = fit.recording.time, np.degrees(fit.residual)
-    at.axhspan(-math.degrees(fit.noise), math.degrees(fit.noise), color="#E6E6E6", zorder=1.0, linewidth=0.0,
-               label=f"± {math.degrees(fit.noise):.2g}{_sign(fit)}, the error of a reading")
+    time, rest = fit.recording.time, fit.shown(1.0) * fit.residual
+    at.axhspan(-fit.shown(fit.noise), fit.shown(fit.noise), color="#E6E6E6", zorder=1.0, linewidth=0.0,
+               label=f"± {fit.shown(fit.noise):.2g}{fit.sign}, the error of a reading")
     many = len(time) > CROWDED
     at.plot(time, rest, color=FAINT_INK, linewidth=0.0 if many else 0.5, zorder=2.0)
     at.plot(time, rest, markersize=0.9 if many else 1.8, zorder=2.5, **{**READING, "color": BEST})
@@ -124,7 +119,7 @@ def _envelope(at: Axes, fit: Fit, points: TurningPoints, fine: FloatArray) -> No
         turns = turning_points(Recording(fine[known], rows[known], one.damping))
         colour, (dashes, width) = OTHERS[i % len(OTHERS) - 1] if i else BEST, LINES[i % len(LINES)]
         at.plot(turns.time, np.degrees(turns.amplitude), color=colour, linestyle=dashes, linewidth=width,
-                label=f"{one.damping} ({math.degrees(one.rms):.2g}{_sign(one)} rms{words.get(one.damping, '')})",
+                label=f"{one.damping} ({one.shown(one.rms):.2g}{one.sign} rms{words.get(one.damping, '')})",
                 zorder=2.5 + 0.05 * i)
     amplitudes(at)
     at.legend(loc="best", fontsize=9)

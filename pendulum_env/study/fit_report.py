@@ -14,6 +14,7 @@ from pendulum_env.common.tables import Table
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
+from pendulum_env.lab.fitting.posterior import Posterior
 from pendulum_env.lab.fitting.result import Fit, against, measured
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.sheet import LabSheet
@@ -53,7 +54,7 @@ def goodness(found: Fit) -> str:
 
     Without a comparison of models, which says it too, the grade of the fit comes last.
     """
-    runs, degrees, sign = found.runs, math.degrees, "°" if found.recording.rate is None else "°/s"
+    runs, degrees, sign = found.runs, found.shown, found.sign
     order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
         "the signs change more often than in random order, as rounding can make them; a misfit makes them change less "
         "often" if runs.z > 0.0 else
@@ -96,6 +97,28 @@ def against_told(found: Fit, told: float, error: float | None = None) -> str:
             f"{'above' if away > 0.0 else 'below'}; the fit {word} the given length.")
 
 
+def against_track(found: Fit) -> str:
+    """Return a sentence that compares the radius of a track with the fitted length; "" without either.
+
+    If the unit of the track is not known, the sentence gives the length of that unit.
+    """
+    radius = found.recording.radius
+    if radius is None or LENGTH not in found.names:
+        return ""
+    length = measured(found, LENGTH)
+    if radius.unit != "m":
+        scale = length.value / radius.value
+        return (f"Track: its radius is {radius}; with the fitted length, {length}, one unit of the track is "
+                f"{scale:.4g} m ({1.0 / scale:.5g} units are 1 m).")
+    away = (radius.value - length.value) / math.hypot(radius.error, length.error)
+    word = next(word for most, word in AGREEMENT if abs(away) < most)
+    hint = "" if abs(away) < AGREEMENT[0][0] else (
+        f"; either the scale of the film is {abs(radius.value / length.value - 1.0):.2%} too "
+        f"{'large' if away > 0.0 else 'small'}, or gravity or the bob differ from those of the scene")
+    return (f"Track: its radius {radius} {word} the fitted length {length} ({abs(away):.1f} sigma "
+            f"{'above' if away > 0.0 else 'below'}){hint}.")
+
+
 def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
     """Return the shell command that compares integrators on the fitted scene with the recording.
 
@@ -121,7 +144,7 @@ def write(
 
     ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
     swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
-    with error and correlations, ``residuals.csv`` time [s], reading, model and residual [rad, or rad/s of a gyroscope];
+    with error and correlations, ``residuals.csv`` time [s], reading, model and residual, in the unit of the readings;
     ``scene.json`` is a scene for ``gym.make("LabPendulum-v0", scene=...)``. Other files in the folder stay unchanged.
 
     Raises OutputError where the folder cannot be written.
@@ -143,7 +166,7 @@ def write(
         (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
         for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
     swing = found.recording
-    unit = swing.unit.replace("/", "_per_")
+    unit = swing.unit.replace("/", "_per_").replace("^", "")
     write_csv(paths[3], ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))),
               _rows(swing.time, swing.readings, swing.readings - found.residual, found.residual), origin)
     if models is not None:
@@ -155,6 +178,21 @@ def write(
     found.scene.save(paths[-1], origin)
     tell(1.0, "written")
     return paths
+
+
+def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> list[Path]:
+    """Write ``posterior.csv``, ``posterior.npz`` and ``corner.png`` (with ``svg`` also as SVG); return the paths.
+
+    See :meth:`pendulum_env.lab.fitting.posterior.Posterior.save`. Raises OutputError where the folder cannot be
+    written.
+    """
+    from pendulum_env import plots
+    from pendulum_env.plots.corner import corner
+
+    place, origin = output_folder(folder), facts(found.fit, seed=found.seed)  # type: ignore[arg-type]
+    paths = [found.save(place / f"posterior.{ending}") for ending in ("csv", "npz")]
+    title = {**origin, "Title": f"posterior of {found.fit.recording.source}"}
+    return [*paths, *plots.save_all(corner(found), place / "corner", title, svg)]
 
 
 def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:

@@ -107,7 +107,7 @@ class Translator:
 
 def is_ours(function: types.FunctionType) -> bool:
     """Return True for a function of the package, whose source is copied as it stands."""
-    return function.__module__.startswith("pendulum_env.tasks") and function.__closure__ is None
+    return (function.__module__ or "").startswith("pendulum_env.tasks") and function.__closure__ is None
 
 
 def definition(function: types.FunctionType, task: str) -> ast.FunctionDef | ast.Lambda:

@@ -105,7 +105,7 @@ def _refuse_clip(scene: Scene, q: float, v: float) -> None:
 
 def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Truth | None:
     """Return the closed form of a scene's motion at times [s] from a valid start [rad, rad/s], or None."""
-    names = {effect.name for effect in scene.effects if effect.kind != "inertia"} - {"motor"}
+    names = {effect.name for effect in scene.effects if not (effect.kind == "inertia" or effect.idle)}
     for allowed, form, how in CLOSED:
         solution = form(times, angle, velocity, scene.coefficients) if names <= allowed else None
         if solution is not None:
@@ -157,7 +157,7 @@ def true_motion(scene: Scene, angle: float, velocity: float, time: Array) -> Tru
     (Kutta 1901) at a step of about ``FINE / omega0``, checked against :func:`reference` at ``MARKS`` times. The largest
     difference is the error; if it exceeds ``TOLERANCE``, the motion is unknown (nan), as it is after a wire goes slack.
     """
-    names = {effect.name for effect in scene.effects} - {"motor"}
+    names = {effect.name for effect in scene.effects if not effect.idle}
     if any(names <= allowed for allowed, *_ in CLOSED):
         solution = reference(scene, angle, velocity, time)
         angles, speeds = _while_taut(scene, solution.angle, solution.velocity)

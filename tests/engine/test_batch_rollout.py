@@ -50,7 +50,8 @@ def test_each_run_is_the_single_run(case: Any) -> None:
 
 
 def test_how_many_combinations() -> None:
-    print(f"\n{len(PAIRS)} combinations of scene x method x diagnostics x stride, every pair among them; 6 runs each")
+    """Every pair of values, but of methods in scenes every kind: LAB_PENDULUM_GRID=full takes each method in each."""
+    print(f"\n{len(PAIRS)} combinations of scene x method x diagnostics x stride; 6 runs each")
     check_pairs(PAIRS, AXES)
 
 

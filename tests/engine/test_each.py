@@ -85,10 +85,10 @@ def test_one_that_cannot_be_is_named(wrong: Any, place: int) -> None:
 
 
 def test_one_that_needs_another_program_is_named() -> None:
-    lags = np.full(SIZE, 0.1)
-    lags[41] = 0.0
-    with pytest.raises(SceneError, match=rf"In environment 41 of {SIZE}: its lag would need another program"):
-        Each("lab", "scene", None, {"lag": lags}, SIZE)
+    laws = ["torque"] * SIZE
+    laws[41] = "voltage"
+    with pytest.raises(SceneError, match=rf"In environment 41 of {SIZE}: its control_sets would need another program"):
+        Each(SCENES["lab"].replace(no_load_speed=9.0), "scene", None, {"control_sets": laws}, SIZE)
 
 
 def test_speed_limits_of_each() -> None:

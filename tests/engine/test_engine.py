@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from choice import EVERYWHERE, FITS, turn_of
+from choice import FITS, FULL
 from given_effects import scene_of
 
 import integrators
@@ -34,20 +34,27 @@ SEED = 3
 EVERY = [case for case in product(SCENES, integrators.METHODS) if case in FITS]
 
 
-def home(method: str) -> str:
-    """Return the scene in which a method is compiled, which takes a second: mostly that of its million steps.
+def compiled_pairs() -> list[tuple[str, str]]:
+    """Return scenes and methods that are also compiled, which takes a second each.
 
-    Those of tests/hard_cases/test_hard_cases.py then find the program in the cache. Some methods of each family are
-    compiled with all that "lab" has, which takes twice as long.
+    Each method in one scene, mostly that of its million steps, whose program tests/hard_cases/test_hard_cases.py then
+    finds in the cache; one method of each class, explicit and implicit, in "lab", which has most effects; rk4 in every
+    scene. ``LAB_PENDULUM_GRID=full`` takes each method in each scene.
     """
-    usual = "vacuum" if integrators.METHODS[method].symplectic else "textbook"
-    places = ("lab", usual, "vacuum") if method in EVERYWHERE else (usual, "vacuum", "lab")
-    return next(scene for scene in places if (scene, method) in FITS)
+    if FULL:
+        return EVERY
+    found = {("lab", "rk4"): None}
+    first: dict[Any, str] = {}
+    for name, method in fitting(SCENES["lab"]).items():
+        first.setdefault((type(method), method.implicit), name)
+    found |= dict.fromkeys(("lab", name) for name in first.values())
+    for name, method in integrators.METHODS.items():
+        places = ("vacuum", "lab") if method.symplectic else ("textbook", "vacuum", "lab")
+        found[next(scene for scene in places if (scene, name) in FITS), name] = None
+    return [*(found | dict.fromkeys((scene, "rk4") for scene in SCENES))]
 
 
-COMPILED = [(scene, method) for scene, method in EVERY
-            if scene == home(method) or method == "rk4" or turn_of(f"{scene} {method}", 54) == 0]
-"""Scenes and methods that are also compiled."""
+COMPILED = compiled_pairs()
 STEPS = 2_000
 
 
@@ -61,7 +68,7 @@ def run(scene: str, method: str, backend: Any, steps: int = STEPS, **options: An
 
 def test_how_many_combinations(record_property: Any) -> None:
     print(f"\n{len(EVERY)} of {len(SCENES)} scenes x {len(integrators.METHODS)} methods fit; slow tests run them all")
-    print(f"{len(COMPILED)} of them are compiled: all in one scene, rk4 in all, others one in 54")
+    print(f"{len(COMPILED)} of them are compiled")
     assert {method for _, method in EVERY} == {method for _, method in COMPILED}
     assert {scene for scene, _ in EVERY} == {scene for scene, _ in COMPILED}
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from choice import check_pairs, pairs
 from in_node import Case, cases_of, differing, in_node, in_python, needs_node
 
 import integrators
 from pendulum_env import SCENES, code
 from pendulum_env.engine.javascript import javascript, translated
-from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.source import SourceError
 
 QUICK = (
@@ -26,7 +26,10 @@ QUICK = (
     Case("kapitza", "yoshida6a", "compensated"), Case("windy", "bs3", "adaptive"), Case("clock_bob", "hht_alpha"),
     Case("moon", "taylor", "adaptive"), Case("rod", "gauss4"), Case("kater", "kahan_li8"), Case("torsion", "verner6"),
 )
-"""Scenes, each with a method of another family; slow tests run every pair."""
+"""Scenes, each with a method of another family."""
+AXES = (list(SCENES), list(integrators.METHODS))
+PAIRS = pairs(AXES)
+"""Every kind of method in every scene, and every method."""
 
 
 @needs_node
@@ -36,16 +39,19 @@ def test_every_scene_has_the_same_bits_in_node(tmp_path: Path) -> None:
     assert differing([*QUICK, *(Case(scene, "rk4") for scene in sorted(others))], 100, tmp_path) == []
 
 
+def test_no_scene_and_no_method_is_left_out() -> None:
+    check_pairs(PAIRS, AXES)
+
+
 @needs_node
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", list(SCENES))
-def test_every_adaptive_and_every_compensated_program_has_the_same_bits_in_node(scene: str, tmp_path: Path) -> None:
-    """1000 steps each. Those with steps of one length run in a browser: see tests/web/test_page.py.
+def test_adaptive_and_compensated_programs_have_the_same_bits_in_node(scene: str, tmp_path: Path) -> None:
+    """1000 steps each, of PAIRS. All programs with steps of one length run in a browser: see tests/web/test_page.py.
 
-    ``python tests/support/in_node.py`` runs all of them in Node.
+    ``python tests/support/in_node.py`` runs every program in Node.
     """
-    cases = cases_of(scene)
-    assert {case.method for case in cases} == set(fitting(SCENES[scene]))
+    cases = cases_of(scene, [method for place, method in PAIRS if place == scene])
     assert differing([case for case in cases if case.steps != "fixed"], 1000, tmp_path) == []
 
 

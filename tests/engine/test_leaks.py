@@ -38,6 +38,13 @@ PACKAGES = [str(Path(package.__file__).parent / "*") for package in (pendulum_en
 PROCESS = Path("/proc/self")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def from_here_on() -> None:
+    """What other tests have left is not searched for garbage again: of compiled programs, that takes seconds a time."""
+    gc.collect()
+    gc.freeze()
+
+
 def resident() -> int:
     """Return the resident memory of this process [bytes], 0 if the system does not report it."""
     try:

@@ -80,9 +80,13 @@ def test_attributes_are_read_as_before() -> None:
     env = make(dt=0.01, substeps=2)
     assert (env.dt, env.substeps, env.task.name, env.integrator) == (0.01, 2, "swing_up", "rk4")
     assert env.omega0 == SCENES["lab"].omega0
-    assert not hasattr(env, "length")
-    with pytest.raises(AttributeError, match="has no attribute 'length'"):
-        _ = env.length
+    assert env.length == SCENES["lab"].body.length
+    assert not hasattr(env, "wind_speed")
+    with pytest.raises(AttributeError, match="The scene 'lab' has no parameter 'wind_speed'"):
+        _ = env.wind_speed
+    vector = LabPendulumVectorEnv(2, backend="python")
+    with pytest.raises(AttributeError, match="has no attribute 'length'"):  # they may differ; see get_attr
+        _ = vector.length
 
 
 # --- info ------------------------------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.usefixtures("all_interpreted")
 
 AXES = (list(SCENES), list(integrators.METHODS), list(TASKS))
 EVERY = [*product(SCENES, ["rk4"], TASKS), *(case for case in pairs(AXES) if case[1] != "rk4")]
-"""Scenes, methods and tasks: rk4 in every combination; of other methods, enough of them for each pair of values."""
+"""Scenes, methods and tasks: rk4 in every combination; of other methods, enough for the pairs of values."""
 COMPILED = ("lab", "windy")
 """Scenes in which Gymnasium's checker runs rk4 compiled."""
 KEYS = {"time", "angle", "velocity", "kinetic_energy", "potential_energy", "energy", "work", "heat", "energy_residual"}
@@ -46,7 +46,8 @@ def act(value: float = 0.5) -> Any:
 
 
 def test_how_many_combinations() -> None:
-    print(f"\n{len(EVERY)} combinations of scene x method x task go through Gymnasium's checker, every pair among them")
+    """Every pair of values, but of methods in scenes every kind: LAB_PENDULUM_GRID=full takes each method in each."""
+    print(f"\n{len(EVERY)} combinations of scene x method x task go through Gymnasium's checker")
     check_pairs(EVERY, AXES)
 
 

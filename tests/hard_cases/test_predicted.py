@@ -86,8 +86,9 @@ def test_every_motion_is_that_of_a_case() -> None:
     assert {case.motion for case in CASES} - {""} == MOTIONS.keys()
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if foretold(case.motion, METHODS["rk4"])],
-                         ids=lambda case: case.name)
+@pytest.mark.parametrize("case", [
+    pytest.param(case, id=case.name, marks=[pytest.mark.slow] if case.long else [])
+    for case in CASES if foretold(case.motion, METHODS["rk4"])])
 def test_a_case_notices_the_step_of_another_method(case: Case) -> None:
     """The step of Kutta's method of order 3 runs under the name rk4."""
     assert case.as_expected(METHODS["rk4"], case.tried(METHODS["rk4"]))

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from matplotlib._pylab_helpers import Gcf
 from matplotlib.figure import Figure
+from normal_posterior import normal_posterior
 
 import integrators
 from pendulum_env import (
@@ -86,6 +87,7 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "Basins": (lambda: basins(size=3, transient=2, steps=20, backend="python"), "attractor"),
     "LabSheet": (lambda: measure(swing()), "period at small amplitude"),
     "Fit": (lambda: fit(swing(), "linear", mass=0.1), "linear_drag.gamma"),
+    "Posterior": (lambda: normal_posterior(fit(swing(), "linear", mass=0.1)), "Priors"),
     "Recording": (swing, "201 points in 10 s"),
 }
 """What is shown -> function that makes one, and a text that must stand in its HTML."""

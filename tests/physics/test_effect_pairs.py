@@ -33,9 +33,15 @@ from pendulum_env.physics.units import SceneError
 
 BODY = Body(length=0.353, mass=0.040, radius=0.0107)
 USUAL = Run(angle=0.9, velocity=-2.0, dt=0.01, duration=0.12)
+MOTORS = (
+    Motor(lag=0.05), Motor(ramp=0.1, control_quantum=0.25, dead_zone=0.1, lag=0.02),
+    Motor(control_sets="voltage", no_load_speed=9.0), Motor(no_load_speed=6.0, stall_torque=0.06),
+    Motor(no_load_speed=0.9, ramp=0.05),
+)
+"""Motors with options of every kind; the supply limits the torque of the last one from the start on."""
 MODELS: tuple[Effect, ...] = (
     *(GIVEN.get(name) or effect() for name, effect in EFFECTS.items()),
-    *(SphereDrag(law=law) for law in LAWS), Motor(lag=0.05), AddedMass(boundary_layer=True),
+    *(SphereDrag(law=law) for law in LAWS), *MOTORS, AddedMass(boundary_layer=True),
     LinearDrag(boundary_layer=True),
 )
 """Every effect, and variants of some."""
@@ -78,7 +84,8 @@ def check(scene: Scene, method: str) -> None:
         assert run.stop_reason == ""
         assert np.isfinite([run.angle, run.velocity, run.energy, run.ledger.work, run.ledger.heat]).all()
         assert not np.isnan(list(run.watched.values())).any()
-        assert run.heat_by_effect.keys() == {effect.name for effect in scene.of_kind("dissipative")}
+        lossy = (*scene.of_kind("dissipative"), *scene.of_kind("limit"))
+        assert run.heat_by_effect.keys() == {effect.name for effect in lossy}
         assert all(heat[-1] >= 0.0 for heat in run.heat_by_effect.values())
         results.append((np.abs(run.energy_residual).max(), run.angle[-1]))
     (coarse, first), (fine, second) = results

@@ -146,7 +146,8 @@ def test_a_mean_torque_does_not_cancel(name: str) -> None:
 def test_each_kind_has_what_it_promises() -> None:
     assert {name for name, e in EFFECTS.items() if e.kind == "conservative"} == set(having("potential"))
     for name, effect in EFFECTS.items():
-        assert (effect.torque is None) == (bool(effect.dry) or effect.kind in ("inertia", "medium")), name
+        assert (effect.torque is None) == (bool(effect.dry) or effect.kind in ("inertia", "medium", "limit")), name
+        assert bool(effect.limit) == (effect.kind == "limit"), name
         assert effect.flow is None or effect.kind == "dissipative", name
 
 

@@ -123,9 +123,6 @@ def test_a_law_of_drag_is_a_word() -> None:
     assert [e.name for e in build_scene("lab", "linear+sphere_drag").effects[-2:]] == ["linear_drag", "sphere_drag"]
     with pytest.raises(SceneError, match="its law would need another program"):
         gym.make_vec("LabPendulum-v0", num_envs=2, damping="sphere_drag", law=["morrison", "brown_lawler"])
-    for lag in ([0.0, 0.1], [0.1, 0.0]):
-        with pytest.raises(SceneError, match="its lag would need another program"):
-            gym.make_vec("LabPendulum-v0", num_envs=2, lag=lag)
 
 
 # --- files and dicts ------------------------------------------------------------------------------------------------

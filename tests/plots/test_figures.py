@@ -23,6 +23,7 @@ import pytest
 from figure_texts import cut_off, overlapping, written
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from normal_posterior import normal_posterior
 from PIL import Image
 from stored import stored
 from typer.testing import CliRunner
@@ -153,6 +154,7 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.motion.phase": lambda: (runs(),),
     "plots.motion.portraits": lambda: (runs(),),
     "plots.recorded.recorded": lambda: (fitted(),),
+    "plots.corner.corner": lambda: (normal_posterior(fitted()),),
     "plots.swing.measured": lambda: (measure(swing()),),
     "plots.swing.readings": lambda: (swing(),),
     "plots.stability.regions": lambda: (TABLES,),

@@ -12,7 +12,7 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py"))
 FOREIGN = ("11_train_swing_up",)
 """Run by test_foreign.py, in an environment that has what they need."""
-MANY = ("10_thousands_at_once", "12_does_the_policy_exploit_the_integrator")
+MANY = ("10_thousands_at_once", "12_does_the_policy_exploit_the_integrator", "14_posterior")
 """Too many steps to be interpreted."""
 CASES = [
     pytest.param(path, backend, id=f"{path.stem}-{backend}", marks=[pytest.mark.slow] if backend == "compiled" else [])
@@ -50,7 +50,7 @@ def test_what_is_missing_for_training_is_said_in_one_sentence(tmp_path: Path) ->
     told = subprocess.run([sys.executable, str(path)], capture_output=True, text=True, check=False,
                           env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *filter(None, sys.path)])})
     assert told.returncode == 1
-    assert told.stderr == "torch is not installed; this example needs: pip install stable-baselines3\n"
+    assert told.stderr == "torch is not installed; this example needs: pip install 'lab-pendulum[sb3]'\n"
 
 
 def test_examples_are_numbered_without_gaps() -> None:

@@ -42,6 +42,7 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.plots": (*RUNS, "pendulum_env.render", "pendulum_env.lab", "pendulum_env.study",
                            "pendulum_env.hard_cases"),
     "pendulum_env.testing": ("pendulum_env.common",),
+    "pendulum_env.adapters": ("pendulum_env.common",),
     "pendulum_env.exercise": (*BASE, "pendulum_env.lab", "pendulum_env.render", "pendulum_env.plots"),
     "pendulum_env.web": (*BASE, "pendulum_env.engine", "pendulum_env.render"),
     "pendulum_env.notebook": (*BASE, *(f"pendulum_env.{room}" for room in (
@@ -165,6 +166,7 @@ OTHERS_PRIVATE = {
     ("pendulum_env.engine.kernels", "_cache"): "numba has no public way to give a function another cache",
     ("pendulum_env.engine.kernels", "_reduce"): "numba's compiled result, as its own cache stores it",
     ("pendulum_env.engine.kernels", "_rebuild"): "the counterpart of _reduce",
+    ("pendulum_env.lab.columns", "_replace"): "of named tuples: a documented name of Python's own",
     ("pendulum_env.common.warn", "_getframe"): "of sys: the way to the caller that a warning points at",
 }
 """Private names of other packages that are used for want of public ones, each with its reason."""

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import regenerate
+from only_new import readers
 from readme_code import PATHS, ROOT, block, method_entry
 
 from pendulum_env.tasks import TASKS
@@ -93,7 +94,7 @@ def done(root: Path, *words: str) -> str:
 def test_new_entries_in_their_places_are_all_that_has_to_be_written(tmp_path: Path) -> None:
     """A copy of the project with four entries more: one command stores their facts, and then its quick tests pass.
 
-    Cases that name only older entries are left out: the project's own quick tests are the same ones.
+    Run are the quick tests that can know of the new entries (tests/support/only_new.py): the others are the project's.
     """
     copied = (path for path in ROOT.iterdir() if not path.name.startswith(".") or path.name in (".ci", ".github"))
     for path in copied:
@@ -118,6 +119,30 @@ def test_new_entries_in_their_places_are_all_that_has_to_be_written(tmp_path: Pa
     assert found, tested[-3000:]
     assert int(found[1]) > 1000, "cases of new entries and tests of whole registries"
     assert not re.search(r"\d failed|\d error", tested)
+
+
+WITH_READERS = """
+import integrators
+from choice import EVERYWHERE, pairs
+from pendulum_env import SCENES
+
+ALL: list[str] = [name for name in SCENES]
+
+def count(): return len(ALL)
+def test_a_function_of_a_list(): assert count() == 18
+def test_an_attribute(): assert len(integrators.METHODS) == 105
+@pytest.mark.parametrize("name", sorted(SCENES))
+def test_parameters(name): pass
+def test_what_support_reads(): assert pairs(()) == []
+def test_by_name(): assert SCENES["lab"].name == "lab"
+def test_a_list_of_names(): assert "rk4" in EVERYWHERE
+"""
+
+
+def test_readers_of_whole_registries_are_told_from_others(tmp_path: Path) -> None:
+    (tmp_path / "test_x.py").write_text(WITH_READERS, encoding="utf-8")
+    assert {name for name in readers(tmp_path / "test_x.py") if name.startswith("test")} == {
+        "test_a_function_of_a_list", "test_an_attribute", "test_parameters", "test_what_support_reads"}
 
 
 def test_a_row_that_has_to_change_is_refused() -> None:

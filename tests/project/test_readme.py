@@ -16,6 +16,8 @@ from pendulum_env.cli import COMMANDS
 BLOCKS = [(name, mark, code) for name, page in READMES.items()
           for mark, code in re.findall(r"(?:<!-- ([\w ]+) -->\n)?```python\n(.*?)```", page, flags=re.S)]
 """Page, mark and code."""
+FOREIGN = "needs "
+"""Beginning of the marks of code that runs in an environment of its own, in tests/adapters."""
 ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/lab", "pendulum_env/exercise", "pendulum_env/study",
          "pendulum_env/web", "pendulum_env/envs", "pendulum_env/hard_cases", "examples/benchmarks", "tests")
 """Folders that have a page of their own."""
@@ -26,7 +28,7 @@ FILM = {"angle": math.radians(60.0), "velocity": 0.0, "dt": 0.01, "damping": "no
 
 @pytest.mark.parametrize("block", [
     pytest.param(code, id=f"{name}-{mark or i}", marks=[pytest.mark.slow] if mark else [])
-    for i, (name, mark, code) in enumerate(BLOCKS)])
+    for i, (name, mark, code) in enumerate(BLOCKS) if not mark.startswith(FOREIGN)])
 def test_python_blocks_run(
     block: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,6 +24,8 @@ COMMANDS = {text for text in INLINE if re.match(r"lab-pendulum \w+ .|python (exa
 PREPARED = "lab-pendulum fit swing.txt --length 0.65 --length-error 0.01 --mass 0.0415"
 """Makes what the comparison with a recording takes, beside the recording itself."""
 SHORTER = {
+    "lab-pendulum fit --mass 0.01 --radius 0.02 --effects linear+quadratic --read until=10.6 --posterior":
+        "--steps 30",
     "lab-pendulum list integrators": "",
     "lab-pendulum code --integrator rk4 --scene exercise_large": "",
     "lab-pendulum code --scene lab --integrator dop853 --language javascript": "",
@@ -65,6 +67,7 @@ ELSEWHERE = {
     "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",
     "python tests/support/mutants.py": "hard_cases/test_predicted.py",
     "python tests/support/expectations.py": "hard_cases/test_expectations.py",
+    "python tests/support/in_node.py": "engine/test_javascript.py",
 }
 """Command -> the file of tests that runs it."""
 BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")}

@@ -506,7 +506,7 @@ def test_the_portrait_of_a_bob_that_nothing_pulls_back():
 
 
 def portrait(comparison):
-    return " ".join(text.get_text() for text in files.figures(comparison)["phase"].axes[0].texts)
+    return " ".join(text.get_text() for text in files.figure_of(comparison, "phase").axes[0].texts)
 
 
 def test_the_text_of_a_start_at_rest_has_no_reynolds_number():

@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -17,6 +18,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
+from old_workbook import old_workbook
 from scipy.integrate import solve_ivp
 
 Array = NDArray[np.float64]
@@ -415,6 +417,16 @@ def phyphox_xlsx(path: Path, source: Source) -> Truth:
     return truth
 
 
+def phyphox_xls(path: Path, source: Source) -> Truth:
+    """The gyroscope of phyphox as a workbook of Excel 97, which it also exports."""
+    columns, truth = phyphox_columns(source, rest=False)
+    path.write_bytes(old_workbook([
+        ("Raw Data", [GYROSCOPE, *zip(*(column.tolist() for column in columns), strict=True)]),
+        ("Metadata Device", [("property", "value"), *DEVICE]),
+    ]))
+    return truth
+
+
 def physics_toolbox(path: Path, source: Source) -> Truth:
     """The gyroscope of Physics Toolbox."""
     columns, truth = gyroscope(source, rest=False)
@@ -442,25 +454,89 @@ def absolute_rate(path: Path, source: Source) -> Truth:
 # Accelerations
 
 
-def felt(swing: Swing, time: Array) -> tuple[Array, Array]:
-    """What a phone at the bob feels across the rod, along the motion, and along the rod towards the pivot [m/s²]."""
+def felt(swing: Swing, time: Array, reach: float = 0.0) -> tuple[Array, Array]:
+    """What a phone feels across the rod, along the motion, and along the rod towards the pivot [m/s²].
+
+    It is ``reach`` [m] from the pivot, or at the bob; a swing on a rod has the length of the point pendulum of its
+    period.
+    """
     angle, rate, turn = swing.at(time)
-    return (GRAVITY * np.sin(angle) + swing.length * turn,
-            GRAVITY * np.cos(angle) + swing.length * rate**2)
+    reach = reach or swing.length
+    return GRAVITY * np.sin(angle) + reach * turn, GRAVITY * np.cos(angle) + reach * rate**2
+
+
+def phone(swing: Swing, time: Array, source: Source, reach: float = 0.0) -> tuple[list[Array], float]:
+    """The three axes of a phone that leans on the rod, with the bias and the noise of each, and the lean [rad]."""
+    across, along = felt(swing, time, reach)
+    lean = math.radians(source.uniform(-0.5, 0.5))
+    ideal = (math.cos(lean) * across - math.sin(lean) * along, math.sin(lean) * across + math.cos(lean) * along,
+             np.zeros(len(time)))
+    return [axis + source.uniform(-0.03, 0.03) + 0.02 * source.standard_normal(len(time)) for axis in ideal], lean
 
 
 def phyphox_acceleration(path: Path, source: Source) -> Truth:
     """The accelerometer of phyphox with gravity; the phone leans on the rod by the zero [rad]."""
     swing = drawn(source, rest=True)
     time = shaken(swing, 100.0, source, source.uniform(0.002, 0.02))
-    across, along = felt(swing, time)
-    lean = math.radians(source.uniform(-0.5, 0.5))
-    ideal = (math.cos(lean) * across - math.sin(lean) * along, math.sin(lean) * across + math.cos(lean) * along,
-             np.zeros(len(time)))
-    axes = [axis + source.uniform(-0.03, 0.03) + 0.02 * source.standard_normal(len(time)) for axis in ideal]
+    axes, lean = phone(swing, time, source)
     size = np.sqrt(axes[0] ** 2 + axes[1] ** 2 + axes[2] ** 2)
     save(path, [quoted(ACCELEROMETER), *lines((time, *axes, size), [java] * 5)])
     return swing.truth(zero=lean)
+
+
+def phone_on_a_rod(path: Path, source: Source) -> Truth:
+    """The accelerometer of phyphox in its older words, of a phone on a rod above the end of it, with semicolons."""
+    swing = drawn(source, rest=True)
+    time = shaken(swing, 100.0, source, source.uniform(0.002, 0.02))
+    reach = swing.length * source.uniform(0.4, 0.8)
+    axes, _ = phone(swing, time, source, reach)
+    order = [axes[i] * source.choice([-1.0, 1.0]) for i in source.permutation(3)]
+    names = ("Time (s)", *(f"Acceleration {axis} (m/s²)" for axis in "xyz"))
+    save(path, [";".join(f'"{name}"' for name in names), *lines((time, *order), [java] * 4, ";")])
+    return swing.truth(reach=reach)
+
+
+def toolbox_force(path: Path, source: Source) -> Truth:
+    """The g-force meter of Physics Toolbox, in g, with the total force, of a phone just above the bob."""
+    swing = drawn(source, degrees=(15.0, 40.0))
+    time = shaken(swing, 100.0, source, source.uniform(0.002, 0.02))
+    reach = swing.length * source.uniform(0.85, 0.95)
+    axes = [-axis / 9.80665 for axis in phone(swing, time, source, reach)[0]]
+    size = np.sqrt(axes[0] ** 2 + axes[1] ** 2 + axes[2] ** 2)
+    save(path, ["time,gFx,gFy,gFz,TgF", *lines((time, *axes, size), (".6f", ".4f", ".4f", ".4f", ".3f"))])
+    return swing.truth(reach=reach)
+
+
+def absolute_acceleration(path: Path, source: Source) -> Truth:
+    """The size of the acceleration alone, of a phone that is the bob."""
+    swing = drawn(source, degrees=(20.0, 40.0))
+    time = shaken(swing, 100.0, source, source.uniform(0.002, 0.02))
+    axes, _ = phone(swing, time, source)
+    size = np.sqrt(axes[0] ** 2 + axes[1] ** 2 + axes[2] ** 2)
+    save(path, [quoted((ACCELEROMETER[0], ACCELEROMETER[4])), *lines((time, size), (java, java))])
+    return swing.truth()
+
+
+def across_acceleration(path: Path, source: Source) -> Truth:
+    """The acceleration across a rod alone, halfway down."""
+    swing = drawn(source)
+    time = shaken(swing, 100.0, source, source.uniform(0.002, 0.02))
+    reach, bias = swing.length * source.uniform(0.4, 0.6), source.uniform(-0.03, 0.03)
+    across = felt(swing, time, reach)[0] + bias + 0.02 * source.standard_normal(len(time))
+    save(path, [quoted((ACCELEROMETER[0], ACCELEROMETER[1])), *lines((time, across), (java, java))])
+    return swing.truth(zero=bias, reach=reach)
+
+
+def linear_acceleration(path: Path, source: Source) -> Truth:
+    """The acceleration without g, as phyphox calls it, of a phone that is the bob."""
+    swing = drawn(source)
+    time = shaken(swing, 100.0, source, source.uniform(0.002, 0.02))
+    _, rate, turn = swing.at(time)
+    ideal = (swing.length * turn, swing.length * rate**2, np.zeros(len(time)))
+    axes = [axis + 0.02 * source.standard_normal(len(time)) for axis in ideal]
+    names = ("Time (s)", *(f"Linear Acceleration {axis} (m/s^2)" for axis in "xyz"))
+    save(path, [quoted(names), *lines((time, *axes), [java] * 4)])
+    return swing.truth()
 
 
 def string_acceleration(path: Path, source: Source) -> Truth:
@@ -690,6 +766,71 @@ def period_by_amplitude(path: Path, source: Source) -> Truth:
 RUNS = ("The file holds two runs that are equally good: the angle may be that of run 1 or that of run 2, "
         "which was released elsewhere (the truth is of run 1; length and drag are those of both).")
 
+# Loggers of one's own
+
+
+def arduino_lines(path: Path, source: Source) -> Truth:
+    """What an Arduino prints over its serial line, with words of its library before and between the readings."""
+    swing = drawn(source)
+    time = even(swing, 50.0)
+    angle, zero = angle_degrees(swing, time, source)
+    body = lines((np.round(1000.0 * time).astype(int) + 4321, angle), ("d", ".2f"))
+    for at in sorted(source.choice(len(body) - 100, 6, replace=False) + 50, reverse=True):
+        body.insert(int(at), str(source.choice(["WARNING: I2C timeout, retry", "Sensor reset.", "ok"])))
+    save(path, ["Initializing...", "MPU6050 found at 0x68", *body], end="\r\n")
+    return swing.truth(zero=zero)
+
+
+def arduino_labels(path: Path, source: Source) -> Truth:
+    """Lines for the serial plotter of Arduino, each value with its name."""
+    swing = drawn(source)
+    time = even(swing, 50.0)
+    angle, zero = angle_degrees(swing, time, source)
+    save(path, [f"millis:{1000.0 * now:.0f},angle_deg:{value:.2f}" for now, value in zip(time, angle, strict=True)])
+    return swing.truth(zero=zero)
+
+
+def motion_unit(path: Path, source: Source) -> Truth:
+    """All axes of an MPU6050 on a rod, accelerations in g and rates in degrees/s, without units in the header."""
+    swing = drawn(source, degrees=(15.0, 40.0))
+    time = even(swing, 100.0)
+    reach = swing.length * source.uniform(0.5, 0.9)
+    force = [axis / 9.80665 for axis in phone(swing, time, source, reach)[0]]
+    turn = [0.1 * source.standard_normal(len(time)) + bias for bias in source.uniform(-2.0, 2.0, 3)]
+    turn[2] = turn[2] + np.degrees(swing.at(time)[1])
+    save(path, ["t_ms,ax,ay,az,gx,gy,gz",
+                *lines((1000.0 * time, *force, *turn), (".0f", ".4f", ".4f", ".4f", ".2f", ".2f", ".2f"))])
+    return swing.truth(reach=reach)
+
+
+def thousands(path: Path, source: Source) -> Truth:
+    """Milliseconds with a comma after thousands, as a spreadsheet formats them, with a byte-order mark."""
+    swing = drawn(source, rest=True)
+    time = even(swing, 50.0)
+    angle, zero = angle_degrees(swing, time, source)
+    save(path, ["Time (ms);Angle (deg)", *lines((1000.0 * time, angle), (",.0f", ".2f"), ";")], end="\r\n",
+         encoding="utf-8-sig")
+    return swing.truth(zero=zero)
+
+
+def nameless_axes(path: Path, source: Source) -> Truth:
+    """Sensor Logger's file of a gyroscope, whose header names the axes but not what they are."""
+    swing = drawn(source)
+    time = shaken(swing, 100.0, source)
+    noise = [0.004 * source.standard_normal(len(time)) for _ in range(3)]
+    stamps = 1_700_000_000_000_000_000 + np.round(1e9 * time).astype(np.int64)
+    save(path, ["time,seconds_elapsed,z,y,x", *lines((stamps, time, noise[0], swing.at(time)[1] + noise[1], noise[2]),
+                                                     ("d", ".9f", ".9f", ".9f", ".9f"))])
+    return swing.truth()
+
+
+AXES = ("The header names three axes x, y and z: they are an angular velocity or an acceleration, which only the name "
+        "of the file says.")
+ACROSS = ("A force without gravity is either that across a rod, g (1 - r/L) sin(theta), which needs the distance r of "
+          "the phone from the pivot, or an acceleration without g.")
+LINEAR = ("Without gravity, a small swing of a phone far from the pivot and a large one of a phone near it are the "
+          "same: the file shows only the product of amplitude and distance.")
+
 BENCH_FILES: tuple[BenchFile, ...] = (
     BenchFile("rotary sensor", "rotary_sensor.txt", "angle", rotary_sensor),
     BenchFile("encoder changes", "encoder_changes.csv", "angle", encoder_changes),
@@ -724,7 +865,25 @@ BENCH_FILES: tuple[BenchFile, ...] = (
     BenchFile("two runs", "two_runs.csv", "angle", two_runs, RUNS),
     BenchFile("german decimal commas", "winkel.csv", "angle", german),
     BenchFile("absolute rate", "absolute_rate.csv", "rate", absolute_rate),
+    BenchFile("phone on a rod", "acceleration_rod.csv", "acceleration", phone_on_a_rod),
+    BenchFile("physics toolbox g-force", "toolbox_force.csv", "acceleration", toolbox_force),
+    BenchFile("absolute acceleration", "absolute_acceleration.csv", "acceleration", absolute_acceleration),
+    BenchFile("acceleration across a rod", "acceleration_across.csv", "acceleration", across_acceleration, ACROSS),
+    BenchFile("acceleration without g", "linear_acceleration.csv", "acceleration", linear_acceleration, LINEAR),
+    BenchFile("phyphox gyroscope xls", "gyroscope.xls", "rate", phyphox_xls),
+    BenchFile("arduino with words between", "arduino_words.txt", "angle", arduino_lines),
+    BenchFile("arduino serial plotter", "arduino_plotter.txt", "angle", arduino_labels),
+    BenchFile("motion unit without units", "mpu6050.csv", "acceleration", motion_unit),
+    BenchFile("commas after thousands", "thousands.csv", "angle", thousands),
+    BenchFile("nameless axes", "nameless_axes.csv", "rate", nameless_axes, AXES),
 )
+
+
+def written(name: str, folder: Path, seed: int = 5) -> tuple[Path, Truth]:
+    """Writes a file of a format, drawn by a seed and the format's name; its path and its truth."""
+    one = next(one for one in BENCH_FILES if one.name == name)
+    path = folder / one.suffix
+    return path, one.write(path, np.random.default_rng([seed, zlib.crc32(name.encode())]))
 
 
 def main() -> None:

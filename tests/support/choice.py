@@ -3,12 +3,15 @@
 Quick tests take the plain methods in every case; of the others, about every twelfth in each test that needs no scene,
 so that each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases;
 in scenes that are not FAMILIAR only rk4. Choices follow from names, so that a new entry changes no other entry's.
-Where whole combinations are many, quick tests take enough of them to hold every pair of values.
+Where whole combinations are many, tests take enough of them to hold pairs of values; where slow tests leave pairs out,
+``LAB_PENDULUM_GRID=full`` takes them all.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from heapq import heapify, heapreplace
 from itertools import combinations, product
 from typing import Any
@@ -22,6 +25,8 @@ from pendulum_env.study import PLAIN
 
 FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(scene)}
 """Scenes and the methods that fit them."""
+FULL = os.environ.get("LAB_PENDULUM_GRID") == "full"
+"""Whether slow tests run each grid whole, rather than the pairs that it lists."""
 TURNS, FEWER = 12, 9
 EVERYWHERE = (
     *sorted(PLAIN), "symplectic_euler_position_first", "conformal_symplectic_euler", "midpoint", "heun",
@@ -90,10 +95,24 @@ def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, *
     return rollout(scene, **{"integrator": integrator, "dt": dt, "duration": duration, "backend": sooner, **options})
 
 
-def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
-    """Combinations that hold every pair of values; the first two axes are scenes and methods that fit them.
+@cache
+def kind(name: str) -> str:
+    """Return the first method whose program is written like this one's: of the same class, with the same needs.
 
-    One or more for each scene and method: the rest is chosen for the most pairs that were not there before.
+    It is the method itself for those of EVERYWHERE, and for all if grids are to be FULL.
+    """
+    def written(method: integrators.Method) -> Any:
+        return type(method), method.implicit, method.needs, method.name if FULL or method.name in EVERYWHERE else ""
+
+    wanted = written(integrators.METHODS[name])
+    return next(each for each, method in integrators.METHODS.items() if written(method) == wanted)
+
+
+def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
+    """Combinations that hold every pair of values; of scenes and methods, every scene with every kind of method.
+
+    The first two axes are scenes and methods that fit them. Combinations of each method are chosen for the most pairs
+    that were not there before.
     """
     found: list[tuple[Any, ...]] = []
     seen: set[Any] = set()
@@ -101,7 +120,7 @@ def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
         places = [scene for scene in axes[0] if (scene, method) in FITS]
         rows = [(scene, method, *rest) for scene in places for rest in product(*axes[2:])]
         held = [_pairs_of(row) for row in rows]
-        wanted = {pair for own in held for pair in own if (1, method) in pair}
+        wanted = {pair for own in held for pair in own if (1, method) in pair or (1, kind(method)) in pair}
         ranks = [_rank(own, wanted, seen, i) for i, own in enumerate(held)]
         heapify(ranks)
         while wanted - seen:
@@ -120,12 +139,15 @@ def _rank(own: set[Any], wanted: set[Any], seen: set[Any], place: int) -> tuple[
 
 
 def _pairs_of(row: tuple[Any, ...]) -> set[tuple[tuple[int, Any], tuple[int, Any]]]:
-    return set(combinations(enumerate(row), 2))
+    scene, method = (0, row[0]), (1, row[1])
+    return set(combinations(enumerate(row), 2)) - {(scene, method)} | {(scene, (1, kind(row[1]))), (method, method)}
 
 
 def check_pairs(found: Sequence[tuple[Any, ...]], axes: Sequence[Sequence[Any]]) -> None:
-    """AssertionError unless every pair of values that fit is there."""
-    for i, first in enumerate(axes):
-        for j, second in enumerate(axes[i + 1 :], i + 1):
-            wanted = {(a, b) for a in first for b in second if (i, j) != (0, 1) or (a, b) in FITS}
-            assert {(row[i], row[j]) for row in found} == wanted
+    """AssertionError unless every pair of values that fit is there, of scenes and methods every kind of method."""
+    assert {method for _, method, *_ in found} == set(axes[1])
+    wanted = {(scene, kind(method)) for scene, method in product(*axes[:2]) if (scene, method) in FITS}
+    assert {(scene, kind(method)) for scene, method, *_ in found} == wanted
+    for (i, first), (j, second) in combinations(enumerate(axes), 2):
+        if (i, j) != (0, 1):
+            assert {(row[i], row[j]) for row in found} == set(product(first, second))

@@ -73,11 +73,11 @@ def _classes() -> tuple[type, ...]:
 
 @functools.cache
 def modules() -> dict[str, ModuleType]:
-    """Return every module of the package by name."""
+    """Return every module of the package by name, but adapters, whose programs are in environments of their own."""
     found = {}
     for package in (integrators, pendulum_env):
         for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if not one.name.endswith(("__main__", ".moved")):
+            if not one.name.endswith(("__main__", ".moved")) and not one.name.startswith("pendulum_env.adapters."):
                 found[one.name] = import_module(one.name)
         found[package.__name__] = package
     return found

@@ -48,6 +48,7 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
                      "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses", "lab.GateSheet",
+                     "lab.Posterior",
                      "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution", "testing.VectorCheck",
                      "testing.VectorReport"), "a result, which the package makes"),
@@ -57,6 +58,8 @@ UNSPOILT: Mapping[str, str] = {
     "integrators.Event": "solve and rollout check it; names of events are allowed in rollout only",
     "effects.Effect": "the base of all effects, which are here",
     "integrators.unroll": "writes programs for solve and the engine, from what these have checked",
+    **dict.fromkeys(("LabPendulumVectorEnv.call", "LabPendulumVectorEnv.call_at"),
+                    "hand arguments on to a method of single environments"),
     "compare.amplitude_and_phase": "takes what compare has made",
     "compare.true_motion": "takes what compare has checked",
 }
@@ -77,7 +80,8 @@ def public() -> Iterator[tuple[str, Callable[..., Any]]]:
         if label not in UNSPOILT:
             yield label, entry
         for name, method in _own(entry).items() if entry in METHODS_OF else ():
-            if not name.startswith("_") and (inspect.isfunction(method) or isinstance(method, classmethod)):
+            called = inspect.isfunction(method) or isinstance(method, classmethod)
+            if called and not name.startswith("_") and f"{label}.{name}" not in UNSPOILT:
                 yield f"{label}.{name}", getattr(entry, name)
 
 
@@ -126,6 +130,8 @@ SELF: Mapping[str, Callable[[], Any]] = {
 STARTED = {"angle": 0.1, "velocity": 0.2, "omega0": 3.0, "time": 1.0}
 WORKING: Mapping[str, Mapping[str, Any]] = {
     "LabPendulumEnv.set_wrapper_attr": {"name": "mine", "value": 1.0},
+    "LabPendulumVectorEnv.set_attr": {"name": "mine", "values": 1.0},
+    "LabPendulumVectorEnv.set_state": {"saved": vector().get_state()},
     "Scene.save": {"path": "scene.json"},
     "audit": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "effects": ["gravity"]},
     "simplify": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "duration": 1.0},

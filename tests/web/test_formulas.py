@@ -17,7 +17,7 @@ LEFT_OUT: dict[str, set[str]] = {
     "exercise": set(), "exercise_large": set(), "vacuum": set(), "driven": set(), "chaotic": set(), "kapitza": set(),
     "clock_bob": {"gravity", "body.length", "body.mass"},  # inertia of a ball with squares; buoyancy
     "water": {"body.length"},  # Stokes' law and the added mass take powers
-    "lab": {"effects.3.lag"},  # 0; another value needs another program
+    "lab": {f"effects.3.{name}" for name in ("lag", "ramp", "control_quantum", "dead_zone")},  # 0 is another program
 }
 """Some presets -> settings whose formulas are not recorded, with the reason."""
 

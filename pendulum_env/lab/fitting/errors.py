@@ -94,8 +94,10 @@ def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> E
     if quantum > 0.0:
         covariance, coarse = _rounded(covariance, inverse, solution, seen, quantum)
         if coarse:
-            remarks.append(f"the sensor's steps of {math.degrees(quantum):.3g} degrees enlarge the error of {coarse}, "
-                           "as successive swings are rounded in nearly the same way")
+            model = solution.model
+            size = f"{quantum:.3g} m/s²" if model.mount else f"{math.degrees(quantum):.3g} degrees{'/s' * model.rate}"
+            remarks.append(f"the sensor's steps of {size} enlarge the error of {coarse}, as successive swings are "
+                           "rounded in nearly the same way")
     drift, ratio = None, next((name for name in (LENGTH, GRAVITY, "inertia") if name in solution.model.names), None)
     if ratio is not None:
         drift, at, spread = period_drift(solution), solution.model.names.index(ratio), 0.0

@@ -17,8 +17,10 @@ from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
 from pendulum_env.lab.fitting.grade import of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.result import Fit, FitComparison
+from pendulum_env.lab.fitting.robust import pulled, released
 from pendulum_env.lab.fitting.shooting import solve_all
 from pendulum_env.lab.fitting.start import Measured
+from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording, RecordingError, part_of
 from pendulum_env.lab.sheet import apparatus
 from pendulum_env.physics.body import Body
@@ -26,7 +28,7 @@ from pendulum_env.physics.damping import NONE, with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, nearest, other_units, several, shown
+from pendulum_env.physics.units import SceneError, naming_keywords, nearest, other_units, several, shown, truth
 
 BOB = ("radius", "mass")
 """Parameters that must be given for the drag on the bob to be known, in a known medium."""
@@ -40,15 +42,20 @@ def fit(
     *,
     scene: str | Scene | Mapping[str, object] | PathLike[str] | None = None,
     free: Sequence[str] | None = None,
+    until: float | None = None,
+    above: float | str | None = None,
+    drop: Drop | None = None,
+    robust: bool = False,
     progress: Progress | bool | None = None,
     **parameters: Any,
 ) -> Fit:
     """Fit the parameters of a scene to a recording, by least squares of the whole trajectory.
 
-    The model is ``angle_i = zero + scale theta(t_i)``, and for a gyroscope ``rate_i = zero + scale theta'(t_i)``, with
-    its bias as zero. Fitted are the start, the sensor's zero, the parameters in
-    ``free``, and those of the dampings. With several models, the best by the Bayesian information criterion is
-    returned, and its ``comparison`` lists all of them.
+    The model is ``angle_i = zero + scale theta(t_i)``, for a gyroscope ``rate_i = zero + scale theta'(t_i)``, and for
+    an accelerometer ``force_i = zero + scale force(t_i)``, with the bias as zero. Fitted are the start, the sensor's
+    zero, the parameters in ``free``, those of the dampings, and an accelerometer's distance from the pivot and tilt.
+    With several models, the best by the Bayesian information criterion is returned, and its ``comparison`` lists all of
+    them.
 
     Args:
         recording: the recording as read. It is cut at the release, and one period after the readings have stopped to
@@ -60,9 +67,14 @@ def fit(
             the given ``parameters``.
         free: parameters to fit besides the start and the dampings: positive parameters of the scene, such as "length"
             or "gravity" (a recording determines only their ratio), and "scale", that of the sensor. By default the
-            length; of other bodies than a bob or a rod, the measure of theirs that sets the period. The scale follows
-            from the dependence of the period on the amplitude and needs swings of about 30 degrees or more. () for
-            none.
+            length, and the scale of a displacement; of other bodies than a bob or a rod, the measure of theirs that
+            sets the period. The scale follows from the dependence of the period on the amplitude and needs swings of
+            about 30 degrees or more. () for none.
+        until: time of the recording [s] after which readings are left out.
+        above: share of the first amplitude, such as 0.05 or "5%", below which swings are left out.
+        drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
+        robust: True for readings of which some are far off: they count less, by the soft L1 loss. The loss is decided
+            with the model that has most dampings; see :mod:`pendulum_env.lab.fitting.robust`.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
             function is called with the fraction done and the present activity.
         **parameters: known parameters of the scene, such as ``length=0.65, mass=0.0415``.
@@ -82,17 +94,23 @@ def fit(
     if not place.of_kind("conservative") or not place.omega0 > 0.0:
         raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")
     known = scene is not None or all(name in parameters for name in BOB)
-    names = _checked((place.body.fitted,) if free is None else free, place)
+    usual = (place.body.fitted, *([SCALE] if recording.displaced else []))
+    names = _checked(usual if free is None else free, place)
+    steady = truth(robust, "robust")
     wanted = models_of(effects, place, known)
     if not isinstance(place.body, Body) and all(_undetermined(place, damping, names) for damping in wanted):
         raise SceneError(f"free cannot have {' and '.join(name for name in names if name != SCALE)} together: a free "
                          f"swing of the body '{place.body.shape}' shows only a quotient of them, in its period; "
                          "measure all but one of them.")
-    free_swing = recording.released()
-    swing = _moving(free_swing)
+    recording = recording.kept(until=until, drop=drop)
+    free_swing = released(recording, above) if steady else recording.released().kept(above=above)
+    swing = free_swing if steady else _moving(free_swing)
     models = [_model(place, damping, swing, names) for damping in wanted]
     sigma = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings)))
     with telling_of(progress, "fit") as telling:
+        if steady:
+            swing = pulled(max(models, key=lambda model: len(model.numbers)), swing, telling)
+            sigma = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings)))
         solutions = solve_all(models, swing, sigma, telling)
     rest, measured = float(free_swing.time[-1] - swing.time[-1]), Measured.of(swing)
     damped = not place.medium.empty and any(wanted)
@@ -165,7 +183,8 @@ def _undetermined(place: Scene, damping: Names, free: Names) -> bool:
 def _model(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]) -> Model:
     """Return the model of a swing with the given dampings; RecordingError for too few readings to fit its parameters.
     """
-    model = Model.of(place, damping, swing.time, free, program(place, damping), rate=swing.rate is not None)
+    model = Model.of(place, damping, swing.time, free, program(place, damping), rate=swing.rate is not None,
+                     mount=swing.mount)
     if len(swing.time) <= len(model.names):
         problem = f"{len(model.names)} parameters needs more readings than the {len(swing.time)} from the release on"
         raise RecordingError(f"{swing.source}: a fit of {problem}")

@@ -180,17 +180,17 @@ def of_misfit(
 
     Args:
         damping: name of the model.
-        rms: root mean square of the residuals, in the degrees of freedom [rad].
-        noise: error of a reading [rad].
+        rms: root mean square of the residuals, in the degrees of freedom, in ``unit``.
+        noise: error of a reading, in ``unit``.
         z: result of the runs test; below 0 for too few runs.
         alike: True if neighbouring readings are rounded alike, which makes a pattern without a misfit.
-        unit: unit of the message, "degrees" or "degrees/s" for rms and noise in rad/s.
+        unit: unit of the residuals in the message, such as "degrees".
     """
     pattern = z < -PATTERN and not alike and rms > noise * math.hypot(1.0, BESIDE)
     if rms < EXCESS * noise and not pattern:
         return []
-    return [Fault(f"the model {damping} does not fit to within the noise: its rms residual is {math.degrees(rms):.3g} "
-                  f"{unit}, the error of a reading {math.degrees(noise):.2g} (runs test: z = {z:.3g})", False)]
+    return [Fault(f"the model {damping} does not fit to within the noise: its rms residual is {rms:.3g} {unit}, "
+                  f"the error of a reading {noise:.2g} (runs test: z = {z:.3g})", False)]
 
 
 def graded(faults: Sequence[Fault]) -> Grade:

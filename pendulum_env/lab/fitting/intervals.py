@@ -14,6 +14,7 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.errors import Errors
+from pendulum_env.lab.fitting.grade import Grade
 from pendulum_env.lab.fitting.model import SENSOR, START, Model
 from pendulum_env.lab.fitting.shooting import FitSolution, refit
 from pendulum_env.lab.recording import Recording
@@ -60,6 +61,10 @@ class Fitted(Protocol):
     def errors(self) -> Errors: ...
     @property
     def covariance(self) -> Array: ...
+    @property
+    def correlations(self) -> Array: ...
+    @property
+    def grade(self) -> Grade: ...
     @property
     def scene(self) -> Scene: ...
 
@@ -302,7 +307,12 @@ def sample(fit: Fitted, n: int, seed: int, start: bool) -> dict[str, Any]:
         draws = fit.values + source.standard_normal((2 * (count - valid) + 16, len(errors))) @ spread
         rows = np.concatenate([rows, draws[(draws >= fit.model.least).all(axis=1)]])
         tried, valid = tried + len(draws), len(rows)
+    return keywords_of(fit, rows[:count], start)
+
+
+def keywords_of(fit: Fitted, rows: Array, start: bool) -> dict[str, Any]:
+    """Return rows of a fit's parameters as keywords of ``gym.make_vec`` or, with ``start``, of ``rollout``."""
     wanted = {*START[:2]} if truth(start, "start") else set()
-    columns = {name: column.copy() for name, column in zip(fit.names, rows[:count].T, strict=True)
+    columns = {name: column.copy() for name, column in zip(fit.names, rows.T, strict=True)
                if name not in SENSOR or name in wanted}
     return {"scene": fit.scene, **columns}

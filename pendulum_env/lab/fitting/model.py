@@ -1,7 +1,8 @@
 """The model that is fitted to a recording: a scene, the start of its motion, and a sensor with a zero and a scale.
 
-``angle_i = zero + scale theta(t_i)`` at the times t_i of a recording, with theta simulated from the release on. The
-start and the zero are always fitted, the scale and parameters of the scene on request.
+``angle_i = zero + scale theta(t_i)`` at the times t_i of a recording, with theta simulated from the release on; for a
+gyroscope theta' and for an accelerometer the specific force in place of theta. The start and the zero are always
+fitted, the scale and parameters of the scene on request.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.lab.accelerations import Mount
 from pendulum_env.physics.damping import NONE, with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.scene import Scene
@@ -27,15 +29,20 @@ LENGTH, GRAVITY = "length", "gravity"
 START = (ANGLE, VELOCITY, ZERO)
 """Parameters that every fit has besides those of the scene."""
 SCALE = "scale"
-UNITS = {ANGLE: "rad", VELOCITY: "rad/s", ZERO: "rad", SCALE: "1"}
-SENSOR = (*START, SCALE)
+DISTANCE = "sensor_distance"
+TILT = "tilt"
+"""Distance of an accelerometer from the pivot, which is fitted unless it is known, and the angle of its reading from
+the rod, which is fitted if it feels a force across the rod."""
+UNITS = {ANGLE: "rad", VELOCITY: "rad/s", ZERO: "rad", SCALE: "1", DISTANCE: "m", TILT: "rad"}
+SENSOR = (*START, SCALE, DISTANCE, TILT)
 """Parameters of a fit that do not belong to the scene."""
 METHOD = "tsit5"
 STEPS = 64
 """Steps per small-angle period. With cubic Hermite interpolation between them, the error is below 4e-7 of the amplitude
 up to 170 degrees."""
 RATE_STEPS = 128
-"""Steps per small-angle period for readings of a gyroscope, as the derivative of the interpolation is less accurate."""
+"""Steps per small-angle period for readings of a gyroscope or an accelerometer, as the derivatives of the interpolation
+are less accurate."""
 DECOY = 1e-3
 """Relative change of the parameters in an extra first run, so that no parameter is equal in all runs of a batch and the
 compiled program takes all of them as arguments."""
@@ -53,6 +60,7 @@ class Model:
             of the scene as :meth:`Scene.replace` names them.
         time: times of the recording [s], from 0.
         rate: True if the sensor is a gyroscope, whose readings are ``zero + scale theta'(t_i)`` [rad/s].
+        mount: how an accelerometer is mounted, whose readings are ``zero + scale force(t_i)`` [m/s²]; None for others.
     """
 
     scene: Scene
@@ -60,6 +68,7 @@ class Model:
     names: tuple[str, ...]
     time: Array
     rate: bool = False
+    mount: Mount | None = None
 
     @classmethod
     def of(
@@ -70,6 +79,7 @@ class Model:
         free: tuple[str, ...] = (LENGTH,),
         program: tuple[str, ...] = (),
         rate: bool = False,
+        mount: Mount | None = None,
     ) -> Model:
         """Return the model of a scene with the given dampings in place of the scene's own.
 
@@ -80,10 +90,13 @@ class Model:
             free: parameters to fit besides those of the dampings: parameters of the scene, or "scale".
             program: all dampings whose terms are compiled, including those of the model.
             rate: True for readings of a gyroscope.
+            mount: how an accelerometer is mounted, for its readings.
         """
         wanted = idle(dict.fromkeys((*program, *damping)))
         own = [_fitted(name) for name in damping if DAMPINGS[name].fitted]
-        return cls(with_damping(scene, wanted or NONE), damping, (*START, *free, *own), time, rate)
+        known = mount is None or mount.distance is not None, mount is None or not mount.turned
+        place = tuple(name for name, there in zip((DISTANCE, TILT), known, strict=True) if not there)
+        return cls(with_damping(scene, wanted or NONE), damping, (*START, *free, *place, *own), time, rate, mount)
 
     @property
     def title(self) -> str:
@@ -103,8 +116,8 @@ class Model:
 
     @property
     def least(self) -> Array:
-        """Lower bounds of the fitted parameters: 0, but no bound for the start and for the sensor's zero."""
-        return np.array([-math.inf if name in START else 0.0 for name in self.names])
+        """Lower bounds of the fitted parameters: 0, but no bound for the start, the sensor's zero and its tilt."""
+        return np.array([-math.inf if name in (*START, TILT) else 0.0 for name in self.names])
 
     def until(self, count: int) -> Model:
         """Return the model restricted to the first ``count`` times of the recording."""
@@ -113,7 +126,8 @@ class Model:
     def angles(self, values: Array) -> Array:
         """Return the sensor's readings, shape ``(runs, times)``, for parameters of shape ``(runs, names)``.
 
-        They are angles [rad], or angular velocities [rad/s] of a gyroscope, and nan after a run stopped early.
+        They are angles [rad], angular velocities [rad/s] of a gyroscope, or specific forces [m/s²] of an accelerometer,
+        and nan after a run stopped early.
         """
         return self._seen(values, 0)
 
@@ -127,11 +141,14 @@ class Model:
         from scipy.interpolate import CubicHermiteSpline
 
         rows = np.atleast_2d(values)
-        run = self._runs(rows)
+        run = self._runs(rows, self.step_for(rows[0]))
         angle, velocity = run.angle[1:], run.velocity[1:]
         ended = ~(np.isfinite(angle) & np.isfinite(velocity))
         angle, velocity = np.where(ended, 0.0, angle).T, np.where(ended, 0.0, velocity).T
-        curve = CubicHermiteSpline(run.time, angle, velocity)(self.time, derivative + self.rate).T
+        if self.mount is not None:
+            curve = self._forces(self.mount, run.time, angle, velocity, rows, derivative)
+        else:
+            curve = CubicHermiteSpline(run.time, angle, velocity)(self.time, derivative + self.rate).T
         if ended.any():
             curve[ended[:, np.searchsorted(run.time, self.time, side="right").clip(max=len(run.time) - 1)]] = math.nan
         if derivative:
@@ -140,7 +157,52 @@ class Model:
             curve *= rows[:, self.names.index(SCALE), None]
         return np.asarray(curve + rows[:, self.names.index(ZERO), None])
 
-    def _runs(self, rows: Array) -> Rollout:
+    def step_for(self, values: Array) -> float:
+        """Return the step of a simulation with the given parameter values [s]."""
+        return math.tau / self.scene_with(values).omega0 / (RATE_STEPS if self.rate or self.mount else STEPS)
+
+    def nodes(self, values: Array, step: float) -> tuple[Array, Array, Array]:
+        """Return the curves between whose steps readings are interpolated: times [s], values and slopes at the steps.
+
+        The cubic Hermite interpolation of the curve has the sensor's readings as values or, of a gyroscope, as slopes.
+
+        Args:
+            values: parameters, shape ``(runs, names)``.
+            step: step of the simulation [s], the same for all runs.
+
+        Values and slopes have the shape ``(runs, steps)``; they are nan after a run stopped early.
+        """
+        rows = np.atleast_2d(values)
+        run = self._runs(rows, step)
+        scale = rows[:, self.names.index(SCALE), None] if SCALE in self.names else 1.0
+        zero = rows[:, self.names.index(ZERO), None]
+        value, slope = scale * run.angle[1:], scale * run.velocity[1:]
+        if self.rate:
+            return run.time, value + zero * run.time, slope + zero
+        return run.time, value + zero, slope
+
+    def _forces(
+        self, mount: Mount, time: Array, angle: Array, velocity: Array, rows: Array, derivative: int
+    ) -> Array:
+        """Return the specific forces (``derivative`` 0) of simulated runs at an accelerometer, or their rates (1).
+
+        ``angle`` and ``velocity`` have the shape ``(times of the run, runs)``. Accelerations are the slopes of a cubic
+        spline through the velocities, and the forces at the steps of the run are interpolated by another.
+        """
+        from scipy.interpolate import CubicSpline
+
+        known = {GRAVITY: self.scene.gravity, DISTANCE: mount.distance, TILT: mount.tilt}
+        own = [rows[:, self.names.index(name)] if name in self.names else value for name, value in known.items()]
+        force = mount.force(angle, velocity, CubicSpline(time, velocity)(time, 1), *own)
+        return np.asarray(CubicSpline(time, force)(self.time, derivative).T)
+
+    def rest(self, values: Array) -> float:
+        """Return the reading of the sensor at the equilibrium, for given parameter values."""
+        given = dict(zip(self.names, values, strict=True))
+        force = 0.0 if self.mount is None else self.mount.rest * given.get(GRAVITY, self.scene.gravity)
+        return float(given[ZERO] + given.get(SCALE, 1.0) * force)
+
+    def _runs(self, rows: Array, step: float) -> Rollout:
         """Simulate a batch of runs, with an extra run in front whose parameters differ from all others.
 
         The engine compiles a parameter as a constant if it is equal in all runs, and would compile a new program for
@@ -153,7 +215,6 @@ class Model:
             name: np.append(value * (1.0 + DECOY) + 1e-9, given.get(name, np.full(len(rows), value)))
             for name, value in self._varied.items()
         }
-        step = math.tau / self.scene_with(rows[0]).omega0 / (RATE_STEPS if self.rate else STEPS)
         duration = max(float(self.time[-1]), step) + step
         return rollout(self._on_rod, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
                        diagnostics=(), warn=False, num_threads=1, **numbers)

@@ -31,6 +31,7 @@ from pendulum_env.lab.fitting.intervals import (
     student,
 )
 from pendulum_env.lab.fitting.model import SCALE, START, ZERO, Model, unit_of
+from pendulum_env.lab.fitting.posterior import Posterior, posterior
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
     FOUND,
@@ -80,17 +81,28 @@ class Fit(Plotted):
     faults: tuple[Fault, ...] = ()
 
     def __repr__(self) -> str:
-        return one_line(self, f"{self.recording.source}, {self.damping} damping, rms {self.rms:.2g} rad")
+        return one_line(self, f"{self.recording.source}, {self.damping} damping, rms {self.rms:.2g} "
+                              f"{self.recording.unit}")
 
     @property
     def degrees(self) -> str:
-        """Unit of residuals in texts and figures: "degrees", or "degrees/s" for a gyroscope."""
-        return "degrees" if self.recording.rate is None else "degrees/s"
+        """Unit of residuals in texts and figures: "degrees"; "degrees/s" for gyroscopes, "m/s²" for accelerometers."""
+        return self.recording.shown(0.0)[1]
+
+    @property
+    def sign(self) -> str:
+        """Short form of ``degrees``: °, °/s or m/s², with the space that belongs before it."""
+        return {"degrees": "°", "degrees/s": "°/s"}.get(self.degrees, f" {self.degrees}")
+
+    def shown(self, residual: float) -> float:
+        """Return a residual in the unit ``degrees``."""
+        return self.recording.shown(residual)[0]
 
     @property
     def swing(self) -> Array:
-        """The recorded angle about the equilibrium [rad], an array; for a gyroscope, the integral of its readings."""
-        zero = self.values[self.names.index(ZERO)] if self.recording.rate is None else 0.0
+        """The recorded angle about the equilibrium [rad], an array; for a gyroscope the integral of its readings, for
+        an accelerometer an estimate from them."""
+        zero = 0.0 if self.recording.indirect else self.values[self.names.index(ZERO)]
         return np.asarray(self.recording.angle - zero)
 
     def motion(self, time: Array) -> tuple[Array, Array]:
@@ -99,7 +111,7 @@ class Fit(Plotted):
         ``time`` is an array of times since the release [s]; angle and velocity are arrays at these times.
         """
         values = np.where([name == ZERO for name in self.names], 0.0, self.values)
-        angle, velocity = replace(self.model, time=time, rate=False).motion(values)
+        angle, velocity = replace(self.model, time=time, rate=False, mount=None).motion(values)
         return angle[0], velocity[0]
 
     def _unit(self, name: str) -> str:
@@ -208,8 +220,10 @@ class Fit(Plotted):
     def grade(self) -> Grade:
         """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
         rms = math.sqrt(float(self.residual @ self.residual) / self.degrees_of_freedom)
+        misfit = of_misfit(self.damping, self.shown(rms), self.shown(self.noise), self.runs.z, self.rounded_alike,
+                           self.degrees)
         return graded([*self.faults, *of_lost(self.damping, self.solution.followed, self.recording.time, self.swing),
-                       *of_misfit(self.damping, rms, self.noise, self.runs.z, self.rounded_alike, self.degrees)])
+                       *misfit])
 
     @property
     def how(self) -> str:
@@ -298,6 +312,36 @@ class Fit(Plotted):
         finite error, or if hardly any draw is within the bounds.
         """
         return sample(self, n, seed, start)
+
+    def posterior(
+        self,
+        walkers: int = 32,
+        steps: int = 1500,
+        seed: int = 0,
+        priors: Mapping[str, Any] | None = None,
+        progress: Progress | bool | None = None,
+    ) -> Posterior:
+        """Sample the posterior distribution of the parameters with emcee (``pip install "lab-pendulum[posterior]"``).
+
+        The likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, whose standard
+        deviation sigma is integrated out with the prior 1/sigma. It is made wider where the standard errors allow for
+        correlated residuals, rounding or a drift; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
+        zero are sampled with the other parameters. The walkers start around the fit.
+
+        Args:
+            walkers: number of chains that move together, at least twice the number of parameters.
+            steps: number of steps of every walker.
+            seed: seed of the random numbers, a whole number from 0; equal seeds give equal samples.
+            priors: dict of a parameter's name, such as "length" or "gamma", to ``(low, high)`` for a flat prior,
+                ``("log", low, high)`` for one flat in the logarithm, or ``("normal", mean, error)``. By default all
+                priors are flat: above 0, but for the start and the zero without bound.
+            progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s.
+
+        Ctrl-C ends the sampling and returns the steps done so far, with a warning. Warns if the chain is too short.
+        Raises RecordingError if emcee is missing, if the fit is not usable, and for a parameter without a finite error
+        and without a prior range; SceneError for invalid values.
+        """
+        return posterior(self, walkers, steps, seed, priors, progress)
 
     def against(self, **told: tuple[float, float]) -> dict[str, float]:
         """Compare fitted parameters with independently measured values, as in ``fit.against(length=(0.65, 0.01))``.
@@ -460,7 +504,7 @@ class FitComparison:
         if self.unlikely:
             sentences.append(f"Unlikely: {_listed(self.unlikely)}.")
         if self.ruled_out:
-            out = [f"{name} ({math.degrees(self[name].rms):.3g} {self[name].degrees}"
+            out = [f"{name} ({self[name].shown(self[name].rms):.3g} {self[name].degrees}"
                    + (", does not follow the swings)" if not self[name].grade.usable else ")")
                    for name in self.ruled_out]
             sentences.append(f"Ruled out: {_listed(out)}.")
@@ -479,13 +523,13 @@ class FitComparison:
 
         If not even the best fit is usable, the table has no verdicts.
         """
-        unit = "deg" if self.best.recording.rate is None else "deg/s"
+        unit = self.best.degrees.replace("degrees", "deg")
         head = ("model", "parameters", f"rms [{unit}]", f"largest [{unit}]", "envelope [deg]", "delta BIC", "runs z",
                 "verdict")
         rows = []
         for one, delta, verdict in zip(self.fits, self.delta_bic, self.verdicts, strict=True):
             largest = float(np.max(np.abs(one.residual)))
-            degrees = (math.degrees(one.rms), math.degrees(largest), math.degrees(envelope_misfit(one)))
+            degrees = (one.shown(one.rms), one.shown(largest), math.degrees(envelope_misfit(one)))
             rows.append((one.damping, str(len(one.names)), *(f"{x:.3g}" for x in degrees), f"{delta:.1f}",
                          f"{one.runs.z:.1f}", verdict))
         columns = len(head) if self.best.grade.usable else -1
@@ -514,7 +558,7 @@ def envelope_misfit(fit: Fit) -> float:
 
     The residual is averaged over a sixth of the half swing about every turning point of the recording, which reduces
     the noise. For a gyroscope it is the largest difference at the passages, a quarter of a period later, divided by
-    omega0.
+    omega0; for an accelerometer it is divided by the range of its readings, in proportion to that of the angle.
     """
     points = turning_points(fit.recording)
     if len(points.time) < 2:
@@ -523,6 +567,8 @@ def envelope_misfit(fit: Fit) -> float:
     at, unit = points.time, 1.0
     if fit.recording.rate is not None:
         at, unit = at + 6.0 * reach, 1.0 / fit.scene.omega0
+    elif fit.recording.force is not None:
+        unit = 2.0 * float(points.amplitude.max()) / float(np.ptp(fit.recording.force))
     ends = np.searchsorted(fit.recording.time, [at - reach, at + reach])
     means = [unit * abs(float(np.mean(fit.residual[first:last]))) for first, last in ends.T if last > first]
     return max(means, default=0.0)
@@ -565,7 +611,7 @@ def _called(damping: str) -> str:
 
 def _rms(fit: Fit) -> str:
     """Return the words "with an rms residual of ... degrees" for a fit."""
-    return f"with an rms residual of {math.degrees(fit.rms):.3g} {fit.degrees}"
+    return f"with an rms residual of {fit.shown(fit.rms):.3g} {fit.degrees}"
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, START, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, SENSOR, START, TILT, VELOCITY, ZERO, Model
 from pendulum_env.lab.fitting.start import Measured, visible
 from pendulum_env.lab.fitting.statistics import reading_error
 from pendulum_env.lab.recording import Recording
@@ -40,6 +40,9 @@ BEYOND = 10.0
 """Residual [rad] that is assumed after a trial trajectory has stopped early."""
 ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
 """Termination of the least-squares search, for a part of the recording and for all of it."""
+SEARCHED, LEAST_SEEN, WORTH = 6_000, 50, 4
+"""Least number of readings in a search that takes evenly spaced ones of very many, and of those per period; and least
+number of readings per one of them, below which all are taken."""
 MOST = 25
 """Largest number of steps in a refit."""
 CLOSE = 1e-6
@@ -174,8 +177,7 @@ def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Arr
     reading; two in a row mean that the model has lost the swing.
     """
     theirs = model.angles(values)[0] if shown is None else shown
-    zero = values[model.names.index(ZERO)]
-    size = _amplitude(model.time, angle - zero, math.tau / model.scene_with(values).omega0)
+    size = _amplitude(model.time, angle - model.rest(values), math.tau / model.scene_with(values).omega0)
     off = np.nan_to_num(np.abs(angle - theirs), nan=BEYOND)
     astray = off > ASTRAY * np.maximum(size, SMALL * float(size.max())) + 10.0 * sigma
     both = astray[1:] & astray[:-1]
@@ -198,10 +200,10 @@ def sizes(model: Model, values: Array) -> Array:
     """
     scene, given = model.scene_with(values), dict(zip(model.names, values, strict=True))
     swing = max(abs(given[ANGLE]), abs(given[VELOCITY]) / scene.omega0, 1e-3)
-    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, LENGTH: 1e-3 * scene.body.reach,
-             GRAVITY: 1e-3 * scene.gravity}
+    known = {ANGLE: 0.1, VELOCITY: 0.1 * scene.omega0, ZERO: 0.01, SCALE: 0.01, TILT: 0.01,
+             LENGTH: 1e-3 * scene.body.reach, GRAVITY: 1e-3 * scene.gravity}
     if not isinstance(scene.body, Body):
-        known |= {name: 1e-3 * abs(given[name]) for name in model.free if name != SCALE}
+        known |= {name: 1e-3 * abs(given[name]) for name in model.free if name not in SENSOR}
     least = dict(zip(model.numbers, visible(scene, model.numbers, swing), strict=True))
     return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
@@ -295,6 +297,8 @@ def _residual(model: Model, angle: Array, values: Array) -> Array:
 def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress: Progress) -> list[FitSolution]:
     """Fit all models to a swing and return their solutions, in the order of the models.
 
+    Of very many readings, the search takes evenly spaced ones, and a refit from its solution takes all of them.
+
     The model with the most dampings is fitted first, from measured starting values. The others take the start, the zero
     and the free parameters of the scene from its solution, and their damping from the envelope. A model that fits worse
     than a simpler model it contains is fitted again from the simpler model's solution.
@@ -302,6 +306,9 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
     measured = Measured.of(swing)
     weights = np.full(len(swing.time), sigma)
     last = int(np.searchsorted(swing.time, measured.points.time[-1]))
+    step = float(np.median(np.diff(swing.time)))
+    every = min(len(swing.time) // SEARCHED, int(measured.period / step / LEAST_SEEN))
+    every = every if every >= WORTH else 1
     solutions: dict[int, FitSolution] = {}
     leader: FitSolution | None = None
     for done, i in enumerate(sorted(range(len(models)), key=lambda i: -len(models[i].numbers))):
@@ -314,7 +321,10 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        first = solve(model, swing.readings, weights, start, tell, pause=last if dry else 0)
+        pause = last // every if dry else 0
+        first = solve(replace(model, time=swing.time[::every]), swing.readings[::every], weights[::every], start, tell,
+                      pause=pause)
+        first = first if every == 1 else solution_at(model, first.values, swing.readings, weights)
         solutions[i] = _settled(first, swing, weights)
         if leader is None and not solutions[i].lost:
             leader = solutions[i]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, VELOCITY, ZERO, Model
+from pendulum_env.lab.fitting.model import ANGLE, DISTANCE, GRAVITY, LENGTH, SCALE, SENSOR, TILT, VELOCITY, ZERO, Model
 from pendulum_env.lab.losses import NEXT
 from pendulum_env.lab.measures import crossings
 from pendulum_env.lab.recording import Recording, RecordingError
@@ -47,7 +47,7 @@ class Measured:
         period: period at small amplitude [s].
         angle, velocity: angle and velocity at the first reading [rad, rad/s].
         zero: reading of the sensor at the equilibrium [rad].
-        bias: reading of a gyroscope at rest [rad/s].
+        bias: reading of a gyroscope at rest [rad/s]; 0 for other sensors.
     """
 
     points: TurningPoints
@@ -77,8 +77,12 @@ class Measured:
 
     def start(self, model: Model) -> Array:
         """Return the starting values of a model's parameters for a fit, in the order of ``model.names``."""
-        given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: self.bias if model.rate else self.zero, SCALE: 1.0}
+        zero = self.zero if not model.rate and model.mount is None else self.bias
+        given = {ANGLE: self.angle, VELOCITY: self.velocity, ZERO: zero, SCALE: 1.0}
         place = with_period(model.scene, model.free, self.period)
+        if model.mount is not None:
+            given[TILT] = model.mount.tilt
+            given[DISTANCE] = model.mount.ratio * place.gravity / place.omega0**2
         known = place.parameters()
         given |= {name: float(known[name] or 0.0) for name in model.free if name not in given}
         given |= dict(zip(model.numbers, self._decline(place, model.numbers), strict=True))
@@ -128,7 +132,7 @@ def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
     if no length of a bob gives the period.
     """
     if not isinstance(scene.body, Body):
-        return _tuned(scene, [name for name in free if name != SCALE], period)
+        return _tuned(scene, [name for name in free if name not in SENSOR], period)
     bob = f"a bob of radius {scene.body.radius:g} m"
     fault = SceneError(f"No length gives {bob} the recorded period of {period:.3g} s.")
     for _ in range(4):  # the period of a bob of finite size is not proportional to sqrt(length), so this iterates

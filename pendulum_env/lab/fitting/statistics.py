@@ -89,6 +89,42 @@ def correlation_time(residual: Array) -> float:
     return min(max(1.0, float(sums[beyond[0]] if beyond.size else sums[-1])), float(n))
 
 
+def integrated_time(chain: Array) -> Array:
+    """Return the integrated autocorrelation time, in steps, of every parameter of a Markov chain; at least 1.
+
+    It is ``1 + 2 sum of rho_lag`` with the autocorrelation rho averaged over the walkers (Goodman & Weare 2010, Commun.
+    Appl. Math. Comput. Sci. 5, 65). The sum ends at the first lag that is 5 times the sum (Sokal 1997).
+
+    Args:
+        chain: parameters of all walkers after every step, ``(steps, walkers, parameters)``.
+    """
+    n, times = len(chain), np.ones(chain.shape[2])
+    for i, columns in enumerate(np.moveaxis(chain - chain.mean(axis=0), 2, 0)):
+        rho = np.mean([autocorrelation(column) for column in columns.T], axis=0)
+        sums = 2.0 * np.cumsum(rho) - 1.0
+        beyond = np.flatnonzero(np.arange(n) >= WINDOW * sums)
+        times[i] = max(1.0, sums[beyond[0]] if beyond.size else sums[-1])
+    return times
+
+
+def split_r(chain: Array) -> Array:
+    """Return the potential scale reduction R-hat of every parameter of a Markov chain, an array; 1 below 4 steps.
+
+    Both halves of every walker's steps count as a chain of m steps. With the mean W of their variances and the variance
+    B of their means, R is ``sqrt((m - 1)/m + B/W)`` (Gelman et al. 2013, Bayesian Data Analysis, section 11.4).
+
+    Args:
+        chain: parameters of all walkers after every step, ``(steps, walkers, parameters)``.
+    """
+    m = len(chain) // 2
+    if m < 2:
+        return np.ones(chain.shape[2])
+    parts = np.concatenate([chain[:m], chain[-m:]], axis=1)
+    within = parts.var(axis=0, ddof=1).mean(axis=0)
+    between = parts.mean(axis=0).var(axis=0, ddof=1)
+    return np.asarray(np.sqrt((m - 1.0) / m + between / np.where(within > 0.0, within, 1.0)))
+
+
 def chi_squared_p(chi2: float, degrees_of_freedom: float) -> float:
     """Return the probability that chi-squared is at least ``chi2``, for the given degrees of freedom."""
     from scipy.stats import chi2 as distribution

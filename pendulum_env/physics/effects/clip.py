@@ -25,7 +25,7 @@ class Clip(Effect):
     name: ClassVar[str] = "clip"
     kind: ClassVar[Kind] = "limit"
     number_name: ClassVar[str] = "v/v_max"
-    equation: ClassVar[str] = ", |theta'| <= {clip_bound:.6g}"
+    equation: ClassVar[str] = ", max |theta'| = {clip_bound:.6g}"
     source: ClassVar[str] = "Gymnasium 1.0 (2024), classic_control/pendulum.py"
     limit: ClassVar[str] = "clip_bound"
 

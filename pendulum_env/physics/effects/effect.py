@@ -19,7 +19,7 @@ coefficients of others. They cost nothing at run time.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import ClassVar, Literal
 
 from pendulum_env.physics.surroundings import Surroundings
@@ -56,7 +56,8 @@ class Effect(Checked):
             angle - spread to angle + spread, in closed form: minus the potential's difference over 2 spread. Left out
             where unknown.
         mean_by_end: the derivative of ``mean`` by angle plus that by spread.
-        flow: for dissipative effects, the exact solution of ``dv/dt = torque`` after ``duration`` at fixed angle.
+        flow: the exact solution after ``duration``, at fixed angle, of ``dv/dt = torque`` for a dissipative effect, and
+            of ``dv/dt = torque - torque at rest`` for a drive whose torque depends on the velocity.
         fade: for drags with a ``flow``, that solution in a moving medium: a function of ``slip``, ``cross`` (the
             velocity across the path) and ``duration`` that returns the remaining ``slip`` and the integral of
             -torque/slip over time [1].
@@ -122,6 +123,11 @@ class Effect(Checked):
         return any("control" in code.co_varnames[:code.co_argcount] for code in codes)
 
     @property
+    def idle(self) -> bool:
+        """Return True if the effect does nothing without control, as a motor that does not brake."""
+        return False
+
+    @property
     def needs(self) -> str:
         """Return the property of a body without which this effect has no meaning; "" if every body has it.
 
@@ -130,6 +136,14 @@ class Effect(Checked):
         that counts as a point mass) and "sphere" (a single ball at the end). A body's ``lacks`` names the missing ones.
         """
         return ""
+
+    def general(self, mixed: Collection[str]) -> Effect:
+        """Return this effect with functions that serve all members of a batch, by default the effect itself.
+
+        ``mixed`` holds the names of parameters that are 0 in some members and not in others. An effect of which a
+        parameter of 0 leaves a part out returns an effect with all parts.
+        """
+        return self
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         """Return the coefficients that this effect's functions take, by name, per moment of inertia.

@@ -98,7 +98,8 @@ def _present(scene: Scene, effect: Effect) -> AuditCase:
         note += f"; compared with {simpler.name} in its place"
         return AuditCase(effect.name, True, effect, scene, other, (simpler,), needed=True, note=note)
     if effect.controlled:
-        note = "at full control, towards the release side; without control it does nothing"
+        still = "brakes" if effect.flow else "does nothing"
+        note = f"at full control, towards the release side; without control it {still}"
         return AuditCase(effect.name, True, effect, scene, rest, control=1.0, note=note)
     return AuditCase(effect.name, True, effect, scene, rest)
 
@@ -137,5 +138,7 @@ def _absent(scene: Scene, kind: type[Effect]) -> AuditCase:
 
 
 def _numbers(kind: type[Effect]) -> str:
-    names = [f.name for f in fields(kind) if "unit" in f.metadata and f.default != 0.0]  # type: ignore[arg-type]
+    found = [f for f in fields(kind) if "unit" in f.metadata and f.default != 0.0]  # type: ignore[arg-type]
+    # Beside numbers with defaults, a number without one is an option, as the no-load speed of a motor.
+    names = [f.name for f in found if f.default is not None] or [f.name for f in found]
     return f"needs {', '.join(names)}" if names else "the scene does not determine it"

@@ -1,0 +1,110 @@
+"""Robust fits: single readings that are far off count less, by the soft L1 loss.
+
+The loss of a residual r with the standard deviation sigma is ``2 c² (sqrt(1 + (r/(c sigma))²) - 1)``, close to ``r²``
+for small residuals and to ``|r|`` for large ones. With c = 1.345, Gaussian readings are used with 95 % of the
+efficiency of least squares (Huber 1981, Robust Statistics). The fit is repeated with readings that are pulled towards
+the model, to ``model + psi(r) / mean(psi')`` with the derivative ``psi`` of the loss: least squares of these has the
+parameters of the robust fit, and its usual formulas give their standard errors (Bickel 1976, Scand. J. Stat. 3, 145;
+Street, Carroll & Ruppert 1988, Am. Stat. 42, 152).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from pendulum_env.common.progress import Progress
+from pendulum_env.lab.fitting.model import Array, Model
+from pendulum_env.lab.fitting.shooting import jacobian, refit, solve
+from pendulum_env.lab.fitting.start import Measured
+from pendulum_env.lab.recording import Recording, part_of, with_readings
+
+CORNER = 1.345
+"""Residual, in standard deviations, from which on a reading counts clearly less."""
+OUTLIER = 5.0
+"""Readings that are this many standard deviations off are counted in the note."""
+WIDTH, SPIKE = 7, 10.0
+"""Readings whose median a reading is compared with, and distance in units of the usual one that makes it a spike."""
+JUMP = 2.0
+"""A step between two readings is a jump if it is this many times more than usual (what 95 % of all do not exceed)."""
+ROUNDS, ENOUGH = 20, 1e-3
+"""Largest number of repeated fits, and change of the model, in standard deviations, at which they end."""
+
+
+def calmed(recording: Recording) -> Recording:
+    """Return a recording whose spikes are replaced by the line between the readings beside them.
+
+    A spike is a reading far from the median of the seven (WIDTH) around it.
+    """
+    return with_readings(recording, _without_spikes(recording.time, recording.readings),
+                         _without_spikes(recording.time, recording.angle))
+
+
+def _without_spikes(time: Array, values: Array) -> Array:
+    """Return readings without spikes, and without runs between two jumps that are shorter than the parts beside them.
+    """
+    away = np.abs(values - median_filter(values, WIDTH, mode="nearest"))
+    usual = max(1.4826 * float(np.median(away)), float(np.quantile(away, 0.75)), 1e-12 * float(np.ptp(values)))
+    good = np.flatnonzero(away <= SPIKE * usual)
+    usual = float(np.quantile(np.abs(np.diff(values[good])) / np.diff(good), 0.95, method="higher"))
+    while True:
+        steps = np.abs(np.diff(values[good]))
+        parts = np.split(good, np.flatnonzero(steps > usual * (np.diff(good) + JUMP)) + 1)
+        long = np.array([len(part) for part in parts])
+        between = np.flatnonzero((long[1:-1] < long[:-2]) & (long[1:-1] < long[2:])) + 1
+        if not len(between):
+            return np.asarray(np.interp(time, time[good], values[good]))
+        del parts[int(between[np.argmin(long[between])])]
+        good = np.concatenate(parts)
+
+
+def released(recording: Recording, above: float | str | None) -> Recording:
+    """Return the free swing of a recording with spikes, as :meth:`Recording.released` and :meth:`Recording.kept` do for
+    others.
+    """
+    start = calmed(recording).released()
+    swing = recording
+    if start.release is not None and recording.release is None:
+        swing = part_of(recording, recording.time >= start.release, start.notes[-1], start.release,
+                        release=start.release)
+    shorter = calmed(swing).kept(above=above)
+    kept = swing.time <= shorter.time[-1]
+    return swing if kept.all() else part_of(swing, kept, shorter.notes[-1])
+
+
+def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
+    """Return a free swing whose readings are pulled towards the robust fit of a model, and a note.
+
+    Least squares of these readings is the robust fit. The noise is 1.4826 times the median residual, but at least that
+    of rounding.
+    """
+    calm = calmed(swing)
+    measured = Measured.of(calm)
+    readings, least = swing.readings, swing.reading_quantum / math.sqrt(12.0)
+    sigma = max(calm.reading_noise, 1e-12 * float(np.ptp(readings)))
+    last = int(np.searchsorted(swing.time, measured.points.time[-1]))
+    first = solve(model, calm.readings, np.full(len(readings), sigma), measured.start(model), progress, pause=last)
+    values, slopes = first.values, first.jacobian
+    shown = model.angles(values)[0]
+    target = readings
+    for _ in range(ROUNDS):
+        away = readings - shown
+        sigma = max(1.4826 * float(np.median(np.abs(away))), least, 1e-12 * float(np.ptp(readings)))
+        scaled = 1.0 + np.square(away / (CORNER * sigma))
+        target = shown + away / np.sqrt(scaled) / float(np.mean(scaled**-1.5))
+        values, _ = refit(model, target, values, slopes)
+        new = model.angles(values)[0]
+        moved = float(np.sqrt(np.mean(np.square(new - shown))))
+        shown = new
+        if moved < ENOUGH * sigma:
+            break
+        slopes = jacobian(model, values)
+    far = np.abs(readings - shown) > OUTLIER * sigma
+    worst = swing.shown(float(np.max(np.abs(readings - shown))))
+    note = (f"robust: {np.count_nonzero(far)} readings are more than {OUTLIER:g} standard deviations from the model, "
+            f"by up to {worst[0]:.3g} {worst[1]}; soft L1 pulls all readings towards the model by their distance")
+    angle = target if not swing.indirect else calm.angle
+    return replace(with_readings(swing, target, angle), notes=(*swing.notes, note))
