@@ -185,6 +185,8 @@ def rows_of(row: Row, options: argparse.Namespace) -> Iterator[str]:
         return
     found = [one for seed in range(options.seeds) if (one := result(row, seed, options))]
     if len(found) > 1:
+        taken = max(1, int(options.share * row.budget))
+        cells = (*cells[:2], f"{row.trained_by}, {taken} steps")
         yield line(cells, [one["return"] for one in found], "seeds")
         each = ", ".join(f"{one['return']:.1f}" for one in found)
         yield f"| | | each: {each}; {np.mean([one['seconds'] for one in found]):.0f} s each on one core | | | |"

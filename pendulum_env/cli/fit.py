@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 
 
 def fit(
-    file: Annotated[
-        Path | None,
-        typer.Argument(help="Recording: a text file of times and angles, or of a track; by default a simulated one."),
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[FILE]...", help="Recording: a text file of times and angles, or of a track; by "
+                       "default a simulated one. Several logs of driven runs are fitted together."),
     ] = None,
     effects: Annotated[
         str,
@@ -64,6 +65,12 @@ def fit(
     robust: Annotated[
         bool, typer.Option("--robust", help="Let readings that are far off count less (soft L1).")
     ] = False,
+    action: Annotated[
+        str | None,
+        typer.Option(help="Column of the action in logs of driven runs, by name or number; by default as titled.")
+    ] = None,
+    torque: Annotated[str | None, typer.Option(help="Column of the torque in logs of driven runs.")] = None,
+    current: Annotated[str | None, typer.Option(help="Column of the motor's current in logs of driven runs.")] = None,
     svg: Svg = False,
     out: Out = Path("out/fit"),
     settings: Settings = None,
@@ -74,8 +81,10 @@ def fit(
     Release and equilibrium are determined from the recording, and every inferred setting is printed. The quantities of
     the lab sheet are measured first: period, amplitudes, decay, length. Then the whole trajectory is fitted; with auto,
     by every damping. The report, the tables and scene.json, which gym.make and compare accept, are written to the
-    output folder. With --posterior, posterior.csv, posterior.npz and the corner figure are written, too.
+    output folder. With --posterior, posterior.csv, posterior.npz and the corner figure are written, too. Logs of driven
+    runs, with an action, torque or current beside the angle, are fitted for motor, friction, delay and sensor.
     """
+    from pendulum_env.cli.driven import fit_logs, is_driven_fit
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.robust import calmed
@@ -93,6 +102,13 @@ def fit(
         write_posterior,
     )
 
+    drive = {"action": action, "torque": torque, "current": current}
+    if is_driven_fit(files or (), drive):
+        fit_logs(files or (), drive, read or (), unit, {"mass": mass}, settings, out)
+        return
+    if files is not None and len(files) > 1:
+        raise SceneError("Several files are fitted together only if they are logs of driven runs; give one recording.")
+    file = files[0] if files else None
     options = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
     known = _known({name: value for name, value in options.items() if value is not None}, settings)
     if length_error is not None and "length" not in known:

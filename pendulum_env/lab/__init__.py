@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.lab.cycles import Cycles, corrected_periods
+from pendulum_env.lab.driven.log import DrivenLog
 from pendulum_env.lab.gates import GateSheet, measure_gate
 from pendulum_env.lab.losses import Losses, losses
 from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period, small_amplitude_period
@@ -18,6 +19,8 @@ from pendulum_env.lab.tracks import Circle, fit_circle, track_angle
 from pendulum_env.lab.turning import TurningPoints, turning_points
 
 if TYPE_CHECKING:
+    from pendulum_env.lab.driven.fit import fit_driven
+    from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
     from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
@@ -25,6 +28,9 @@ if TYPE_CHECKING:
 __all__ = [
     "Circle",
     "Cycles",
+    "DrivenFit",
+    "DrivenLog",
+    "DrivenPrediction",
     "Fit",
     "GateSheet",
     "LabSheet",
@@ -40,6 +46,7 @@ __all__ = [
     "decay_rate",
     "fit",
     "fit_circle",
+    "fit_driven",
     "losses",
     "measure",
     "measure_gate",
@@ -53,8 +60,11 @@ __all__ = [
     "turning_points",
 ]
 
-_LAZY = {"Fit": "pendulum_env.lab.fitting.result", "Posterior": "pendulum_env.lab.fitting.posterior",
-         "fit": "pendulum_env.lab.fitting.fit"}
+_LAZY = {
+    "DrivenFit": "pendulum_env.lab.driven.result", "DrivenPrediction": "pendulum_env.lab.driven.result",
+    "Fit": "pendulum_env.lab.fitting.result", "fit": "pendulum_env.lab.fitting.fit",
+    "fit_driven": "pendulum_env.lab.driven.fit", "Posterior": "pendulum_env.lab.fitting.posterior",
+}
 """Names that are imported on first use, because their modules load the simulation engine."""
 
 

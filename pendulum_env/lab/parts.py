@@ -44,7 +44,7 @@ def spans(drop: Drop) -> list[tuple[float, float]]:
     if len(parts) == 2 and not any(isinstance(part, (str, Sequence)) for part in parts):
         parts = [parts]
     found = []
-    for part in parts:
+    for part in parts or [None]:
         try:
             first, last = (float(end) for end in (part.split(":") if isinstance(part, str) else part))
         except (TypeError, ValueError):

@@ -181,12 +181,6 @@ class Recording(Plotted):
         """Unit of ``readings``: "rad", "rad/s" or "m/s^2"."""
         return "m/s^2" if self.force is not None else "rad" if self.rate is None else "rad/s"
 
-    def shown(self, reading: float) -> tuple[float, str]:
-        """Return a reading in the unit of texts and figures, and that unit: degrees, degrees/s or m/s²."""
-        if self.force is not None:
-            return reading, "m/s²"
-        return math.degrees(reading), "degrees" if self.rate is None else "degrees/s"
-
     @property
     def indirect(self) -> bool:
         """True if the sensor measured another quantity than the angle, from which the angle was calculated."""
@@ -385,3 +379,10 @@ def with_readings(recording: Recording, readings: FloatArray, angle: FloatArray)
     other = replace(recording, angle=angle, **changed)  # type: ignore[arg-type]
     vars(other).update({name: getattr(recording, name) for name in ("quantum", "reading_quantum")})
     return other
+
+
+def in_words(recording: Recording, reading: float) -> tuple[float, str]:
+    """Return a reading in the unit of texts and figures, and that unit: degrees, degrees/s or m/s²."""
+    if recording.force is not None:
+        return reading, "m/s²"
+    return math.degrees(reading), "degrees" if recording.rate is None else "degrees/s"

@@ -214,11 +214,13 @@ class TextTable:
     def _text_between(self) -> list[int]:
         """Remove lines of text between the readings, of which no field begins like a number; return their numbers.
 
-        They stay if there are more than one in twenty (_WORDY), as such a table is no recording.
+        They stay if there are more than one in twenty (_WORDY), as such a table is no recording, and if one of them is
+        the header again, as a second recording may follow it.
         """
         words = [row for row in self.rows if not any(
             field[:1] in _BEGINNINGS or field.lower() in _MISSING for field in row[1])]
-        if not words or len(words) > max(_WORDY * len(self.rows), 1.0):
+        heads = {tuple(split(line, self.separator, trim=False)) for line in self.header}
+        if len(words) > _WORDY * len(self.rows) or any(tuple(fields) in heads for _, fields in words):
             return []
         lines = {line for line, _ in words}
         self.rows = [row for row in self.rows if row[0] not in lines]

@@ -95,7 +95,7 @@ def test_programs_of_up_to_four_stages_are_short(scene: str) -> None:
 def test_every_scene_has_one(scene: str, method: str) -> None:
     place = SCENES[scene]
     fits = method in fitting(place)
-    if fits and not any(effect.dry or effect.memory for effect in place.effects) and (
+    if fits and not any(effect.dry or effect.memory or effect.limit for effect in place.effects) and (
             scene != "driven" or method != "velocity_verlet"):
         check(scene, method)
         return

@@ -206,8 +206,10 @@ def test_rewards_are_those_of_the_page(task: str) -> None:
     error = info["angle"] - 0.5 * math.sin(2.0 * math.pi * info["time"] / 4.0)
     page = LabPendulumEnv.__doc__ or ""
     (equation,) = re.findall(rf"\| `{task}` \| (.*?) \|", page)
-    assert reward == pytest.approx(read(equation, phi=phi, velocity=info["velocity"], omega0=env.omega0, action=0.5,
-                                        error=error), rel=1e-12)
+    equation, of_before, _ = equation.partition(" before the step")
+    state = {"phi": 3.1 - math.pi, "velocity": 0.2} if of_before else {"phi": phi, "velocity": info["velocity"]}
+    assert reward == pytest.approx(
+        read(equation, **state, omega0=env.omega0, action=0.5, error=error, pi=math.pi), rel=1e-12)
     assert all(f'"{name}"' in page for name in DIAGNOSTICS)
 
 

@@ -91,8 +91,9 @@ def test_angles_in_options_and_infos_count_from_hanging() -> None:
     theirs.reset(seed=0)
     theirs.state = np.array([0.7, -0.4])  # type: ignore[attr-defined]
     seen, info = ours.reset(options={"angle": 0.7 + math.pi, "velocity": -0.4})
-    assert seen == pytest.approx(theirs._get_obs(), abs=SINGLE)  # type: ignore[attr-defined]
+    assert seen == pytest.approx([math.cos(0.7), math.sin(0.7), -0.4], abs=SINGLE)
     assert info["angle"] == 0.7 + math.pi
+    assert ours.step(np.array([0.25], np.float32))[0] == pytest.approx(theirs.step(np.array([0.5]))[0], abs=SINGLE)
     with pytest.raises(SceneError, match="reset has no option 'x_inti'; did you mean x_init"):
         ours.reset(options={"x_inti": 0.1})
     with pytest.raises(SceneError, match="x_init must be a finite number of at least 0"):

@@ -276,16 +276,16 @@ def test_the_posterior_of_an_accelerometer_contains_the_truth(tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_intervals_of_many_recordings_contain_the_truth() -> None:
-    """Of 80 recordings, 95 % intervals of two parameters miss 8 on average; 160 cases scatter by 2.8."""
-    time, missed = np.arange(0.0, 12.0, 0.05), 0
+    """Of 80 intervals with the probability 68 %, 26 ± 4 miss the truth."""
+    time, missed = np.arange(0.0, 8.0, 0.05), 0
     angle = swing(time, 0.5, length=0.4, gamma=0.1)
-    for seed in range(80):
-        found = fit(recorded(time, angle, noise=0.01, seed=seed), "linear", mass=0.1, length=0.38)
-        own = found.posterior(steps=450, seed=seed)
+    for seed in range(40):
+        found = fit(recorded(time, angle, noise=0.01, seed=seed), "linear", scene="vacuum", mass=0.1, length=0.38)
+        own = found.posterior(walkers=20, steps=450, seed=seed)
         for name, value in (("length", 0.4), ("linear_drag.gamma", 0.1)):
-            low, high = own.interval(name)
+            low, high = own.interval(name, 0.68)
             missed += not low <= value <= high
-    assert 1 <= missed <= 17
+    assert 12 <= missed <= 40
 
 
 def test_it_is_as_wide_as_errors_that_allow_for_correlation() -> None:

@@ -259,7 +259,9 @@ def test_lines_after_the_last_reading_are_left_out_and_others_refused(tmp_path: 
     assert len(found.time) == 50_000
     assert "end: 2 lines without all numbers left out after the last reading" in found.notes
     path.write_text(f"{rows}oops\n{''.join(f'{50 + i},1{chr(10)}' for i in range(20))}")
-    with pytest.raises(RecordingError, match="line 50001: expected a time and an angle, found 'oops'"):
+    assert "text: 1 lines without numbers left out (first: line 50001)" in Recording.read(path).notes
+    path.write_text(f"{rows}50.0,oops\n{''.join(f'{50 + i},1{chr(10)}' for i in range(1, 21))}")
+    with pytest.raises(RecordingError, match=r"line 50001: expected a time and an angle, found '50\.0  oops'"):
         Recording.read(path)
 
 

@@ -41,12 +41,13 @@ SHAPE = re.compile(r"\b(shapes?|arrays?|each|every|points?|rows?|matrix|Times)\b
 OWN_FORMULAS: Mapping[str, str] = {
     "decay_rate": "a least-squares line through logarithms, written out",
     "fit": "least squares of what a scene, whose effects have sources, does",
+    "fit_driven": "least squares of what a scene, whose effects have sources, does",
+    "DrivenFit": "a result of fit_driven",
     "fit_circle": "the definition of least squares",
     "measure": "puts together what other functions measure",
     "period": "a mean of differences, with its error by propagation",
     "track_angle": "the definition of an angle",
     "turning_points": "a definition",
-    "GateSheet": "a result of measure_gate, which has the source",
     "Losses": "a result of losses, which has the source",
     "VirtualSensor": "rounding and sampling, written out",
 }

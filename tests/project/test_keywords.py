@@ -23,7 +23,8 @@ PUBLIC = dict(public())
 PAIRS = [(label, keyword.name) for label, function in PUBLIC.items() for keyword in keywords(function)]
 LONGEST = 3000
 """Most characters of a message; those about methods name all there are."""
-STUDIES = ("audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit")
+STUDIES = (
+    "audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit", "lab.fit_driven")
 
 
 def cases() -> list[Any]:
@@ -38,6 +39,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder to work in, with a recording and files that must stay as they are."""
     monkeypatch.chdir(tmp_path)
     np.savetxt("swing.txt", np.stack([TIME, np.cos(TIME)], axis=1))
+    np.savetxt("driven.csv", np.stack([TIME, np.sin(TIME), np.cos(TIME)], axis=1), delimiter=",",
+               header="time (s),angle (rad),action", comments="")
     np.savetxt("gate.txt", 2.0 + 0.03 * np.exp(-0.1 * np.arange(10.0)), header="Period (s)", comments="")
     for name in ("x", "1", "kept.npy", "scene.json"):
         Path(name).write_text("kept")
@@ -130,7 +133,7 @@ TAKING = [label for label, function in PUBLIC.items()
 
 def test_runs_and_studies_of_scenes_are_among_those_with_a_scenes_parameters() -> None:
     assert {"LabPendulumEnv", "LabPendulumVectorEnv", "rollout", "film", *STUDIES} - {
-        "compare.write", "choose", "stress", "fit", "simplify", "audit"} <= {*TAKING}
+        "compare.write", "choose", "stress", "fit", "lab.fit_driven", "simplify", "audit"} <= {*TAKING}
 
 
 @pytest.mark.parametrize("label", TAKING)

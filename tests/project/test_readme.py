@@ -36,7 +36,7 @@ def test_python_blocks_run(
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "block.py"
     path.write_text(block, encoding="utf-8")
-    exec(compile(block, str(path), "exec"), {})
+    exec(compile(block, str(path), "exec", dont_inherit=True), {"__name__": "block"})
     assert capsys.readouterr().out
 
 

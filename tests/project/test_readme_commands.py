@@ -57,6 +57,7 @@ SHORTER = {
 }
 """Command -> what is added to it here; a later option wins."""
 ELSEWHERE = {
+    "lab-pendulum fit run1.csv run2.csv": "lab/test_driven.py",
     ".venv/bin/lab-pendulum demo": "study/test_demo.py",
     ".venv/bin/lab-pendulum web --out lab.html": "web/test_page.py",
     "lab-pendulum show --integrators forward_euler,symplectic_euler,rk4 --angle 45 --size 1600x900":

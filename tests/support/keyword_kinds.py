@@ -40,6 +40,7 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "seeds": ({"zero"}, {"list of none"}),
     "share": (ORDER, {"tiny"}),
     "limit": ({"half", "inf"}, EDGE),
+    "part": ({"half"}, {"tiny"}),
     "numbers": (ORDER, {*EDGE, "square", "list"}),
     "states": ({*ORDER, "complex"}, EDGE),
     "tolerance": ({"half", "tiny"}, {"huge"}),
@@ -93,14 +94,15 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "least": "observation_delay action_delay level tau friction_ratio speed_penalty",
         "count": "history substeps every num_envs max_episode_steps num_threads repeats in_flight steps n"
                  " render_size size",
-        "number": "release at",
+        "number": "release at until",
         "one and more": "periods",
         "wait": "hand",
-        "flag": "upright reward_rate compensated copy estimate_error warn complete resume anew as_latex dense"
-                " velocity_free one_way film recalibrate long raises",
-        "none of these": "randomize reward lost reference points columns pivot motion x y env"
+        "part": "above",
+        "flag": "robust displaced upright reward_rate compensated copy estimate_error warn complete resume anew as_latex"
+                " dense velocity_free one_way film recalibrate long raises",
+        "none of these": "widths randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
-                         " temperature series system times angles velocities over",
+                         " temperature series system times angles velocities over drop",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients make_vec make_single",
         "functions": "events",
@@ -128,9 +130,16 @@ OWN: Mapping[str, str] = {
     "LabPendulumVectorEnv.get_state.which": "count or none", "LabPendulumVectorEnv.set_state.which": "none of these",
     "LabPendulumVectorEnv.set_attr.values": "anything",
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
-    "Recording.read.part": "none of these", "Recording.read.run": "none of these", "Recording.read.until": "number",
-    "Recording.read.drop": "none of these", "Recording.rate": "none of these",
+    "Recording.read.part": "none of these", "Recording.read.run": "none of these",
+    "Recording.rate": "none of these", "Recording.radius": "none of these",
     "Recording.force": "none of these", "Recording.mount": "none of these", "Recording.read.sensor": "number",
+    "lab.fit_driven.progress": "progress", "lab.fit_driven.logs": "none of these", "lab.fit_driven.hold": "mapping",
+    "lab.fit_driven.moment": "positive", "lab.DrivenLog.time": "none of these", "lab.DrivenLog.angle": "none of these",
+    "lab.DrivenLog.drive": "none of these", "lab.DrivenLog.kind": "word", "lab.DrivenLog.notes": "names",
+    "lab.DrivenLog.read.factor": "factor", "lab.DrivenLog.read.until": "number",
+    **{f"lab.DrivenLog.read.{name}": "none of these" for name in ("path", "action", "torque", "current", "part")},
+    "lab.DrivenLog.read.time": "word or name", "lab.DrivenLog.read.angle": "word or name",
+    "lab.DrivenLog.between.first": "number", "lab.DrivenLog.between.last": "number",
     "lab.measure_gate.path": "none of these", "lab.measure_gate.length_error": "least",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
     "with_damping.scene": "none of these", "choose.scenes": "list", "Sweep.column.name": "none of these",

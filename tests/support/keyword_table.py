@@ -49,6 +49,7 @@ UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
                      "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses", "lab.GateSheet",
                      "lab.Posterior",
+                     "lab.DrivenFit", "lab.DrivenPrediction",
                      "compare.Comparison", "compare.Drift",
                      "compare.Truth", "integrators.Solution", "testing.VectorCheck",
                      "testing.VectorReport"), "a result, which the package makes"),
@@ -64,7 +65,8 @@ UNSPOILT: Mapping[str, str] = {
     "compare.true_motion": "takes what compare has checked",
 }
 """Public names whose keywords are not spoilt, and why."""
-METHODS_OF = (LabPendulumEnv, LabPendulumVectorEnv, Recording, VirtualSensor, pendulum_env.Scene, Sweep)
+METHODS_OF = (
+    LabPendulumEnv, LabPendulumVectorEnv, Recording, lab.DrivenLog, VirtualSensor, pendulum_env.Scene, Sweep)
 """Classes whose methods are called by users; those of effects are called by scenes."""
 
 
@@ -106,6 +108,7 @@ def still(phi: float) -> float:
 
 TIME = np.linspace(0.0, 20.0, 401)
 SWING = Recording(TIME, np.cos(3.0 * TIME), "swing")
+LOG = lab.DrivenLog(TIME[:100], 0.3 * np.sin(TIME[:100]), np.cos(TIME[:100]))
 MOTION = SimpleNamespace(time=TIME, angle=np.cos(3.0 * TIME), velocity=-3.0 * np.sin(3.0 * TIME))
 
 
@@ -123,6 +126,7 @@ def vector() -> LabPendulumVectorEnv:
 
 SELF: Mapping[str, Callable[[], Any]] = {
     "LabPendulumEnv": env, "LabPendulumVectorEnv": vector, "Recording": lambda: SWING, "VirtualSensor": VirtualSensor,
+    "lab": lambda: LOG,
     "Scene": lambda: SCENES["lab"],
     "Sweep": lambda: sweep({"angle": [0.1]}, scene="vacuum", duration=0.01, backend="python"),
 }
@@ -148,6 +152,9 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "integrators.System": {"acceleration": lambda t, q, v: -q},
     "integrators.fitting": {"system": integrators.System(lambda t, q, v: -q)},
     "Recording": {"time": TIME, "angle": np.cos(TIME), "source": "swing"},
+    "lab.DrivenLog": {"time": TIME, "angle": np.sin(TIME), "drive": np.cos(TIME)},
+    "lab.DrivenLog.read": {"path": "driven.csv"}, "lab.DrivenLog.between": {"first": 1.0, "last": 4.0},
+    "lab.fit_driven": {"logs": LOG, "mass": 1.0},
     "Recording.read": {"path": "swing.txt"}, "lab.measure_gate": {"path": "gate.txt"},
     "lab.crossings": {"time": TIME, "angle": np.cos(TIME)},
     "lab.noise_level": {"time": TIME, "angle": np.cos(TIME)}, "lab.quantum_level": {"angle": np.cos(TIME)},

@@ -23,8 +23,8 @@ from pendulum_env.tasks import TASKS
 
 NEW = set(os.environ.get("LAB_PENDULUM_NEW_ENTRIES", "").split())
 """Names of the entries that the copy has and the project has not."""
-LISTING = ("cli", "notebook", "project", "study", "web")
-"""Rooms whose tests look at what lists all entries: commands, READMEs, API pages, tables, widgets, the page."""
+LISTING = ("cli", "notebook", "project", "web")
+"""Rooms whose tests look at what lists all entries: commands, READMEs, API pages, widgets, the page."""
 REGISTRIES = {"METHODS", "SCENES", "EFFECTS", "TASKS", "fitting"}
 """Names of the registries, and of the function that returns all methods that fit a scene."""
 TESTS = Path(__file__).parents[1]

@@ -43,7 +43,7 @@ from pendulum_env.lab.fitting.statistics import (
     runs_test,
 )
 from pendulum_env.lab.measures import Measurement
-from pendulum_env.lab.recording import Recording
+from pendulum_env.lab.recording import Recording, in_words
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
@@ -87,7 +87,7 @@ class Fit(Plotted):
     @property
     def degrees(self) -> str:
         """Unit of residuals in texts and figures: "degrees"; "degrees/s" for gyroscopes, "m/s²" for accelerometers."""
-        return self.recording.shown(0.0)[1]
+        return in_words(self.recording, 0.0)[1]
 
     @property
     def sign(self) -> str:
@@ -96,7 +96,7 @@ class Fit(Plotted):
 
     def shown(self, residual: float) -> float:
         """Return a residual in the unit ``degrees``."""
-        return self.recording.shown(residual)[0]
+        return in_words(self.recording, residual)[0]
 
     @property
     def swing(self) -> Array:

@@ -20,7 +20,7 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.lab.fitting.model import Array, Model
 from pendulum_env.lab.fitting.shooting import jacobian, refit, solve
 from pendulum_env.lab.fitting.start import Measured
-from pendulum_env.lab.recording import Recording, part_of, with_readings
+from pendulum_env.lab.recording import Recording, in_words, part_of, with_readings
 
 CORNER = 1.345
 """Residual, in standard deviations, from which on a reading counts clearly less."""
@@ -103,7 +103,7 @@ def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
             break
         slopes = jacobian(model, values)
     far = np.abs(readings - shown) > OUTLIER * sigma
-    worst = swing.shown(float(np.max(np.abs(readings - shown))))
+    worst = in_words(swing, float(np.max(np.abs(readings - shown))))
     note = (f"robust: {np.count_nonzero(far)} readings are more than {OUTLIER:g} standard deviations from the model, "
             f"by up to {worst[0]:.3g} {worst[1]}; soft L1 pulls all readings towards the model by their distance")
     angle = target if not swing.indirect else calm.angle

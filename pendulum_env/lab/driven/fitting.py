@@ -1,0 +1,438 @@
+"""Least-squares fit of driven logs by simulation in windows, with errors that allow for torques that no log holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.common.progress import Progress
+from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.driven.log import DRIVES, DrivenLog
+from pendulum_env.lab.driven.start import start_of
+from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
+from pendulum_env.lab.noise import noise_level
+
+Array = NDArray[np.float64]
+
+NUDGE = {STIFFNESS: 1e-4, DRIVE: 1e-4}
+"""Relative change of a number for its derivative; of the others it is NUDGES."""
+NUDGES = {VISCOUS: 1e-3, DRY: 1e-3, DELAY: 1e-3, LAG: 1e-3, ZERO: 1e-4}
+"""Change of a number for its derivative, in units of omega0, omega0², 1/omega0, 1/omega0 and rad."""
+AT_START = (1e-4, 1e-4)
+"""Changes of the angle [rad] and of the velocity [omega0] at the start of a window for their derivatives."""
+SEEN = 0.02
+"""A change of a window's start counts if it moves the readings by more than this share of it (root mean square).
+Friction that holds the bob hides changes of its velocity."""
+SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)
+"""Shares of a change of a window's start that are tried."""
+SETTLE = 4
+"""Number of steps in which the windows' starts are fitted alone, before the search."""
+SEARCH, SHORT = 0.25, 0.5
+"""Length of the first windows, and of the shortest ones of the fit, in periods of small swings."""
+READINGS = 12
+"""Fewest readings of a window."""
+LONGER, LONGEST = 2.0, 2.0
+"""Factor from one length of windows to the next, and the largest length, in periods of small swings."""
+WORSE = 1.1
+"""Longer windows are taken as long as the residual grows by less than this factor."""
+ASTRAY, FAR = 5.0, 2.0
+"""A window is left out if its residual is more than the first number of times the usual one, and gets less weight from
+the second number of times on."""
+BOUNDS: dict[str, dict[int, float]] = {
+    "action": {VISCOUS: 0.0, DRY: 0.0, DELAY: 0.0, LAG: 0.0},
+    "torque": {VISCOUS: 0.0, DRY: 0.0, LAG: 0.0},
+    "current": {VISCOUS: 0.0, DRY: 0.0, LAG: 0.0},
+}
+"""Lower bounds of the numbers by the kind of drive: a measured torque may come later than it acts, an action cannot."""
+MOST = 40
+"""Largest number of steps of a search."""
+CLOSE = 1e-7
+"""Relative fall of the sum of squares at which a search ends."""
+WRONSKIAN = 0.2
+"""Smallest Wronskian in the effect of torque noise."""
+DEGENERATE = 1e-9
+"""Smallest eigenvalue of the scaled normal equations, relative to the largest, at which the logs determine all numbers.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenSolution:
+    """Result of a fit of driven logs in the numbers of the equation of motion.
+
+    Attributes:
+        rates: the numbers, in the order of ``windows.RATES``.
+        free: places of the fitted ones.
+        covariance: their covariance, in the order of ``free``.
+        freedom: degrees of freedom of their errors.
+        windows: the windows that were fitted.
+        lost: number of the log and times [s] of windows that were left out, as no torque of the log explains them.
+        starts: fitted angle [rad] and velocity [rad/s] at the start of each window.
+        residual: reading minus model of each reading of the windows [rad].
+        sigma: standard deviation of a reading [rad], by log.
+        torque_noise: size of the random torque per inertia that the logs do not hold, by log: standard deviation of its
+            integral over 1 s [rad/s].
+    """
+
+    rates: Array
+    free: tuple[int, ...]
+    covariance: Array
+    freedom: float
+    windows: Windows
+    lost: tuple[tuple[int, float, float], ...]
+    starts: Array
+    residual: Array
+    sigma: tuple[float, ...]
+    torque_noise: tuple[float, ...]
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residual [rad]."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Point:
+    """Residuals and derivatives of the windows at given numbers.
+
+    Attributes:
+        rates, starts: the numbers, and the windows' starts.
+        residual, slopes: readings minus model, and derivatives of the model by the free numbers.
+        by_start: derivatives of the model by the angle and the velocity at the window's start.
+        inverses: for every window, the matrix that turns residuals into changes of its start.
+        own, own_slopes: residuals and derivatives without the part that a change of the windows' starts can make.
+        weight: weight of every reading.
+    """
+
+    rates: Array
+    starts: Array
+    residual: Array
+    slopes: Array
+    by_start: Array
+    inverses: list[Array]
+    own: Array
+    own_slopes: Array
+    weight: Array
+
+    @property
+    def squares(self) -> float:
+        """Weighted sum of squares of the residuals."""
+        return float(self.weight @ self.residual**2)
+
+
+def solve(
+    logs: Sequence[DrivenLog], free: tuple[int, ...], fixed: dict[int, float], delays: tuple[float, ...],
+    lags: tuple[float, ...], progress: Progress,
+) -> DrivenSolution:
+    """Fit the numbers of the equation of motion to logs, in windows that are as long as the logs allow.
+
+    The search begins in windows of a quarter of a period, from a linear regression. Windows that are far off are left
+    out. Then, for commands, the windows get longer, as long as the residual hardly grows: a motion without unknown
+    torques is the more telling the longer it is followed.
+
+    Args:
+        logs: the logs.
+        free: places in RATES of the numbers to fit.
+        fixed: values of the others.
+        delays, lags: values to try at the start, in periods of small swings, or a single one in s.
+        progress: function that is called with the fraction done and a short text.
+    """
+    rates = start_of(logs, delays, lags)
+    for place, value in fixed.items():
+        rates[place] = value
+    if not rates[DRIVE] > 0.0:
+        drive = logs[0].kind
+        raise RecordingError(f"{logs[0].source}: a positive {drive} turns the pendulum towards negative angles; give "
+                             "factor=-1 to reverse it")
+    omega0 = math.sqrt(rates[STIFFNESS])
+    period, usual = math.tau / omega0, max(float(np.median(np.diff(log.time))) for log in logs)
+    skip, end = max(rates[DELAY] + 4.0 * rates[LAG], 0.0) * 1.5, max(-rates[DELAY], 0.0) * 1.5
+    least = min(float(log.time[-1] - log.time[0]) for log in logs) - skip - end
+    duration = max(SHORT * period, READINGS * usual)
+    if least < 2.0 * duration:
+        raise RecordingError(f"{logs[0].source}: a fit needs logs of at least {2.0 * duration + skip + end:.3g} s, the "
+                             f"shortest has {least + skip + end:.3g} s")
+    windows = Windows.of(logs, max(SEARCH * period, READINGS * usual), omega0, skip, end)
+    measured = DRIVES[logs[0].kind].measured
+    progress(0.1, "start")
+    point = _search(windows, rates, free, None, robust=True)
+    lost = tuple(windows.span(i) for i in _astray(point, windows))
+    windows = Windows.of(logs, duration, omega0, skip, end).without(lost)
+    if len(windows.places) < 2:
+        raise RecordingError(f"{logs[0].source}: the {logs[0].kind} explains the motion in hardly any part of the log")
+    progress(0.3, f"windows of {duration:.2g} s")
+    point = _search(windows, point.rates, free, None, robust=True)
+    while not (lost or measured) and duration * LONGER <= min(least, LONGEST * period):
+        duration *= LONGER
+        longer = Windows.of(logs, duration, omega0, skip, end)
+        progress(min(0.3 + 0.6 * duration / least, 0.9), f"windows of {duration:.2g} s")
+        trial = _search(longer, point.rates, free, _continued(windows, point, longer), robust=True)
+        if not _rms(trial) < WORSE * _rms(point):
+            break
+        windows, point = longer, trial
+    point = _search(windows, point.rates, free, point.starts, robust=True, fine=True)
+    return _solution(windows, point, free, lost)
+
+
+def _rms(point: _Point) -> float:
+    return float(np.sqrt(np.mean(point.residual**2)))
+
+
+def _continued(before: Windows, point: _Point, windows: Windows) -> Array:
+    """Return starts of longer windows: those of the shorter windows that start at the same step, or measured ones."""
+    known = {(place.log, place.step): start for place, start in zip(before.places, point.starts, strict=True)}
+    return np.array([known.get((place.log, place.step), start)
+                     for place, start in zip(windows.places, windows.starts, strict=True)])
+
+
+def _astray(point: _Point, windows: Windows) -> list[int]:
+    """Return the numbers of the windows whose residual is more than ASTRAY times the usual one of their log."""
+    size = np.array([float(np.sqrt(np.mean(point.residual[part] ** 2))) for part in windows.slices])
+    log = np.array([place.log for place in windows.places])
+    usual = np.array([max(float(np.median(size[log == i])), windows.logs[i].noise) for i in log])
+    return np.flatnonzero(size > ASTRAY * usual).tolist()
+
+
+def _search(
+    windows: Windows, rates: Array, free: tuple[int, ...], starts: Array | None, *, robust: bool = False,
+    fine: bool = False,
+) -> _Point:
+    """Minimise the sum of squares over the free numbers and the starts of all windows (Levenberg-Marquardt).
+
+    ``robust``: windows that are far off get less weight. ``fine``: with central
+    differences.
+    """
+    from scipy.optimize import lsq_linear
+
+    places = list(free)
+    least = np.array([BOUNDS[windows.logs[0].kind].get(place, -math.inf) for place in places])
+    begin = windows.starts if starts is None else starts
+    point = _point(windows, rates, begin, free, fine)
+    for _ in range(SETTLE if starts is None else 1):
+        moved = np.array([inverse @ point.residual[part]
+                          for part, inverse in zip(windows.slices, point.inverses, strict=True)])
+        point = _point(windows, rates, _best_starts(windows, rates, point.starts, moved), free, fine)
+    point = _weighted(point, windows) if robust else point
+    damping = 1e-3
+    for _ in range(MOST):
+        root = np.sqrt(point.weight)
+        scaled, target = point.own_slopes * root[:, None], point.own * root
+        size = np.sqrt(np.einsum("ij,ij->j", scaled, scaled))
+        size[size == 0.0] = 1.0
+        matrix = np.concatenate([scaled / size, math.sqrt(damping) * np.eye(len(size))])
+        q, r = np.linalg.qr(matrix)
+        low = np.minimum((least - point.rates[places]) * size, 0.0) - 1e-15
+        step = lsq_linear(r, q[: len(target)].T @ target, (low, np.inf), method="bvls").x / size
+        new = point.rates.copy()
+        new[places] = np.maximum(new[places] + step, least)
+        new[STIFFNESS] = max(new[STIFFNESS], 0.2 * point.rates[STIFFNESS])
+        change = new[places] - point.rates[places]
+        moved = np.array([inverse @ (point.residual[part] - point.slopes[part] @ change)
+                          for part, inverse in zip(windows.slices, point.inverses, strict=True)])
+        starts = _best_starts(windows, new, point.starts, moved)
+        trial = replace(_point(windows, new, starts, free, fine), weight=point.weight)
+        fall = (point.squares - trial.squares) / point.squares
+        if fall >= 0.0:
+            point = _weighted(trial, windows) if robust else trial
+            damping = max(damping / 10.0, 1e-10)
+            if fall < (CLOSE if fine else 100.0 * CLOSE):
+                break
+        elif damping > 1e4 or fall > -0.01 * CLOSE:
+            break
+        else:
+            damping = max(damping, 1e-4) * 20.0
+    return point
+
+
+def _best_starts(windows: Windows, rates: Array, starts: Array, moved: Array) -> Array:
+    """Return, for each window, that of several shares of a change of its start that fits best.
+
+    A window in which friction holds the bob, or that leaves the top, follows its derivatives only so far.
+    """
+    trials = starts + np.array(SHARES)[:, None, None] * moved
+    angles = windows.angles(np.tile(rates, (len(trials), 1)), trials)
+    squares = np.add.reduceat((windows.angle - angles) ** 2, [part.start for part in windows.slices], axis=1)
+    best = np.argmin(squares, axis=0)
+    return np.asarray(trials[best, np.arange(len(best))])
+
+
+def _point(windows: Windows, rates: Array, starts: Array, free: tuple[int, ...], central: bool) -> _Point:
+    """Simulate the windows at given numbers, and next to them for the derivatives, all together."""
+    omega0 = math.sqrt(rates[STIFFNESS])
+    units = {VISCOUS: omega0, DRY: omega0**2, DELAY: 1.0 / omega0, LAG: 1.0 / omega0, ZERO: 1.0}
+    steps = np.array([NUDGE[place] * abs(rates[place]) if place in NUDGE else NUDGES[place] * units[place]
+                      for place in free])
+    begin = np.array([AT_START[0], AT_START[1] * omega0])
+    sides = (1.0, -1.0) if central else (1.0,)
+    least = BOUNDS[windows.logs[0].kind]
+    count = len(free)
+    runs = np.tile(rates, (1 + len(sides) * (count + 2), 1))
+    begins = np.tile(starts, (len(runs), 1, 1))
+    for i, side in enumerate(sides):
+        first = 1 + i * (count + 2)
+        for k, place in enumerate(free):
+            runs[first + k, place] = max(rates[place] + side * steps[k], least.get(place, -math.inf))
+        for k in range(2):
+            begins[first + count + k, :, k] += side * begin[k]
+    angles = windows.angles(runs, begins)
+    ahead, behind = angles[1 : count + 3], angles[count + 3 :] if central else angles[:1]
+    width = np.array([runs[1 + k, place] - (runs[count + 3 + k, place] if central else rates[place])
+                      for k, place in enumerate(free)])
+    width = np.concatenate([width, len(sides) * begin])
+    all_slopes = ((ahead - behind) / width[:, None]).T
+    residual, slopes, by_start = windows.angle - angles[0], all_slopes[:, :count], all_slopes[:, count:]
+    own, own_slopes, inverses = residual.copy(), slopes.copy(), []
+    for part in windows.slices:
+        u, s, v = np.linalg.svd(by_start[part] * begin, full_matrices=False)
+        some = s >= SEEN * AT_START[0] * math.sqrt(len(u))
+        u, s, v = u[:, some], s[some], v[some]
+        inverses.append(begin[:, None] * (v.T / s) @ u.T)
+        own[part] -= u @ (u.T @ own[part])
+        own_slopes[part] -= u @ (u.T @ own_slopes[part])
+    return _Point(rates, starts, residual, slopes, by_start, inverses, own, own_slopes, np.ones(len(residual)))
+
+
+def _weighted(point: _Point, windows: Windows) -> _Point:
+    """Return a point with the weights of a robust search: 1 for windows that fit, less for those that are far off, so
+    that their pull on the result is at most that of FAR times the usual residual (Huber 1964, Ann. Math. Stat. 35, 73).
+    """
+    size = np.array([float(np.mean(point.residual[part] ** 2)) for part in windows.slices])
+    log = np.array([place.log for place in windows.places])
+    usual = np.array([float(np.median(size[log == i])) for i in log])
+    weight = FAR / np.sqrt(np.maximum(size / (usual + 1e-300), FAR**2))
+    return replace(point, weight=weight[windows.owner])
+
+
+# --- errors ----------------------------------------------------------------------------------------------------------
+
+
+def _solution(
+    windows: Windows, point: _Point, free: tuple[int, ...], lost: tuple[tuple[int, float, float], ...]
+) -> DrivenSolution:
+    """Return a solution with the covariance of its numbers.
+
+    The error of a reading is that of the sensor, plus the effect of a torque that is not in the log: white noise, as of
+    a current sensor, which makes residuals within a window depend on one another. Its size follows from the residuals
+    in the directions in which such a torque moves the readings. Errors of windows are independent.
+
+    Noise of a measured torque also makes the derivative by the drive noisy, which biases least squares towards a
+    smaller drive. The expected size of this part of the normal equations is subtracted (corrected score: Stefanski
+    1989, Commun. Stat. Theory Methods 18, 4335).
+    """
+    normal = (point.own_slopes * point.weight[:, None]).T @ point.own_slopes
+    _check_determined(windows, normal, free)
+    inverse: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
+    sigma, noise = [], []
+    meat, pulled, trust, loose = np.zeros_like(normal), np.zeros(len(free)), 0.0, 0.0
+    for i, log in enumerate(windows.logs):
+        parts = [k for k, place in enumerate(windows.places) if place.log == i]
+        if not parts:
+            sigma.append(log.noise)
+            noise.append(0.0)
+            continue
+        white = _reading_error(windows, point, parts) ** 2
+        walked, twice, plain_meat, walked_meat = (np.zeros_like(normal) for _ in range(4))
+        first, second, fourth, seen, leaned = 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in parts:
+            part = windows.slices[k]
+            own, slopes, weight = point.own[part], point.own_slopes[part], float(point.weight[part.start])
+            walk = _walk(windows, point, k)
+            along, square = walk @ slopes, walk @ walk
+            walked += weight * slopes.T @ along
+            twice += weight * along.T @ along
+            plain_meat += weight * weight * slopes.T @ slopes
+            walked_meat += weight * weight * slopes.T @ along
+            first, second, fourth = first + np.trace(walk), second + np.sum(walk * walk), fourth + np.sum(square**2)
+            seen += float(own @ walk @ own)
+            leaned += weight * float(np.trace(walk))
+        share = inverse @ walked
+        rest = max(second - 2.0 * float(np.trace(inverse @ twice)) + float(np.trace(share @ share)), 0.2 * second)
+        excess = max(seen - white * (first - float(np.trace(share))), 0.0) / rest
+        sigma.append(math.sqrt(white))
+        noise.append(math.sqrt(excess))
+        meat += white * plain_meat + excess * walked_meat
+        trust += second * rest / fourth
+        loose += float(np.trace(inverse @ walked_meat)) * excess
+        if DRIVES[log.kind].measured and DRIVE in free:
+            step = float(np.median(np.diff(log.time)))
+            known = (point.rates[DRIVE] * noise_level(log.time, log.drive)) ** 2 * step
+            pulled[free.index(DRIVE)] += min(known, excess) * leaned / point.rates[DRIVE]
+    covariance = inverse @ meat @ inverse
+    if any(DRIVES[log.kind].measured for log in windows.logs):
+        covariance = _widened(covariance, windows, point, inverse)
+    share_of_walk = loose / float(np.trace(inverse @ meat))
+    freedom = min(trust / max(share_of_walk, 1e-3) ** 2, float(len(point.own) - len(free)))
+    if pulled.any():
+        rates = point.rates.copy()
+        rates[list(free)] += inverse @ pulled
+        moved = np.array([start @ (point.residual[part] - point.slopes[part] @ (inverse @ pulled))
+                          for part, start in zip(windows.slices, point.inverses, strict=True)])
+        starts = _best_starts(windows, rates, point.starts, moved)
+        point = replace(point, rates=rates, starts=starts,
+                        residual=windows.angle - windows.angles(rates[None, :], starts[None])[0])
+    return DrivenSolution(point.rates, free, covariance, max(freedom, 2.0), windows, lost, point.starts,
+                          point.residual, tuple(sigma), tuple(noise))
+
+
+def _widened(covariance: Array, windows: Windows, point: _Point, inverse: Array) -> Array:
+    """Return a covariance whose errors are at least those that the scatter between windows shows.
+
+    Torque noise near a rest and noise of the derivatives have effects beyond the linear ones of white noise. The
+    scatter is that of the windows' pulls on the numbers (sandwich estimate: White 1980, Econometrica 48, 817), with the
+    factor n/(n - p) for n windows and p numbers.
+    """
+    pulls = np.array([point.weight[part] * point.own[part] @ point.own_slopes[part] for part in windows.slices])
+    count, fitted = pulls.shape
+    if count < 2 * fitted:
+        return covariance
+    scatter = inverse @ (pulls.T @ pulls) @ inverse * count / (count - fitted)
+    ratio = np.sqrt(np.maximum(np.diag(scatter) / np.diag(covariance), 1.0))
+    return np.asarray(covariance * np.outer(ratio, ratio))
+
+
+def _check_determined(windows: Windows, normal: Array, free: tuple[int, ...]) -> None:
+    """Raise RecordingError if the logs do not determine all free numbers, with the names of those that they mix."""
+    names, size = [RATES[place] for place in free], np.sqrt(np.diag(normal))
+    for name, own in zip(names, size, strict=True):
+        if not own > 0.0:
+            raise RecordingError(f"{windows.logs[0].source}: the {name} has no effect on the motion; hold it")
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    if values[0] < DEGENERATE * values[-1]:
+        mixed = [name for name, share in zip(names, np.abs(vectors[:, 0]), strict=True) if share > 0.3]
+        raise RecordingError(f"{windows.logs[0].source}: the logs do not determine {' and '.join(mixed)} separately, "
+                             "as the drive excites too little; log a drive that changes more, or hold one of them")
+
+
+def _reading_error(windows: Windows, point: _Point, parts: Sequence[int]) -> float:
+    """Return the standard deviation of a reading, from successive residuals; at least that of rounding [rad]."""
+    log = windows.logs[windows.places[parts[0]].log]
+    differences = np.concatenate([np.diff(point.residual[windows.slices[k]]) for k in parts])
+    return max(float(np.sqrt(0.5 * np.mean(differences**2))), log.quantum / math.sqrt(12.0), 1e-12)
+
+
+def _walk(windows: Windows, point: _Point, number: int) -> Array:
+    """Return the covariance of a window's readings for white torque noise of unit size [s³], without the part that a
+    change of the window's start can make.
+
+    A pulse of torque at time s moves the angle at t by ``(b(t) a(s) - a(t) b(s))/w(s)``, where a and b are its
+    derivatives by the angle and the velocity at the window's start, and ``w = a b' - a' b`` is their Wronskian, which
+    friction makes smaller at each turning point. It is taken to be at least WRONSKIAN, as no pulse is felt in a rest.
+    """
+    part = windows.slices[number]
+    time, (a, b) = windows.since[part] * windows.h, point.by_start[part].T
+    earlier = np.minimum.outer(np.arange(len(time)), np.arange(len(time)))
+    wronskian = np.clip(a * np.gradient(b, time) - b * np.gradient(a, time), WRONSKIAN, 1.0) ** 2
+    aa, ab, bb = (_running(x / wronskian, time)[earlier] for x in (a * a, a * b, b * b))
+    walk = np.outer(b, b) * aa - (np.outer(b, a) + np.outer(a, b)) * ab + np.outer(a, a) * bb
+    u, s, _ = np.linalg.svd(point.inverses[number].T, full_matrices=False)
+    base = u[:, s > 1e-9 * float(s[0])]
+    walk -= base @ (base.T @ walk)
+    return np.asarray(walk - (walk @ base) @ base.T)
+
+
+def _running(values: Array, time: Array) -> Array:
+    """Return the integral of values from the first time to each time, by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))])

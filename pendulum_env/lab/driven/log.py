@@ -1,0 +1,371 @@
+"""Logs of a driven pendulum: times, angles and the drive beside them (an action, a torque or a motor's current)."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pendulum_env.common.shown import one_line
+from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
+from pendulum_env.lab.columns import described
+from pendulum_env.lab.containers import text_of
+from pendulum_env.lab.driven.start import misfit
+from pendulum_env.lab.noise import noise_level, quantum_level
+from pendulum_env.lab.table import TextTable
+from pendulum_env.physics.units import SceneError, file_path, nearest, shown
+
+__all__ = ["DRIVES", "DrivenLog", "is_driven"]
+
+LEAST = 30
+"""Fewest readings of a log that can be fitted."""
+
+
+class Drive(NamedTuple):
+    """A kind of drive: the unit of its readings, whether they are measured, and words that name its column."""
+
+    unit: str
+    measured: bool
+    names: re.Pattern[str]
+
+
+DRIVES: dict[str, Drive] = {
+    "torque": Drive("N m", True, re.compile(r"torque|(?<![a-z])tau(?![a-z])|drehmoment|couple(?![a-z])|moment(?!um)",
+                                            re.IGNORECASE)),
+    "current": Drive("A", True, re.compile(r"current|(?<![a-z])(?:iq|amps?)(?![a-z])|strom(?![a-z])", re.IGNORECASE)),
+    "action": Drive("1", False, re.compile(
+        r"(?<![a-z])(?:action|control|command|duty|pwm|u)(?![a-z])|stellgr", re.IGNORECASE)),
+}
+"""Kinds of drive by name. An action is the commanded share of the motor's largest torque, from -1 to 1."""
+
+_COMMANDED = re.compile(r"(?<![a-z])(?:des|desired|set|ref|target|soll|cmd|goal)(?![a-z])", re.IGNORECASE)
+"""Words of columns that hold what was wanted in place of what was measured."""
+_TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|t|timestamp)(?![a-z])|(?:^|[(\[ ])s(?:[)\] ]|$)", re.IGNORECASE)
+_ANGLE = re.compile(
+    r"angle|winkel|theta|θ|phi|φ|position|(?<![a-z])pos(?![a-z])|(?<![a-z])(?:deg|rad|degrees|radians)(?![a-z/])|°(?!/)",
+    re.IGNORECASE)
+_RATE = re.compile(r"veloc|speed|accel|omega|ω|dot(?![a-z])|(?:rad\w*|deg\w*|°)\s*/\s*s|(?<![a-z])rate(?![a-z])",
+                   re.IGNORECASE)
+_UNITS = {"deg": math.radians(1.0), "rad": 1.0}
+_DEGREES = re.compile(r"(?<![a-z])deg(?:rees?)?(?![a-z])|°", re.IGNORECASE)
+_RADIANS = re.compile(r"(?<![a-z])rad(?:ians?)?(?![a-z])", re.IGNORECASE)
+_LENGTH = re.compile(r"[(\[,]\s*(?:mm|cm|m)\s*[)\]]")
+_TIMES = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0}
+_TIME_UNIT = re.compile(r"[(\[,_ ]\s*(ms|us|µs|s)\s*(?:[)\]]|$)")
+_IN_BRACKETS = re.compile(r"[(\[]([^)\]]*)[)\]]")
+_TORQUES = {"nm": 1.0, "mnm": 1e-3, "ncm": 1e-2, "nmm": 1e-3, "µnm": 1e-6, "unm": 1e-6}
+_CURRENTS = {"a": 1.0, "ma": 1e-3}
+_SHARES = {"1": 1.0, "": 1.0, "-": 1.0, "%": 0.01, "percent": 0.01}
+_SIZES = {"torque": _TORQUES, "current": _CURRENTS, "action": _SHARES}
+_CLEAR = 2.0
+"""A unit of the angle is taken if the other one fits the motion worse by this factor."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DrivenLog:
+    """A log of a driven pendulum: angles and the drive at the same times.
+
+    Attributes:
+        time: array [s], strictly increasing.
+        angle: array [rad], from straight down, without jumps at whole turns.
+        drive: array of the action [1], which holds until the next time, or of the measured torque [N m] or current [A].
+        kind: "action", "torque" or "current".
+        source: name of the file or other source.
+        notes: one line for everything that was inferred or given.
+
+    Raises RecordingError for arrays of different shapes, fewer than 30 readings, values that are not finite, times that
+    do not increase, an unknown kind, an action beyond ±1 or a drive that never changes.
+    """
+
+    time: FloatArray
+    angle: FloatArray
+    drive: FloatArray
+    kind: str = "action"
+    source: str = "log"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.source, str):
+            raise RecordingError(f"source must be text, got {shown(self.source)}")
+        if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
+            raise RecordingError(f"{self.source}: notes must be a tuple of texts, got {shown(self.notes)}")
+        known(self.kind, "kind", DRIVES)
+        for name in ("time", "angle", "drive"):
+            values = numbers(getattr(self, name), f"{self.source}: {name}")
+            if values.ndim != 1 or not np.isfinite(values).all():
+                raise RecordingError(f"{self.source}: {name} must be an array of finite numbers in one dimension")
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
+        if not len(self.time) == len(self.angle) == len(self.drive):
+            found = f"{len(self.time)}, {len(self.angle)} and {len(self.drive)}"
+            raise RecordingError(f"{self.source}: time, angle and drive must have one length, found {found}")
+        if len(self.time) < LEAST:
+            raise RecordingError(f"{self.source}: a driven log needs at least {LEAST} readings, found {len(self.time)}")
+        back = np.flatnonzero(np.diff(self.time) <= 0.0)
+        if len(back):
+            first, then = self.time[back[0]], self.time[back[0] + 1]
+            raise RecordingError(f"{self.source}: times must increase, but {then:g} s follows {first:g} s")
+        if self.drive.max() == self.drive.min():
+            raise RecordingError(f"{self.source}: the {self.kind} is {self.drive[0]:g} in every reading, which moves "
+                                 "only the equilibrium, so the motor's part cannot be told from the sensor's zero; for "
+                                 "a free swing leave the drive's column out")
+        if self.kind == "action" and float(np.abs(self.drive).max()) > 1.0 + 1e-9:
+            raise RecordingError(f"{self.source}: an action is a share of the motor's largest torque, within ±1, but "
+                                 f"reaches {float(np.abs(self.drive).max()):.4g}; name the column by torque= or "
+                                 "current=, or give factor=, which multiplies it")
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.source}, {len(self.time)} readings in {self.time[-1] - self.time[0]:.4g} s")
+
+    @property
+    def unit(self) -> str:
+        """Unit of the drive: "1", "N m" or "A"."""
+        return DRIVES[self.kind].unit
+
+    @cached_property
+    def held(self) -> FloatArray:
+        """Drive from each time to the next: a command is held, of a measured drive it is the mean of both readings."""
+        if not DRIVES[self.kind].measured:
+            return self.drive
+        return np.append(0.5 * (self.drive[1:] + self.drive[:-1]), self.drive[-1])
+
+    @cached_property
+    def quantum(self) -> float:
+        """Smallest step between readings of the angle [rad]; 0 if they show none."""
+        return quantum_level(self.angle)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of a reading of the angle [rad], its rounding included."""
+        return noise_level(self.time, self.angle)
+
+    @property
+    def text(self) -> str:
+        """Summary of the log: readings, rate, resolution, drive, and what was inferred."""
+        usual = float(np.median(np.diff(self.time)))
+        quantum = f"{math.degrees(self.quantum):.4g} deg" if self.quantum else "none seen"
+        return "\n  ".join((
+            f"{self.source}: {len(self.time)} readings in {self.time[-1] - self.time[0]:.6g} s, {1.0 / usual:.6g} Hz",
+            f"quantum: {quantum}; noise: {math.degrees(self.noise):.3g} deg",
+            f"{self.kind}: {self.drive.min():.4g} to {self.drive.max():.4g} {self.unit.strip('1')}".strip(),
+            *self.notes))
+
+    def __str__(self) -> str:
+        return self.text
+
+    def between(self, first: float, last: float) -> DrivenLog:
+        """Return the part of the log from time ``first`` to ``last`` [s]; RecordingError if it has too few readings."""
+        keep = (self.time >= one_number(first, "first")) & (self.time <= one_number(last, "last"))
+        note = f"part: {first:g} to {last:g} s"
+        return replace(self, time=self.time[keep], angle=self.angle[keep], drive=self.drive[keep],
+                       notes=(*self.notes, note))
+
+    @classmethod
+    def read(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        action: str | int | None = None,
+        torque: str | int | None = None,
+        current: str | int | None = None,
+        time: str | int | None = None,
+        angle: str | int | None = None,
+        unit: str | None = None,
+        factor: float = 1.0,
+        part: str | None = None,
+        until: float | None = None,
+    ) -> DrivenLog:
+        """Read a log from a text file, archive or sheet with columns of time, angle and action, torque or current.
+
+        Columns that are not given are those that the header names, or the columns 1, 2 and 3 of a file without titles
+        in which the drive is given. Everything that was inferred is listed in ``notes``.
+
+        Args:
+            path: the file.
+            action, torque, current: column of the drive, by name or by number from 1; give at most one. An action is a
+                share of the motor's largest torque; units of torque (N m, mN m, N cm) and current (A, mA) follow from
+                the title.
+            time, angle: columns of the time and of the angle, by name or by number from 1.
+            unit: "deg" or "rad", the unit of the angle; None: that of the header or, without one there, that in which
+                a pendulum can move so.
+            factor: factor for the drive, such as a motor's constant, or -1 for a motor whose positive direction is
+                opposite to that of the angle.
+            part: file in an archive or sheet of a workbook, where there are several.
+            until: time in the file [s] after which readings are left out.
+
+        Raises RecordingError for a file that cannot be read, without a drive or with several, with times that do not
+        increase, and where the unit of the angle cannot be told.
+        """
+        try:
+            name = str(file_path(path, "path"))
+        except SceneError as error:
+            raise RecordingError(str(error)) from None
+        size = one_number(factor, "factor")
+        if size == 0.0:
+            raise RecordingError("factor must not be 0")
+        if unit is not None:
+            known(unit, "unit", _UNITS)
+        text, notes = text_of(name, part)
+        table = TextTable(name, text)
+        titles = [" ".join(title).strip() for title in table.titles]
+        given = {kind: column for kind, column in (("action", action), ("torque", torque), ("current", current))
+                 if column is not None}
+        kind, drive_place = _drive_column(table, titles, given)
+        time_place = _column(table, titles, time, "time", _TIME, (drive_place,))
+        angle_place = _column(table, titles, angle, "angle", _ANGLE, (drive_place, time_place))
+        places = (time_place, angle_place, drive_place)
+        if len(set(places)) < len(places):
+            raise RecordingError(f"{name}: time, angle and {kind} must be different columns, got "
+                                 f"{', '.join(str(i + 1) for i in places)}; {described(table, titles)}")
+        values, marks = table.values(places, "a time, an angle and a drive")
+        whole = np.isfinite(values).all(axis=1)
+        notes += [*table.notes, *marks]
+        if not whole.all():
+            notes.append(f"dropped: {np.count_nonzero(~whole)} rows without all numbers")
+        times, angles, drives = values[whole].T
+        found = _TIME_UNIT.search(titles[time_place].lower())
+        times = times * _TIMES[found[1] if found else "s"]
+        drive_size, why = _drive_unit(name, kind, titles[drive_place])
+        shown_as = ", ".join(f"{what} {i + 1}{f' ({titles[i]})' if titles[i] else ''}"
+                             for what, i in zip(("time", "angle", kind), places, strict=True))
+        notes.append(f"columns: {shown_as}, {'as given' if given else 'as the header names them'}{why}")
+        if size != 1.0:
+            notes.append(f"factor: {kind} multiplied by {size:g}")
+        with np.errstate(over="ignore"):
+            drives = drives * drive_size * size
+        log = cls(times, angles, drives, kind, Path(name).name)
+        log = log if until is None else log.between(-math.inf if len(times) == 0 else float(times[0]), until)
+        angles, how = _in_radians(log, titles[angle_place], unit)
+        return replace(log, angle=angles, notes=(*notes, *log.notes, how))
+
+
+def is_driven(path: str | os.PathLike[str]) -> bool:
+    """Return True if the header of a file names a time, an angle and just one drive; False for any other file."""
+    try:
+        name = str(file_path(path, "path"))
+        table = TextTable(name, text_of(name)[0])
+        titles = [" ".join(title).strip() for title in table.titles]
+        _, drive = _drive_column(table, titles, {})
+        time = _column(table, titles, None, "time", _TIME, (drive,))
+        place = _column(table, titles, None, "angle", _ANGLE, (drive, time))
+    except (RecordingError, SceneError):
+        return False
+    return len({drive, time, place}) == 3 and all(titles[i] for i in (drive, time, place))
+
+
+def _drive_column(table: TextTable, titles: list[str], given: dict[str, Any]) -> tuple[str, int]:
+    """Return the kind of drive and the number of its column, from 0."""
+    if len(given) > 1:
+        raise RecordingError(f"{table.name}: give one of action, torque and current, not {' and '.join(given)}")
+    if given:
+        (kind, column), = given.items()
+        return kind, _place(table, titles, column, kind)
+    found = [(kind, i) for kind, drive in DRIVES.items() for i, title in enumerate(titles)
+             if drive.names.search(title)]
+    measured = [entry for entry in found if not _COMMANDED.search(titles[entry[1]])]
+    best = measured or found
+    if len(best) == 1:
+        return best[0]
+    if not best:
+        raise RecordingError(f"{table.name}: expected an action, torque or current beside the angle, found none; "
+                             f"{described(table, titles)} and action=, torque= or current= for the drive")
+    names = " and ".join(f"{kind} in column {i + 1} ({titles[i]})" for kind, i in best)
+    raise RecordingError(f"{table.name}: expected one drive, found {names}; choose one by "
+                         f"{' or '.join(f'{kind}=' for kind in dict(best))}")
+
+
+def _column(
+    table: TextTable, titles: list[str], given: Any, what: str, form: re.Pattern[str], others: Iterable[int]
+) -> int:
+    """Return the number, from 0, of the column of the time or angle; that of a file without titles by its order."""
+    if given is not None:
+        return _place(table, titles, given, what)
+    taken = set(others)
+    fitting = [i for i, title in enumerate(titles) if i not in taken and form.search(title) and not _RATE.search(title)]
+    best = [i for i in fitting if not _COMMANDED.search(titles[i])] or fitting
+    best = [i for i in best if not (what == "angle" and _LENGTH.search(titles[i]))]
+    if what == "angle" and len(best) > 1:
+        named = [i for i in best if re.search(r"angle|theta|θ|phi|φ|winkel", titles[i], re.IGNORECASE)]
+        best = named if len(named) == 1 else best
+    if len(best) == 1 or (what == "time" and best):
+        return best[0]
+    if not any(titles):
+        return min(set(range(table.width)) - taken, default=0)
+    problem = f"found columns {', '.join(str(i + 1) for i in best)}" if best else "found none"
+    raise RecordingError(f"{table.name}: expected one column of the {what}, {problem}; {described(table, titles)}")
+
+
+def _place(table: TextTable, titles: list[str], column: Any, what: str) -> int:
+    """Return the number, from 0, of a column given by its name or by a number from 1."""
+    if isinstance(column, str) and column.strip().isdigit() and len(column) < 9:
+        column = int(column)
+    if isinstance(column, int) and not isinstance(column, bool) and 1 <= column <= table.width:
+        return column - 1
+    names = {name.lower(): i for i, title in enumerate(table.titles) for name in (*title, titles[i]) if name}
+    if isinstance(column, str) and column.strip().lower() in names:
+        return names[column.strip().lower()]
+    if isinstance(column, str):
+        near = nearest(column.lower(), names) if names else "; its columns have no names"
+        raise RecordingError(f"{table.name}: there is no column {shown(column)} for {what}={near}")
+    raise RecordingError(f"{table.name}: {what}= takes a name, or a number from 1 to {table.width}, not "
+                         f"{shown(column)}")
+
+
+def _drive_unit(name: str, kind: str, title: str) -> tuple[float, str]:
+    """Return the size of the unit of a drive's column, in N m, A or 1, and a note where the title has no unit."""
+    found = _IN_BRACKETS.search(title)
+    if not found:
+        return 1.0, "" if kind == "action" else f"; {kind} in {DRIVES[kind].unit}, as the header names no unit"
+    unit = re.sub(r"[\s.·*⋅]", "", found[1]).lower()
+    if unit not in _SIZES[kind]:
+        raise RecordingError(f"{name}: the {kind} is in {found[1]!r}, expected one of "
+                             f"{', '.join(filter(None, _SIZES[kind]))}; give factor=, the size of the unit in "
+                             f"{DRIVES[kind].unit}, and name the column by its number")
+    return _SIZES[kind][unit], ""
+
+
+def _in_radians(log: DrivenLog, title: str, given: str | None) -> tuple[FloatArray, str]:
+    """Return a log's angles in radians, and a note on the unit: as given, of the title, or in which the motion is one.
+
+    Without a unit in the title, the motion decides: a pendulum's ``theta'' = -k sin(theta) + ...`` fits in one unit
+    only, unless all angles are small.
+    """
+    written = "deg" if _DEGREES.search(title) else "rad" if _RADIANS.search(title) else None
+    unit, why = given or written, "as given" if given else "as the header says"
+    if unit is None:
+        unit, why = _likely_unit(log)
+    angle = log.angle * _UNITS[unit]
+    if float(np.ptp(angle)) <= math.tau * (1.0 + 1e-6) and (np.abs(np.diff(angle)) > math.pi).any():
+        return np.unwrap(angle), f"unit: {unit}, {why}; whole turns added where the angle jumps"
+    return angle, f"unit: {unit}, {why}"
+
+
+def _likely_unit(log: DrivenLog) -> tuple[str, str]:
+    """Return the unit in which the angles of a log are those of a pendulum, and why; RecordingError if both may be.
+
+    Angles within ±2 pi, with which both units fit about as well, are in radians, as those degrees would be few.
+    """
+    if float(np.abs(log.angle).max()) > 200.0 or quantum_level(log.angle) > 0.05:
+        return "deg", "inferred from the size of the angles and of their steps (unit= overrides)"
+    off = {unit: misfit(replace(log, angle=log.angle * size)) for unit, size in _UNITS.items()}
+    for unit, other in (("rad", "deg"), ("deg", "rad")):
+        if off[unit] * _CLEAR < off[other]:
+            share = off[other] / off[unit]
+            how = "far" if not math.isfinite(share) else f"{share:.2g} times"
+            return unit, f"inferred: in {other} a pendulum's motion would fit {how} worse (unit= overrides)"
+    largest = float(np.abs(log.angle).max())
+    if largest <= math.tau:
+        return "rad", f"inferred: the largest |angle|, {largest:.4g}, is not above 2 pi (unit= overrides)"
+    raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians or in degrees; give unit=")
+
+
+def read_logs(paths: Sequence[str | os.PathLike[str]], **options: Any) -> tuple[DrivenLog, ...]:
+    """Read several logs with the same options, those of :meth:`DrivenLog.read`."""
+    return tuple(DrivenLog.read(path, **options) for path in paths)

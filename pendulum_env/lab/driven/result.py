@@ -1,0 +1,383 @@
+"""Result of a fit of driven logs: parameters with errors, a scene, the sensor's settings, and predictions of logs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.common.shown import one_line
+from pendulum_env.common.tables import Table
+from pendulum_env.lab.checked import RecordingError, one_number
+from pendulum_env.lab.driven.fitting import BOUNDS, DrivenSolution
+from pendulum_env.lab.driven.log import DRIVES, DrivenLog
+from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
+from pendulum_env.lab.fitting.grade import Fault, Grade
+from pendulum_env.lab.fitting.intervals import Interval
+from pendulum_env.lab.measures import Measurement
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.effects import BearingFriction, CoulombFriction, Gravity, Motor
+from pendulum_env.physics.scene import Run, Scene
+from pendulum_env.physics.units import SceneError, nearest, number, shown, whole_number
+
+Array = NDArray[np.float64]
+
+CONSTANTS = {"action": ("max_torque", "N m"), "torque": ("torque_scale", "1"), "current": ("motor_constant", "N m/A")}
+"""Kind of drive -> name and unit of the torque for one unit of the drive."""
+NEAR_START = 0.02
+"""Readings from which the start of a prediction is taken: within this share of the period of small swings."""
+FEWEST = 5
+"""Fewest readings from which the start of a prediction is taken."""
+WEAK = 3.0
+"""A drive whose effect is below this number of standard errors does not visibly move the pendulum."""
+MOST_LOST = 0.3
+"""Largest share of the logs' duration that may be left out of a usable fit."""
+TRIALS = 100
+"""Draws from the normal distribution for every sample, until all are within their bounds."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DrivenPrediction:
+    """Open-loop prediction of a log: a fit's pendulum under the drive of the log, from one start on.
+
+    Attributes:
+        time: time since the start of the prediction [s].
+        angle, recorded: predicted and recorded angle [rad].
+    """
+
+    time: Array
+    angle: Array
+    recorded: Array
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{len(self.time)} readings in {self.time[-1]:.4g} s")
+
+    @property
+    def error(self) -> Array:
+        """Predicted minus recorded angle at every time [rad], not wrapped."""
+        return np.asarray(self.angle - self.recorded)
+
+    def error_after(self, seconds: float) -> float:
+        """Return the size of the error of the angle after a time [rad]; RecordingError beyond the prediction's end."""
+        at = one_number(seconds, "seconds", least=0.0)
+        if at > self.time[-1]:
+            raise RecordingError(f"the prediction lasts {self.time[-1]:.4g} s, got {at:g} s")
+        return abs(float(np.interp(at, self.time, self.error)))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DrivenFit:
+    """Fit of one pendulum and motor to logs of driven runs.
+
+    Attributes:
+        logs: the logs.
+        solution: the fit in the numbers of the equation of motion.
+        gravity: gravity [m/s²].
+        known: the quantity that was given to set the scale of all torques, "inertia", "moment" or "mass";
+            "torque" if the log's torques set it, "" if a mass of 1 kg was assumed.
+        value: value of the known quantity.
+        peak: largest torque of the scene's motor [N m]; None: the largest of the logs.
+    """
+
+    logs: tuple[DrivenLog, ...]
+    solution: DrivenSolution
+    gravity: float
+    known: str
+    value: float
+    peak: float | None = None
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{', '.join(log.source for log in self.logs)}, rms {self.solution.rms:.2g} rad")
+
+    @property
+    def kind(self) -> str:
+        """Kind of the drive: "action", "torque" or "current"."""
+        return self.logs[0].kind
+
+    def _of(self, rates: Array) -> dict[str, float]:
+        """Return the fitted parameters by name, from the numbers of the equation of motion."""
+        stiffness, viscous, dry, drive, delay, lag, zero = rates.tolist()
+        inertia = {"inertia": self.value, "moment": self.value * self.gravity / stiffness, "torque": 1.0 / drive,
+                   }.get(self.known, self.value * (self.gravity / stiffness) ** 2)
+        values = {"length": self.gravity / stiffness, "inertia": inertia, "moment": inertia * stiffness / self.gravity,
+                  "bearing_viscosity": inertia * viscous, "friction_torque": inertia * dry,
+                  CONSTANTS[self.kind][0]: inertia * drive, "delay": delay, "lag": lag, "zero": zero}
+        left_out = {self.known} if self.known in values else set()
+        left_out |= {CONSTANTS[self.kind][0]} if self.known == "torque" else set()
+        return {name: value for name, value in values.items() if name not in left_out}
+
+    @cached_property
+    def _slopes(self) -> Array:
+        """Derivatives of all parameters by the fitted numbers of the equation of motion, by central differences."""
+        rates, columns = self.solution.rates, []
+        for place in self.solution.free:
+            step = 1e-5 * max(abs(rates[place]), 1e-3)
+            up, down = rates.copy(), rates.copy()
+            up[place] += step
+            down[place] -= step
+            columns.append((np.array(list(self._of(up).values())) - np.array(list(self._of(down).values())))
+                           / (2.0 * step))
+        return np.stack(columns, axis=1)
+
+    @cached_property
+    def _fitted(self) -> list[int]:
+        """Places of the parameters that depend on a fitted number."""
+        return np.flatnonzero(np.abs(self._slopes).max(axis=1)).tolist()
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fitted parameters, in the order of ``values`` and ``covariance``."""
+        names = tuple(self._of(self.solution.rates))
+        return tuple(names[i] for i in self._fitted)
+
+    @cached_property
+    def values(self) -> Array:
+        """Values of the fitted parameters, an array."""
+        return np.array(list(self._of(self.solution.rates).values()))[self._fitted]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance matrix of the fitted parameters, by their derivatives with respect to the equation's numbers."""
+        slopes = self._slopes[self._fitted]
+        return np.asarray(slopes @ self.solution.covariance @ slopes.T)
+
+    @property
+    def correlations(self) -> Array:
+        """Correlation matrix of the fitted parameters."""
+        errors = np.sqrt(np.diag(self.covariance))
+        return np.asarray(self.covariance / np.outer(errors, errors))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the fitted parameters by name."""
+        units = {"length": "m", "inertia": "kg m^2", "moment": "kg m", "bearing_viscosity": "N m s",
+                 "friction_torque": "N m", "delay": "s", "lag": "s", "zero": "rad", **dict([CONSTANTS[self.kind]])}
+        return {name: units[name] for name in self.names}
+
+    @cached_property
+    def parameters(self) -> dict[str, Measurement]:
+        """Fitted parameters by name, with standard errors and units.
+
+        ``length`` is that of a point pendulum with the same period, g/omega0²; ``moment`` is mass times distance of the
+        centre of mass.
+        """
+        errors = np.sqrt(np.diag(self.covariance))
+        return {name: Measurement(float(value), float(error), unit) for (name, unit), value, error in
+                zip(self.units.items(), self.values, errors, strict=True)}
+
+    def interval(self, name: str, level: float = 0.95) -> Interval:
+        """Return the confidence interval ``value ± t error`` of a parameter; quantities that cannot be negative are cut
+        at 0.
+
+        Raises RecordingError for a name that was not fitted, SceneError for a level that is not between 0 and 1.
+        """
+        from scipy.special import stdtrit
+
+        if name not in self.names:
+            raise RecordingError(f"There is no fitted parameter {shown(name)}{nearest(name, self.names)}")
+        share = number(level, "level", above=0.0)
+        if not share < 1.0:
+            raise SceneError(f"level must be below 1, not {level!r}.")
+        one = self.parameters[name]
+        half = float(stdtrit(self.solution.freedom, 0.5 + 0.5 * share)) * one.error
+        signed = name == "zero" or (name == "delay" and DELAY not in BOUNDS[self.kind])
+        low = one.value - half
+        return Interval(low if signed else max(low, 0.0), one.value + half)
+
+    @cached_property
+    def quantum(self) -> float:
+        """Step between readings of the encoder [rad]; 0 if the logs show none."""
+        return max(log.quantum for log in self.logs)
+
+    @cached_property
+    def noise(self) -> float:
+        """Standard deviation of a reading of the angle before its rounding [rad], from successive residuals."""
+        whole = float(np.median(self.solution.sigma))
+        return math.sqrt(max(whole * whole - self.quantum * self.quantum / 12.0, 0.0))
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Delays and sensor of the bench, as JSON: ``observation_delay`` and ``action_delay`` [s], and ``sensor`` with
+        quantum, noise, offset [rad], scale and rate [Hz].
+
+        A log shows only the sum of both delays, which is counted as the action's. The delay of a torque that was
+        measured is one of its column, not of the motor, and is left out.
+        """
+        rate = 1.0 / min(float(np.median(np.diff(log.time))) for log in self.logs)
+        delay = 0.0 if DRIVES[self.kind].measured else float(self.solution.rates[DELAY])
+        sensor = {"quantum": self.quantum, "noise": self.noise, "offset": float(self.solution.rates[ZERO]),
+                  "scale": 1.0, "rate": float(f"{rate:.4g}")}
+        return {"observation_delay": 0.0, "action_delay": delay, "sensor": sensor}
+
+    @property
+    def environment(self) -> dict[str, Any]:
+        """Keywords for ``gym.make("LabPendulum-v0", ...)``: the scene and, as control step, the time between readings.
+        """
+        return {"scene": self.scene, "dt": self.scene.run.dt}
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The fitted pendulum and its motor as a scene: a point mass with the same period and moment of inertia."""
+        return self._scene(self.solution.rates)
+
+    def _scene(self, rates: Array) -> Scene:
+        own = self._scene_values(rates)
+        dt = float(f"{min(float(np.median(np.diff(log.time))) for log in self.logs):.3g}")
+        longest = max(float(log.time[-1] - log.time[0]) for log in self.logs)
+        effects = (Gravity(), BearingFriction(bearing_viscosity=own["bearing_viscosity"]),
+                   CoulombFriction(friction_torque=own["friction_torque"]),
+                   Motor(max_torque=own["max_torque"], lag=own["lag"]))
+        name = f"fitted to {', '.join(log.source for log in self.logs)}"
+        return Scene(name, Body(length=own["length"], mass=own["mass"], radius=own["length"] / 20.0), effects=effects,
+                     gravity=self.gravity, run=Run(angle=0.0, dt=dt, duration=longest))
+
+    def _scene_values(self, rates: Array) -> dict[str, float]:
+        """Return length, mass, friction and motor of the scene for given numbers of the equation of motion."""
+        length = self.gravity / rates[STIFFNESS]
+        own = self._of(rates)
+        inertia = own.get("inertia", self.value)
+        largest = max(float(np.abs(log.drive).max()) for log in self.logs) if self.kind != "action" else 1.0
+        peak = inertia * float(rates[DRIVE]) * largest if self.peak is None else self.peak
+        return {"length": float(length), "mass": float(inertia / length**2),
+                "bearing_viscosity": float(inertia * rates[VISCOUS]), "friction_torque": float(inertia * rates[DRY]),
+                "max_torque": float(peak), "lag": float(rates[LAG])}
+
+    def sample(self, n: int, seed: int = 0) -> dict[str, Any]:
+        """Draw ``n`` random scenes that agree with this fit, as keywords for ``gym.make_vec`` or ``rollout``.
+
+        Returns the scene, and arrays of n values of length, mass, friction and motor, from the normal distribution of
+        the equation's numbers within their bounds. Raises SceneError for a number or seed out of range, RecordingError
+        if hardly any draw is within the bounds.
+        """
+        count, source = whole_number(n, "n"), np.random.default_rng(whole_number(seed, "seed", least=0))
+        free, rates = list(self.solution.free), self.solution.rates
+        least = np.array([BOUNDS[self.kind].get(place, 1e-9 if place in (STIFFNESS, DRIVE) else -math.inf)
+                          for place in free])
+        rows: list[Array] = []
+        for _ in range(TRIALS):
+            drawn = source.multivariate_normal(rates[free], self.solution.covariance, count)
+            rows += list(drawn[(drawn >= least).all(axis=1)])
+            if len(rows) >= count:
+                break
+        else:
+            raise RecordingError("hardly any random draw is within the bounds of 0; the logs determine too little")
+        scenes = []
+        for row in rows[:count]:
+            one = rates.copy()
+            one[free] = row
+            scenes.append(self._scene_values(one))
+        fixed = {"lag"} if LAG not in free else set()
+        return {"scene": self.scene, **{name: np.array([scene[name] for scene in scenes]) for name in scenes[0]
+                                        if name not in fixed}}
+
+    def predict(self, log: DrivenLog, start: float | None = None, duration: float | None = None) -> DrivenPrediction:
+        """Simulate a log's motion under its own drive, with this fit's numbers and without a look at later readings.
+
+        The start is a parabola through the readings within 2 % of a period of small swings.
+
+        Args:
+            log: a log with a drive of the same kind.
+            start: time in the log at which the prediction starts [s]; None: its first reading.
+            duration: length of the prediction [s]; None: to the end of the log.
+
+        Raises RecordingError for another kind of drive, and for times outside of the log.
+        """
+        if not isinstance(log, DrivenLog) or log.kind != self.kind:
+            raise RecordingError(f"log must be a DrivenLog with the drive {self.kind!r}, got {shown(log)}")
+        first = float(log.time[0]) if start is None else one_number(start, "start")
+        last = float(log.time[-1]) if duration is None else first + one_number(duration, "duration", above=0.0)
+        if not float(log.time[0]) <= first < last <= float(log.time[-1]) * (1.0 + 1e-9):
+            raise RecordingError(f"{log.source}: a prediction from {first:g} to {last:g} s must lie within the log, "
+                                 f"{log.time[0]:g} to {log.time[-1]:g} s")
+        omega0 = math.sqrt(self.solution.rates[STIFFNESS])
+        windows = Windows.of((log,), 10.0 * (last - first), omega0, first - float(log.time[0]),
+                             float(log.time[-1]) - last)
+        apart = np.abs(log.time - first)
+        near = np.flatnonzero(apart <= NEAR_START * math.tau / omega0)
+        near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
+        curve = np.polynomial.Polynomial.fit(log.time[near] - first, log.angle[near], 2)
+        begin = np.array([[[curve(0.0), curve.deriv()(0.0)]]])
+        angle = windows.angles(self.solution.rates[None, :], begin)[0]
+        place = windows.places[0]
+        time = log.time[place.first : place.last] - first
+        return DrivenPrediction(time, angle, windows.angle)
+
+    @cached_property
+    def grade(self) -> Grade:
+        """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
+        solution, faults = self.solution, []
+        drive = solution.free.index(DRIVE) if DRIVE in solution.free else None
+        if drive is not None and solution.rates[DRIVE] < WEAK * math.sqrt(solution.covariance[drive, drive]):
+            faults.append(Fault(f"the {self.kind} does not visibly move the pendulum: its effect is below {WEAK:g} "
+                                "standard errors", True))
+        if solution.lost:
+            spans = ", ".join(f"{self.logs[i].source} {first:.3g} to {last:.3g} s" for i, first, last in solution.lost)
+            share = sum(last - first for _, first, last in solution.lost) / sum(
+                float(log.time[-1] - log.time[0]) for log in self.logs)
+            faults.append(Fault(f"the {self.kind} does not explain {100.0 * share:.2g} % of the logs, which are left "
+                                f"out, as of a hand that pushes ({spans})", share > MOST_LOST))
+        if any(solution.torque_noise):
+            span = solution.windows.h * solution.windows.steps
+            faults.append(Fault(f"the motion scatters by more than the sensor does, by {solution.rms:.2g} rad within "
+                                f"{span:.2g} s, as of torques that the logs do not hold; the errors allow for them",
+                                False))
+        return Grade(tuple(faults))
+
+    @property
+    def limits(self) -> str:
+        """Sentences on what these logs cannot determine, and what the result takes for granted instead."""
+        sentences = []
+        if self.known == "torque":
+            sentences.append("All torques, the moment of inertia and the moment of the mass are in units of the log's "
+                             "torque, and wrong by the same factor as it; give inertia= or moment= to fit that factor.")
+        elif not self.known:
+            sentences.append("The motion shows torques only per moment of inertia; a mass of 1 kg at the fitted length "
+                             "is assumed; give mass=, inertia= or moment=.")
+        if DELAY in self.solution.free:
+            late = "A negative delay means that the column comes late. " if DRIVES[self.kind].measured else ""
+            sentences.append(f"Delays of the {self.kind} and of the angle show only as their sum. {late}".strip())
+        if LAG in self.solution.free and abs(self._correlation("delay", "lag")) > 0.95:
+            sentences.append("Delay and lag are hard to tell apart here; their sum is better known than each of them.")
+        return " ".join(sentences)
+
+    def _correlation(self, first: str, second: str) -> float:
+        return float(self.correlations[self.names.index(first), self.names.index(second)])
+
+    @property
+    def table(self) -> Table:
+        """Table of the fitted parameters: value with standard error, unit, correlations."""
+        rows = []
+        for i, (name, one) in enumerate(self.parameters.items()):
+            text = str(one)
+            text = text.removesuffix(one.unit).strip() if one.unit else text
+            rows.append((name, text, one.unit, *(f"{x:+.2f}" for x in self.correlations[i])))
+        return Table(("parameter", "value", "unit", *(f"r {name}" for name in self.names)), tuple(rows))
+
+    @property
+    def text(self) -> str:
+        """Sentences on the fit: what it is of, how well it holds, the sensor, and what the logs cannot determine."""
+        windows, sensor = self.solution.windows, self.settings["sensor"]
+        return "\n".join((
+            f"{len(windows.places)} windows of about {windows.h * windows.steps:.3g} s: residual "
+            f"{math.degrees(self.solution.rms):.3g}° rms, the error of a reading is "
+            f"{math.degrees(float(np.median(self.solution.sigma))):.2g}°.",
+            f"Sensor: quantum {math.degrees(sensor['quantum']):.4g}°, noise {math.degrees(sensor['noise']):.2g}°, zero "
+            f"{math.degrees(sensor['offset']):.3g}°, {sensor['rate']:g} readings per second.",
+            f"Scene: {self.scene.equation()}",
+            self.limits,
+            self.grade.text))
+
+    def __str__(self) -> str:
+        return self.text
+
+    def to_dict(self) -> Mapping[str, Any]:
+        """Return parameters, settings and grade as a dict that JSON can hold."""
+        return {"parameters": {name: {"value": one.value, "error": one.error, "unit": one.unit}
+                               for name, one in self.parameters.items()},
+                "rates": dict(zip(RATES, self.solution.rates.tolist(), strict=True)), **self.settings,
+                "grade": self.grade.text, "limits": self.limits}
