@@ -145,7 +145,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         most = np.inf if given is None else given
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         draws = self._randomization = randomization(randomize)
-        self._bank = Bank(self._num_envs)
+        self._bank = Bank(self._num_envs) if draws else None
         self._randomize = randomize
         with naming_keywords(type(self)):
             spec = self._spec = RunSpec.of_episodes(
@@ -461,7 +461,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         Return the program's numbers that follow from them; {} if all episodes have the environments' own parameters.
         """
         each, draws = self._each, self._randomization
-        if draws is None:
+        if draws is None or self._bank is None:
             return each.take(which, given) if given or each.episode else {}
 
         def draw(places: Places) -> tuple[dict[str, Array], dict[str, Array]]:
@@ -470,6 +470,11 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
         values, numbers = self._bank.take(which, draw)
         return each.take(which, {**values, **given}, None if given else numbers)
+
+    def _forget(self, which: Places) -> None:
+        """Drop the parameters that were drawn ahead for environments whose random streams begin anew."""
+        if self._bank is not None:
+            self._bank.forget(which)
 
     def _parameter_infos(self, which: Places) -> Infos:
         """Return the infos with the drawn or given parameters of new episodes; {} if they have none."""
@@ -515,19 +520,19 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             return
         if isinstance(seeds, np.ndarray) and len(which) == self._num_envs:
             self._seeds, self._streams = seeds.astype(object), Streams(seeds)
-            self._bank.forget(which)
+            self._forget(which)
             return
         streams = self._seeded()
         if isinstance(seeds, np.ndarray):
             self._seeds[which] = seeds[which]
             streams.seed(which, seeds[which])
-            self._bank.forget(which)
+            self._forget(which)
             return
         places = [place for place in which.tolist() if seeds[place] is not None]
         wanted = [seed for place in places if (seed := seeds[place]) is not None]
         self._seeds[places] = wanted
         streams.seed(np.array(places, dtype=np.intp), wanted)
-        self._bank.forget(np.array(places, dtype=np.intp))
+        self._forget(np.array(places, dtype=np.intp))
 
     def _seeded(self) -> Streams:
         """Return the random streams of all environments, created when first used."""

@@ -55,6 +55,10 @@ CASES: dict[str, dict[str, Any]] = {
                         "action_delay": (0.0, 0.02)},
     "not periodic": {"scene": "textbook", "task": "free", "observation": "history"},
     "reference": {"task": "track", "observation": "angle", "observation_delay": 0.02},
+    "clipped speed": {"scene": "gymnasium", "observation": "encoder", "action_delay": (0.0, 0.1),
+                      "observation_delay": 0.05, "randomize": {"length": (0.8, 1.2)}},
+    "a slack wire": {"scene": "exercise_large", "task": "free", "slack": "warn", "observation_delay": 0.04,
+                     "randomize": {"length": (0.5, 0.7)}, "compensated": True},
     "multistep": {"integrator": "adams_bashforth2", "substeps": 8, "action_delay": 0.005},
 }
 
