@@ -42,7 +42,6 @@ OWN_FORMULAS: Mapping[str, str] = {
     "decay_rate": "a least-squares line through logarithms, written out",
     "fit": "least squares of what a scene, whose effects have sources, does",
     "fit_driven": "least squares of what a scene, whose effects have sources, does",
-    "DrivenFit": "a result of fit_driven",
     "fit_circle": "the definition of least squares",
     "measure": "puts together what other functions measure",
     "period": "a mean of differences, with its error by propagation",

@@ -180,8 +180,7 @@ class Windows:
         numbers = {"gravity_rate": each[:, STIFFNESS], "bearing_rate": each[:, VISCOUS], "dry_limit": each[:, DRY],
                    "motor_rate": scale * each[:, DRIVE], "omega0": np.sqrt(np.maximum(each[:, STIFFNESS], 1e-12)),
                    "inertia": 1.0, "scale": math.inf, "speed_limit": math.inf}
-        task = find_task("free")
-        batch = Batch(_SCENE, METHOD, (), "auto", numbers, size=size, h=self.h, task=(task.reward, task.lost),
+        batch = Batch(_SCENE, METHOD, (), "auto", numbers, size=size, h=self.h, goal=find_task("free").goal,
                       num_threads=1, substeps=1, most=math.inf)
         results = batch.results()
         begin = starts.reshape(size, 2)
