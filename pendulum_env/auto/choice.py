@@ -51,13 +51,16 @@ def choose(
         recalibrate: measure the table of step costs on this computer, store it, and choose again.
         progress: called with the fraction done; by default a bar appears if the choice takes long.
 
-    Raises AccuracyError for an accuracy that is not a finite number above zero, or that cannot be reached; the message
-    gives the smallest accuracy that can be reached.
+    Raises AccuracyError for a scene that clips the velocity, and for an accuracy that is not a finite number above
+    zero, or that cannot be reached; the message gives the smallest accuracy that can be reached.
     """
     places = (scenes,) if isinstance(scenes, Scene) else several(scenes, "scenes", "scenes")
     for place in places:
         if not isinstance(place, Scene):
             raise SceneError(f"scenes must be a Scene or several, not {shown(place)}.")
+        if any(effect.limit for effect in place.effects):
+            raise AccuracyError(f"The scene '{place.name}' clips the velocity after every step, so that no motion is "
+                                "the true one, and no method can be chosen by its accuracy; name a method and a step.")
     if not places:
         raise SceneError("scenes must hold at least one Scene, not none.")
     places = tuple(dict.fromkeys(places))

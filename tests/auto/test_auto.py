@@ -28,8 +28,8 @@ from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.units import SceneError
 from pendulum_env.truth.pieces import problem_of
 
-SMOOTH = [name for name in SCENES if name not in ("sticky_bearing", "windy")]
-"""Presets without dry friction and gusts; ten seconds of "chaotic" are within its horizon."""
+SMOOTH = [name for name in SCENES if name not in ("sticky_bearing", "windy", "gymnasium")]
+"""Presets without dry friction, gusts and a clip; ten seconds of "chaotic" are within its horizon."""
 DT = 0.02
 ACCURACIES = (1e-3, 1e-6, 1e-9)
 
@@ -146,6 +146,11 @@ def test_the_promise_is_kept(name):
     motions = [(start, shares, truth(SCENES[name], start, shares)) for start, shares in fresh(name, STEPS, 2)]
     turn = turn_of(f"a {name}", 3)  # of a few ways to share them out, one in which no scene searches for minutes
     promise(name, (ACCURACIES[turn],), motions)
+
+
+def test_a_clipped_motion_has_no_accuracy():
+    with pytest.raises(AccuracyError, match=r"'gymnasium' clips the velocity .*no method can be chosen"):
+        gym.make(ENV_ID, scene="gymnasium", integrator="auto", accuracy=1e-6, backend="python")
 
 
 def test_a_vector_keeps_it_in_all_its_environments_with_torques():
