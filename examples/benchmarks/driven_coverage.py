@@ -77,7 +77,7 @@ def shares(rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, int, float, flo
              and value is not None] if good else []
     return [(name, len(good), *(float(np.mean([row[f"{name} {level:g}"] for row in good])) for level in LEVELS),
              float(np.sqrt(np.mean([row[f"{name} deviation"] ** 2 for row in good]))),
-             float(np.median([row[f"{name} error"] for row in good]))) for name in names]
+             float(np.nanmedian([row[f"{name} error"] or math.nan for row in good]))) for name in names]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
