@@ -292,6 +292,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._steps = setup.steps
         self._last = math.inf if setup.steps is None else (setup.steps - 1.0) * self._substeps
         self._make_judge()
+        self._plain = self._sensing is None and self._ahead is None and not (self._bounded or self._upright)
         self._cut_told = False
         self._state: Any = None
         self._share, self._explained = 0.0, False
@@ -399,8 +400,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             self.window.attend()
         self._share = share
         before = earlier(self._state, self._machine.phi, self._before) if self._before else {}
-        observation, code, values = self._run(self._substeps) if self._sensing is None else self._run_in_parts(share)
-        observation, share = self._seen(observation), self._share
+        if self._plain:
+            observation, code, values = self._run(self._substeps)
+        else:
+            parts = self._sensing is not None
+            observation, code, values = self._run_in_parts(share) if parts else self._run(self._substeps)
+            observation, share = self._seen(observation), self._share
         index, angle, turns, velocity, phi = *values[:4], values[self._machine.phi]
         if self._slackened and (steps := values[self._slackened]):
             self._slackened = 0

@@ -305,7 +305,7 @@ KEPT = {
         _np_random_seed _omega0 _penalty _reel _render_mode _render_size _scene _share _in_flow _slackened _spec
         _speed_limit _state _substeps _task _turning action_space metadata observation_space window
         _asked_limit _parameters _randomization _randomize _observation _history _sensor _observation_delay
-        _action_delay _sensing _delays _observed""",
+        _action_delay _sensing _delays _observed _plain""",
     "LabPendulumVectorEnv": """_batch _begun _checks _rate _velocity_bound _bounded _camera _dt _everyone _explained
         _integrator
         _marks _masks _names _np_random _np_random_seed _num_envs _num_threads _over _penalty _render_mode _render_size
