@@ -115,7 +115,8 @@ def motor_bench() -> Scene:
     effects = (Gravity(), BearingFriction(bearing_viscosity=0.015), CoulombFriction(friction_torque=0.15),
                Motor(max_torque=1.5))
     body = Body(length=0.507, mass=0.73, radius=0.03)
-    return Scene("motor_bench", body, effects=effects, gravity=9.81, run=Run(angle=0.0, dt=0.005, duration=20.0))
+    run = Run(angle=math.radians(60.0), dt=0.005, duration=20.0)
+    return Scene("motor_bench", body, effects=effects, gravity=9.81, run=run)
 
 
 def moon() -> Scene:

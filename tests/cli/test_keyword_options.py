@@ -24,6 +24,7 @@ TEXTS = {
 """Texts to type, by the names of the corresponding values in the tests of keywords."""
 OPTIONS: Mapping[str, str] = {
     "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
+    "files": "none of these", "torque": "none of these", "current": "none of these", "prior": "none of these",
     "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
     "gravity": "positive",
     "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",

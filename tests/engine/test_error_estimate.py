@@ -26,7 +26,7 @@ from pendulum_env.truth.reference import reference
 Array = NDArray[np.float64]
 
 DURATION, GAP = {"kapitza": 0.6, "overdamped": 2.0}, {"kapitza": 0.002}
-SMOOTH = [name for name in SCENES if name not in ("windy", "sticky_bearing")]
+SMOOTH = [name for name, scene in SCENES.items() if name != "windy" and not any(effect.dry for effect in scene.effects)]
 """Scenes without dry friction and without gusts, for which there is no reference solution."""
 FLOOR = 2e-13
 """Fraction of the angle below which errors are mostly rounding; estimates of many-stage methods may be too high."""

@@ -97,6 +97,8 @@ def test_of_and_of_episodes_make_what_they_describe() -> None:
 MAKERS = {"Machine", "Runs", "Batch", "CertifiedMachine", "CertifiedRuns", "CertifiedBatch"}
 LOW_ROOMS = ("engine", "truth", "hard_cases")
 """Subpackages that may create machines without a RunSpec: engine, reference solutions and hard cases."""
+WITHOUT = {("lab/driven/windows.py", "Batch"): "its windows differ in the coefficients of the equation itself"}
+"""Modules elsewhere that create one, each with its reason."""
 
 
 def test_what_runs_is_made_from_a_description() -> None:
@@ -107,4 +109,4 @@ def test_what_runs_is_made_from_a_description() -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS
     }
-    assert created == set()
+    assert created == set(WITHOUT)

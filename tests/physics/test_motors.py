@@ -382,13 +382,13 @@ PREPARED: dict[str, Any] = {"ramp": 0.3, "control_quantum": 0.125, "dead_zone": 
                                      {"no_load_speed": 8.0}, {"no_load_speed": 8.0, "control_sets": "voltage"}])
 def test_an_option_that_is_off_is_not_in_the_program(numbers: dict[str, Any]) -> None:
     """Set options and take them back: the program of single runs and of batches is that of a motor without them."""
-    plain, method, task = SCENES["lab"], integrators.get("rk4"), TASKS["swing_up"]
+    plain, method, goal = SCENES["lab"], integrators.get("rk4"), TASKS["swing_up"].goal
     usual = {name: getattr(Motor(), name) for name in numbers}
     there = plain.replace(**numbers)
     back = there.replace(**usual)
     for scene, same in ((back, True), (there, False)):
         assert (program(scene, method).text == program(plain, method).text) is same
-        texts = [batch_program(each, method, ("energy",), frozenset(), (task.reward, task.lost)).text
+        texts = [batch_program(each, method, ("energy",), frozenset(), goal).text
                  for each in (scene, plain)]
         assert (texts[0] == texts[1]) is same
     assert "motor_command" not in program(plain.replace(lag=0.1), method).text
