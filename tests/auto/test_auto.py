@@ -28,7 +28,8 @@ from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.units import SceneError
 from pendulum_env.truth.pieces import problem_of
 
-SMOOTH = [name for name in SCENES if name not in ("sticky_bearing", "windy", "gymnasium")]
+SMOOTH = [name for name, scene in SCENES.items()
+          if name not in ("windy", "gymnasium") and not any(effect.dry for effect in scene.effects)]
 """Presets without dry friction, gusts and a clip; ten seconds of "chaotic" are within its horizon."""
 DT = 0.02
 ACCURACIES = (1e-3, 1e-6, 1e-9)
