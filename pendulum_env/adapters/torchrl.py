@@ -96,7 +96,7 @@ class LabPendulumTorchEnv(EnvBase):  # type: ignore[misc]
         if going is None or going.all():
             seen, rewards, terminated, truncated, infos = self.vector.step(actions)
         else:
-            # Those that wait are started anew for this step, and then put back to where they were.
+            # The waiting environments are reset for this step, and then restored to their states.
             waiting = np.flatnonzero(~going)
             state = self.vector.get_state(waiting)
             self.vector.reset(options={"reset_mask": ~going})

@@ -91,7 +91,7 @@ class Fit(Plotted):
 
     @property
     def sign(self) -> str:
-        """Short form of ``degrees``: °, °/s or m/s², with the space that belongs before it."""
+        """Short form of the unit ``degrees``: "°", "°/s" or " m/s²", with the space before it."""
         return {"degrees": "°", "degrees/s": "°/s"}.get(self.degrees, f" {self.degrees}")
 
     def shown(self, residual: float) -> float:
