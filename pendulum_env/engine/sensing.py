@@ -1,8 +1,8 @@
 """Observations by a sensor, and delayed actions: readings, velocities computed from them, and delays.
 
 The usual program advances the motion, one part of a control step after the other: after each part some environments
-change to the next action, and some are read. A small program, generated here, takes the readings and returns them later.
-Readings are kept in *slots*, which all environments share: every ``spacing`` integration steps the next slot is
+change to the next action, and some are read. A small program, generated here, takes the readings and returns them
+later. Readings are kept in *slots*, which all environments share: every ``spacing`` integration steps the next slot is
 written, and after the last slot the first. A delayed observation comes from an earlier slot. An episode begins with its
 first reading in all slots.
 """
@@ -129,7 +129,7 @@ class Plan:
         return tuple(sorted({delay % self.substeps for delay in range(low, min(high, low + self.substeps) + 1)} - {0}))
 
     def parts(self, remembers: bool) -> tuple[tuple[int, int, int, bool], ...]:
-        """Return the parts of a control step: begin, end, steps of a new action (0 to go on with the old), True to read.
+        """Return the parts of a control step: begin, end, steps of a new action (0 for the old one), True to read.
 
         ``remembers`` is True for scenes with effects that have a state, such as a lagging motor: where actions arrive
         within a control step, it is advanced in every integration step.

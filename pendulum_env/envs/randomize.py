@@ -326,7 +326,7 @@ def randomization(given: Any) -> Randomization | None:
 
 
 def plain_form(given: Any) -> Any:
-    """Return a user's value in a form that JSON preserves: a list that begins with the kind of range, for each tuple."""
+    """Return a user's value in a form that JSON preserves: lists that begin with the kind of range for tuples."""
     if isinstance(given, Mapping) and all(isinstance(name, str) for name in given):
         ranges = [Range.of(name, value) for name, value in given.items()]
         return {one.name: [one.kind, *one.values] for one in ranges}

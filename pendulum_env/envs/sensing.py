@@ -89,7 +89,7 @@ def as_sensor(device: Sensor) -> Sensor:
 def checked_delay(value: Any, name: str, h: float, substeps: int) -> tuple[int, int]:
     """Return a delay, or the ends of its range, in integration steps of ``h`` [s].
 
-    Raises SceneError for delays below 0 or beyond 1000 control steps, that are not whole steps, or a range whose ends are reversed.
+    Raises SceneError for delays below 0 or beyond 1000 control steps, that are not whole steps, or with reversed ends.
     """
     ends = value if isinstance(value, (tuple, list)) else (value, value)
     if len(ends) != 2:

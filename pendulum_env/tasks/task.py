@@ -52,11 +52,11 @@ class Task:
 
     They may use assignments, if and else, ``+ - * / **``, comparisons, and, or, not, numbers of their module or of an
     outer function (their values when the task is made), arguments with a number as default, abs, min, max, and sin,
-    cos, exp, log, sqrt, pow and atan2 of math or numpy, which are replaced by the package's own: their bits are the same
-    on every machine, compiled or not. They may call other plain functions. Their source is copied into the generated
+    cos, exp, log, sqrt, pow and atan2 of math or numpy. The package's own functions replace these, with equal bits on
+    every machine, compiled or not. They may call other plain functions. Their source is copied into the generated
     program, so it must be in a file or a notebook.
 
-    The quantities are those after the control step, those that end in _before at its start.
+    The quantities are those after the control step; those with names in _before are those at its start.
 
     Attributes:
         name: the task's name, for messages and tables.
@@ -64,8 +64,8 @@ class Task:
         lost: function that returns True where the task is lost, which ends the episode ("fell"); by default never.
         start: ranges of the start by name, as ``{"angle": (-0.1, 0.1), "speed": 0.0}``: "angle" from hanging [rad], and
             "velocity" [rad/s] or "speed" (velocity/omega0); a pair is a uniform distribution, and a quantity that is
-            left out is 0. Or a function of "first" and "second", random numbers in [0, 1), and of "omega0" [1/s] that returns angle
-            [rad] and velocity [rad/s]. None for the scene's usual run.
+            left out is 0. Or a function of "first" and "second", random numbers in [0, 1), and of "omega0" [1/s] that
+            returns angle [rad] and velocity [rad/s]. None for the scene's usual run.
         reference: function of "time" [s] that returns the angle to follow [rad]; reward and lost may then take
             "reference" and "error", and the observation has four more entries: cosine and sine of the reference now
             and after the next control step.

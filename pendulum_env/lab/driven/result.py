@@ -324,7 +324,8 @@ class DrivenFit:
         if any(solution.torque_noise):
             span = solution.windows.h * solution.windows.steps
             faults.append(Fault(f"the residual, {solution.rms:.2g} rad within {span:.2g} s, is larger than the "
-                                "sensor's error, probably because of torques missing from the logs; the errors allow for them",
+                                "sensor's error, probably because of torques missing from the logs; the errors of the "
+                                "parameters allow for them",
                                 False))
         return Grade(tuple(faults))
 

@@ -323,8 +323,8 @@ class Fit(Plotted):
     ) -> Posterior:
         """Sample the posterior distribution of the parameters with emcee (``pip install "lab-pendulum[posterior]"``).
 
-        The likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, whose standard
-        deviation sigma is integrated out with the prior 1/sigma. It is made wider where the standard errors allow for
+        The log likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, with their
+        standard deviation sigma integrated out with the prior 1/sigma. It is wider where the standard errors allow for
         correlated residuals, rounding or a drift; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
         zero are sampled with the other parameters. The walkers start around the fit.
 
