@@ -32,7 +32,7 @@ WORDS = (UNIFORM, LOG, CHOICE)
 """First entries of a range of a parameter, which say how it is drawn."""
 FORMS = '(low, high), ("log", low, high) or a list of values'
 MOST_CORNERS, TRIALS = 64, 16
-"""Largest number of combinations of ends of ranges, and number of random draws, of which the scenes are checked."""
+"""Largest number of combinations of ends of ranges, and number of random draws, that are checked beforehand."""
 PATIENCE = 1000
 """Most draws of one episode before a distribution is refused, because hardly any of its draws is within the bounds."""
 

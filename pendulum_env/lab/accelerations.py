@@ -34,7 +34,7 @@ _LATE = 1.5
 
 
 class Mount(NamedTuple):
-    """How an accelerometer sits on a pendulum.
+    """Direction and distance of an accelerometer on a pendulum.
 
     Attributes:
         tilt: angle of the reading's direction from that along the rod, towards the motion [rad]: 0 along it, pi/2
@@ -120,7 +120,7 @@ def felt(
     if sways and float(across[:count] @ np.sin(angle[:count])) * (1.0 - ratio) < 0.0:
         angle = -angle
     where = ("across it, the phone feels a swing, too, as it is not at the bob: the tilt of the axis is fitted" if sways
-             else "across it, the phone feels hardly anything, as it is about the bob")
+             else "across it, the phone feels hardly anything, as it is close to the bob")
     return Felt(along[:count], Mount(0.0, ratio, distance, sways), angle[:count],
                 [f"axis: along the rod, {shares}; {where}", *_cut_note(time, count)])
 

@@ -148,7 +148,7 @@ class DrivenLog:
 
     @property
     def text(self) -> str:
-        """Summary of the log: readings, rate, resolution, drive, and what was inferred."""
+        """Summary of the log: readings, rate, resolution, drive, and inferred settings."""
         usual = float(np.median(np.diff(self.time)))
         quantum = f"{math.degrees(self.quantum):.4g} deg" if self.quantum else "none seen"
         return "\n  ".join((

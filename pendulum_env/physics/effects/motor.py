@@ -230,7 +230,7 @@ class Motor(Effect):
     control_quantum: float = si(
         0.0, "1", "step to whose multiples the control is rounded, at most 1; 0 for none", least=0.0)
     dead_zone: float = si(0.0, "1", "control up to which there is no torque, below 1", least=0.0)
-    control_sets: str = choice(TORQUE, (TORQUE, VOLTAGE), "what the control is a share of; see no_load_speed")
+    control_sets: str = choice(TORQUE, (TORQUE, VOLTAGE), "quantity of which the control is a share; see no_load_speed")
     no_load_speed: float | None = si(
         None, "rad/s", "speed at which full control gives no torque; none by default", above=0.0, optional=True)
     stall_torque: float | None = si(
