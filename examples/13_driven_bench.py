@@ -1,4 +1,4 @@
-"""Which of two published sets of numbers does a motor bench follow? Fit two of its logs, and predict each by the other.
+"""Fit two logs of a motor bench, decide between two published sets of its numbers, and predict each log by the other.
 
 The bench is the torque-limited simple pendulum of Wiebe et al. 2022 (J. Open Source Softw. 7, 3884). Its geometry and
 its published identification contradict each other. The free swing decides, as its frequency does not depend on the

@@ -1,7 +1,7 @@
-"""A task of one's own: swing up with a reward for the change of the energy, which is the same for all good paths.
+"""A task of one's own: swing up, rewarded for approaching the energy of the top, by potential-based shaping.
 
-Potential-based shaping (Ng, Harada & Russell 1999) rewards a step by the change of a function of the state. Here it is
-the distance of the energy from that of the top, so that the return is the way travelled towards it, and nothing else.
+This shaping (Ng, Harada & Russell 1999) rewards a step by the change of a function of the state. Here it is
+the distance of the energy from that of the top, so that the return is this distance at the start less that at the end.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What the adapters to Stable-Baselines3 and TorchRL add to a step of the vector environment.
+"""Time that the adapters to Stable-Baselines3 and TorchRL add to a step of the vector environment.
 
 Each time is the smallest of five means, beside the vector without an adapter and the programs' own vectors of single
 environments. It needs both programs: pip install 'lab-pendulum[sb3,torchrl]'.

@@ -11,8 +11,8 @@ makes all rows. Every agent's result is stored in a folder as soon as it is ther
 repeated, or be run in pieces: ``--list`` names the rows, ``--rows "SAC"`` runs those whose names contain the text,
 ``--only-seed 3`` trains one agent of each. ``--share 0.001 --episodes 4 --seeds 2`` tries everything in seconds.
 
-The second table is the price of integrator and step: the return in 10 s, as a rate (``reward_rate=True``), of the
-controller that is told dt, and of the agents that SAC has trained in the accurate environment, at their own dt.
+The second table shows how returns depend on integrator and step: the return in 10 s, as a rate (``reward_rate=True``),
+of the controller that knows dt, and of the agents that SAC has trained in the accurate environment, at their own dt.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def stored(path: Path) -> Policy | None:
 
 
 def result(row: Row, seed: int, options: argparse.Namespace) -> dict[str, Any] | None:
-    """Return mean return and training time [s] of an agent, from the folder or trained now; None if not to be had."""
+    """Return mean return and training time [s] of an agent, from the folder or trained now; else None."""
     budget = max(1, int(options.share * row.budget))
     path = options.folder / f"{row.place.scene}-{row.place.task}-{row.trained_by}-{budget}-{seed}"
     file = path.with_suffix(".json")

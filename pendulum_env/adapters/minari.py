@@ -179,7 +179,7 @@ def episodes_of(
 
 
 def check_names(names: Sequence[str], infos: Mapping[str, Any]) -> None:
-    """Raise SceneError for names that are no numbers in a vector's infos."""
+    """Raise SceneError for names that do not belong to numbers in a vector's infos."""
     known = [name for name, values in infos.items() if isinstance(values, np.ndarray) and values.dtype.kind == "f"]
     for name in names:
         if name not in known:
@@ -188,7 +188,7 @@ def check_names(names: Sequence[str], infos: Mapping[str, Any]) -> None:
 
 
 def checked_actions(actions: Any, size: int) -> NDArray[np.float32]:
-    """Return a policy's actions as float32 in [-1, 1]; SceneError for another shape or what are no finite numbers."""
+    """Return a policy's actions as float32 in [-1, 1]; SceneError for another shape or numbers that are not finite."""
     try:
         array = np.asarray(actions)
         fine = array.shape == (size, 1) and array.dtype.kind in "fiu" and bool(np.isfinite(array).all())

@@ -29,8 +29,8 @@ class LabPendulumTorchEnv(EnvBase):  # type: ignore[misc]
     ``LabPendulumTorchEnv(64, task="balance").rollout(100)`` rolls out. "observation" is float32 of shape (num_envs, 3),
     or of the shape that ``observation=`` gives it, "action" float32 of (num_envs, 1) in [-1, 1], "reward" float32 of
     (num_envs, 1); "done", "terminated" and "truncated" are bool of (num_envs, 1). A reset with a mask "_reset" starts
-    episodes in the marked environments. A step with a mask "_step" leaves the others as they are, where the vector's
-    ``get_state`` can save them.
+    episodes in the marked environments. A step with a mask "_step" leaves the others unchanged; it needs a vector that
+    ``get_state`` can save.
 
     Args:
         num_envs: number of environments.
@@ -96,7 +96,7 @@ class LabPendulumTorchEnv(EnvBase):  # type: ignore[misc]
         if going is None or going.all():
             seen, rewards, terminated, truncated, infos = self.vector.step(actions)
         else:
-            # Those that wait are started anew for this step, and then put back to where they were.
+            # The waiting environments are reset for this step, and then restored to their states.
             waiting = np.flatnonzero(~going)
             state = self.vector.get_state(waiting)
             self.vector.reset(options={"reset_mask": ~going})

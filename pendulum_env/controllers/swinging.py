@@ -42,8 +42,8 @@ class SwingUp:
     motor's lag is known: the controller computes the motor's share from its own actions, from 0 at the first call or
     ``reset``; after a new episode without ``reset`` this share is right again after a few times the lag. The check that
     the motor is strong enough ignores the lag: with a lag above about 2/omega0, a weak motor may not reach the top. A
-    motor that brakes by its own voltage is known, but not a supply that limits its torque, nor a ramp, steps and a dead
-    zone of the control.
+    motor that brakes by its own voltage is allowed for, but not a supply that limits its torque, nor a ramp, steps and
+    a dead zone of the control.
 
     Attributes:
         scene: the scene that the controller was designed for.
@@ -67,7 +67,7 @@ class SwingUp:
             scene: a scene with a motor: preset name, dict, Scene, or a scene's JSON file.
             dt: control step [s].
             task: the task whose reward the regulator at the top maximises, a name or a Task. A task with ``upright``
-                tells that the observed cosine and sine are those of the angle from upright.
+                means that the observed cosine and sine are those of the angle from upright.
 
         Raises SceneError for a scene without a motor or an unstable top, for a motor that is too weak (with the torque
         needed), for control steps shorter than 1e-5/omega0 or longer than 1/omega0, and for a task without reward.
@@ -182,7 +182,7 @@ def swing_up(env: Environment) -> SwingUp:
                              f"the environment inside the wrapper, not one with {shown(space)}.")
     try:
         weights_of(task, 1.0)
-    except SceneError:  # the reward does not say what to hold, as in free
+    except SceneError:  # the reward has no maximum to hold, as that of free
         keywords["task"] = dataclasses.replace(find_task("swing_up"), upright=task.upright)
     return SwingUp(**keywords)
 

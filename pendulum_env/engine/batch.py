@@ -41,7 +41,7 @@ GROUP = 16
 """Largest number of blocks whose parts of a control step are taken one after the other."""
 Numbers = Mapping[str, float | Array]
 UNCHANGED: Mapping[str, Array] = {}
-"""Numbers of new episodes where none differs from that of the episode before."""
+"""Numbers of new episodes that change no parameter of the program."""
 
 
 class Results(NamedTuple):
@@ -78,7 +78,7 @@ class Blocks:
         numbers: the program's parameters by name: one number for all pendulums, or an array of ``size`` numbers.
         size: number of pendulums.
         h: integrator's step [s].
-        goal: what the task of environments needs; None for runs without a task.
+        goal: functions of the task; None for runs without a task.
         num_threads: number of threads; None uses all cores if there are many blocks, and one thread if there are few.
         compensated: True carries rounding remainders along; see :mod:`integrators.steps.compensated`.
 
@@ -86,7 +86,7 @@ class Blocks:
         names: names of the quantities reported beside observation and reward.
         num_threads: number of threads used.
         program: the generated program.
-        wrong: True if a reward of the last call of the program was not finite, for a task with functions of a user's.
+        wrong: True if a reward of the last call of the program was not finite, for a task with a user's functions.
         call: the program's entry function.
 
     Raises MethodError if the method does not fit the scene, EngineError for a backend that is not available.
@@ -337,7 +337,7 @@ class Batch(Blocks):
     ) -> None:
         """Take one control step with delayed actions, and with readings after some of its parts; see :meth:`step`.
 
-        What the sensors show is written to ``seen`` and to the last row of ``into.info``. All parts of a group of
+        Observations are written to ``seen``, observed angles to the last row of ``into.info``. All parts of a group of
         blocks are taken before those of the next, so that the group stays in the processor's cache.
         """
         self.wrong, unused = False, self.results(0)

@@ -200,7 +200,7 @@ def _step_blocks(layout: Layout) -> str:
 
     The range is from ``first`` to ``last``, exclusive. The generated function begins a control step of ``hold`` steps,
     or continues one if ``hold`` is 0. With 0 substeps it only computes observations and reported quantities. Result
-    arrays of length 0 are not filled. For a task with functions of a user's the function returns the number of rewards
+    arrays of length 0 are not filled. For a task with a user's functions, the function returns the number of rewards
     that are not finite. An episode is truncated once it has taken more than ``bound`` steps, where a step
     that diverged counts as taken.
     """

@@ -66,7 +66,7 @@ class Each:
         scene: scene of the first environment.
         numbers: parameters of the generated program by name: a float if all environments agree, else an array of
             ``size`` floats.
-        episode: values that :meth:`take` gave parameters for the present episodes.
+        episode: values of parameters that :meth:`take` set for the present episodes.
 
     Raises SceneError for invalid parameters, with the index of the environment if they differ.
     """

@@ -23,7 +23,7 @@ class Kernel:
     Attributes:
         text: the source.
         title: a name for file names and messages.
-        python_functions: always (): no function of it has to be interpreted.
+        python_functions: always (), as all of its functions can be compiled.
     """
 
     text: str

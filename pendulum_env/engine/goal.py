@@ -1,4 +1,4 @@
-"""What a generated program needs of a task: its functions, and the quantities that their arguments name.
+"""Functions of a task in generated programs, and the quantities that the names of their arguments choose.
 
 A task's functions are plain functions of floats, whose argument names choose the quantities: ``reward(phi, speed,
 action)`` gets the angle from upright, the velocity over omega0 and the action. Programs for blocks of environments copy
@@ -85,8 +85,7 @@ class Goal:
     pieces: tuple[Piece, ...] = ()
 
     def __reduce__(self) -> tuple[Callable[..., Goal], tuple[Any, ...]]:
-        """Return what makes an equal goal of a copied or unpickled one: translated functions are made anew from texts.
-        """
+        """Return the parts from which a copy is rebuilt: texts of translated functions, in place of the functions."""
         names = {piece.name for piece in self.pieces}
         functions = (self.reward, self.lost, self.reference, self.begin)
         named = [function.__name__ if function is not None and function.__name__ in names else function

@@ -198,7 +198,7 @@ class _Functions:
     """The functions of a scene that a step calls, written when a step first calls them.
 
     Attributes:
-        drags: the effects of which a splitting method takes the exact solution: see :func:`by_flow`.
+        drags: the effects that splitting methods solve exactly: see :func:`by_flow`.
         lines: source lines of the functions so far.
         signatures: name of a written function -> names of its arguments.
         numbers: names of the scene's coefficients that they use.

@@ -1,8 +1,8 @@
-"""What an agent sees of a pendulum, and when its actions arrive: readings of a sensor, velocities from them, delays.
+"""Observations by a sensor, and delayed actions: readings, velocities computed from them, and delays.
 
-The motion runs in the usual program, a control step in parts: after each part some environments change to the next
-action, and some are read. A small program of its own, generated here, takes the readings and gives them out later.
-Readings are kept in *slots*, which all environments share: every ``spacing`` integration steps the next slot is
+The usual program advances the motion, one part of a control step after the other: after each part some environments
+change to the next action, and some are read. A small program, generated here, takes the readings and returns them
+later. Readings are kept in *slots*, which all environments share: every ``spacing`` integration steps the next slot is
 written, and after the last slot the first. A delayed observation comes from an earlier slot. An episode begins with its
 first reading in all slots.
 """
@@ -41,7 +41,7 @@ SCRATCH = ("x0", "y0", "w0", "x1", "y1", "w1", "x_old", "y_old", "cosine", "sine
 
 @dataclass(frozen=True)
 class Plan:
-    """What is read when, and which action acts when, in whole integration steps.
+    """Times of readings and of delayed actions, in whole integration steps.
 
     Attributes:
         kind: one of KINDS.
@@ -49,8 +49,8 @@ class Plan:
         substeps: integration steps of a control step.
         spacing: integration steps between two slots; it divides ``substeps``.
         every: number of slots from one reading to the next; above 1 only if a control step has one slot.
-        follows: True if a reading is taken just so long before the observation as the observation delay says; False for
-            readings at times of their own.
+        follows: True if each reading is taken exactly the observation delay before its observation; False if the sensor
+            has a rate of its own.
         window: number of readings from which a velocity is computed.
         filtered: True if the velocity is that of a filter.
         ideal: True if angles are seen exactly, without a sensor.
@@ -104,9 +104,9 @@ class Plan:
         return 1 + max(self.window * self.every, self.lag(self.seen_late[1])[0] + steps)
 
     def lag(self, delay: int) -> tuple[int, int]:
-        """Return how many slots an observation is behind, and after which step of a control step its slot is written.
+        """Return the number of slots by which an observation is late, and the step after which its slot is written.
 
-        ``delay`` is the observation delay in integration steps.
+        ``delay`` is the observation delay in integration steps; the step is counted within a control step.
         """
         if self.follows:
             return delay // self.substeps, self.substeps - delay % self.substeps
@@ -129,7 +129,7 @@ class Plan:
         return tuple(sorted({delay % self.substeps for delay in range(low, min(high, low + self.substeps) + 1)} - {0}))
 
     def parts(self, remembers: bool) -> tuple[tuple[int, int, int, bool], ...]:
-        """Return the parts of a control step: begin, end, steps of the new control step (0 to go on), and True to read.
+        """Return the parts of a control step: begin, end, steps of a new action (0 for the old one), True to read.
 
         ``remembers`` is True for scenes with effects that have a state, such as a lagging motor: where actions arrive
         within a control step, it is advanced in every integration step.
@@ -147,7 +147,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Place:
-    """Where the motion of the environments is in memory.
+    """Layout of the environments' motion in memory.
 
     Attributes:
         width: number of environments in a block: 256, or 1 for the state of a single environment.
@@ -361,8 +361,8 @@ class Sensing:
     """Readings and delayed actions of ``size`` environments, or of one.
 
     Args:
-        plan: what is read when.
-        place: where the motion is in memory.
+        plan: times of readings and delayed actions.
+        place: layout of the motion in memory.
         size: number of environments.
         remembers: True for scenes with effects that have a state; see :meth:`Plan.parts`.
         backend: backend of the programs.
@@ -495,7 +495,7 @@ class Sensing:
                 "row": self._row, "late": int(self._whole[0] * self.plan.substeps + self._part[0])}
 
     def checked(self, saved: Any) -> Sensing | None:
-        """Return a copy with the numbers of :meth:`saved`; None if they are not those of such an environment."""
+        """Return a copy with the numbers of :meth:`saved`; None if they do not fit this environment."""
         other = copied(self)
         try:
             readings = np.array(saved["readings"], dtype=np.float64)

@@ -90,7 +90,7 @@ class Streams:
         return np.asarray((bits >> np.uint64(11)).astype(np.float64) * 2.0**-53)
 
     def generators(self, which: NDArray[np.intp]) -> Iterator[np.random.Generator]:
-        """Yield a NumPy generator for every stream in ``which``, which continues the stream while it is the last one.
+        """Yield a NumPy generator for every stream in ``which``, which continues it until the next is yielded.
 
         It is the same object each time. Its unused half of a 64-bit number, if there is one, is dropped afterwards.
         """

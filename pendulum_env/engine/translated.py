@@ -1,4 +1,4 @@
-"""Plain functions that were written as text from a user's functions: their texts, and the functions made from them.
+"""Translated functions of a user: their source texts, and the functions made from these texts.
 
 A text can be pickled and copied into a program, and equal texts give the same function.
 """
@@ -48,7 +48,7 @@ def power8(x: float) -> float:
 
 POWERS: Mapping[float, Function] = {
     2.0: power2, 3.0: power3, 4.0: power4, 5.0: power5, 6.0: power6, 7.0: power7, 8.0: power8}
-"""Whole exponent -> product, whose bits do not depend on who computes it."""
+"""Whole exponent -> function that multiplies, with the same bits compiled and interpreted."""
 
 
 LIBRARY: Mapping[str, Function] = {

@@ -89,7 +89,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     | 2   | angular velocity, rad/s | float32's min | float32's max |
 
     With `observation="angle"` there is no velocity; with "encoder" it is computed from readings; with "history" there
-    are the cosines and sines of several readings, the oldest first. What a task shows of its reference follows.
+    are the cosines and sines of several readings, the oldest first. Entries of a task's reference follow.
 
     ## Rewards
 
@@ -161,7 +161,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
       observation has four more entries: cosine and sine of the reference now, and after the next control step.
     - `duration`: length of an episode [s], a whole number of steps of `dt`; the environment then truncates by itself.
       `gym.make` still ends episodes after the registered 500 steps, unless it gets `max_episode_steps=-1`; a warning
-      tells if it has ended one early. In `gym.make_vec` the 500 steps give way to the duration.
+      says if this has ended an episode early. In `gym.make_vec` the 500 steps give way to the duration.
     - `reward_rate`: True makes the reward a rate per second: each step gives the task's reward times `dt`, so that the
       return of an episode is its integral over time, and does not change with `dt`.
     - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
@@ -476,7 +476,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     def _run_in_parts(self, share: float) -> tuple[NDArray[np.float32], int, list[float]]:
         """Take a control step in which actions arrive late and readings are taken; see :meth:`_run`.
 
-        The last share of the motor's torque that acted is ``_share`` then.
+        Afterwards ``_share`` is the last share of the motor's torque that acted.
         """
         sensing, state, code = self._sensing, self._state, 0
         assert sensing is not None
@@ -503,7 +503,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         return np.asarray(self._state, dtype=np.float64).reshape(1, -1)
 
     def _seen(self, seen: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return what the agent sees: the observation of the motion, or that of its sensor."""
+        """Return the observation: of the true motion, ``seen``, or of the sensor, with the entries of a reference."""
         turned = 2
         if self._sensing is not None:
             plan = self._sensing.plan

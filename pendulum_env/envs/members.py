@@ -76,7 +76,7 @@ class Members:
         The attributes are ``scene``, ``integrator``, ``dt`` [s], ``substeps``, ``task``, ``render_mode``,
         ``render_size``, ``metadata``, ``speed_limit`` [rad/s], ``omega0`` [1/s], ``velocity_bound`` [rad/s],
         ``observation_space``, ``action_space``, ``np_random_seed``, every parameter of the scene, such as ``length``
-        [m], and what :meth:`set_attr` has set. Raises AttributeError for other names.
+        [m], and attributes that :meth:`set_attr` has set. Raises AttributeError for other names.
         """
         return self.call(name)
 
@@ -306,7 +306,7 @@ class Members:
         return {name: state[name] for name in wanted}, random, over
 
     def _check_saves(self) -> None:
-        """Raise SceneError for a vector that has more to save than the motion and the random streams."""
+        """Raise SceneError for a vector whose state is more than the motion and the random streams."""
         each = self._spec.each
         reasons = {
             "the diagnostic 'error'": self._spec.estimate_error,
@@ -320,7 +320,7 @@ class Members:
                                  "the motion; save those of single environments, or pickle the vector.")
 
     def _made_for(self) -> dict[str, Any]:
-        """Return what a state to restore must have been made for, with the same parameters."""
+        """Return the settings, apart from parameters, that a state must share with this vector to be restored here."""
         spec = self._spec
         return {"effects": [effect.name for effect in spec.scene.effects], "integrator": str(spec.integrator),
                 "step": spec.h, "substeps": spec.hold, "compensated": spec.compensated}
@@ -369,7 +369,7 @@ class Members:
         if values is None:
             raise SceneError("A state to restore in a vector must be that of an environment that has been reset.")
         random = checked_random(saved["random"], np.random.PCG64(0))
-        # What is reported comes after the state itself, partly under the same names.
+        # Reported quantities follow the state itself, partly under the same names: reversed, so that the state counts.
         by_field = {FIELDS.get(name, name): value
                     for name, value in reversed([*zip(machine.names, values, strict=True)])}
         return {name: by_field.get(name, 0.0) for name in self._batch.layout.moving}, words_of(random)

@@ -32,7 +32,7 @@ WORDS = (UNIFORM, LOG, CHOICE)
 """First entries of a range of a parameter, which say how it is drawn."""
 FORMS = '(low, high), ("log", low, high) or a list of values'
 MOST_CORNERS, TRIALS = 64, 16
-"""Largest number of combinations of ends of ranges, and number of random draws, of which the scenes are checked."""
+"""Largest number of combinations of ends of ranges, and number of random draws, that are checked beforehand."""
 PATIENCE = 1000
 """Most draws of one episode before a distribution is refused, because hardly any of its draws is within the bounds."""
 
@@ -172,7 +172,7 @@ class Joint:
             return np.asarray(self._rows[np.minimum(places, len(self._rows) - 1)].T)
         row = np.repeat(self._values[:, None], len(which), axis=1)
         normals = elementwise(normal, backend)
-        for along in self._spread:  # in a fixed order, so that one environment has the bits of many
+        for along in self._spread:  # in a fixed order, so that one environment gets the same bits as many
             size = normals(1.0 - source.uniform(which), source.uniform(which))
             row = row + along[:, None] * size
         return row
@@ -277,9 +277,9 @@ class Randomization:
 class Bank:
     """Parameters of the next episodes of a vector's environments, drawn for many at once.
 
-    The next episode's parameters follow those random numbers that the present episode has taken at its start, so that
-    they can be drawn at any time before it. Numbers of scenes are computed for groups, whose cost hardly depends on
-    their size: so whenever one environment needs new ones, all that have used theirs get them.
+    An episode takes random numbers at its start only, so that the parameters of the next one can be drawn at any time
+    after it. The program's numbers of many scenes take hardly longer to compute than those of one: whenever one
+    environment needs new parameters, they are drawn for all environments that have used theirs.
     """
 
     def __init__(self, size: int) -> None:
@@ -326,7 +326,7 @@ def randomization(given: Any) -> Randomization | None:
 
 
 def plain_form(given: Any) -> Any:
-    """Return a user's value in the form that JSON can hold: tuples, which JSON makes lists of, begin with a word."""
+    """Return a user's value in a form that JSON preserves: lists that begin with the kind of range for tuples."""
     if isinstance(given, Mapping) and all(isinstance(name, str) for name in given):
         ranges = [Range.of(name, value) for name, value in given.items()]
         return {one.name: [one.kind, *one.values] for one in ranges}

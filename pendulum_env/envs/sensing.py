@@ -1,4 +1,4 @@
-"""Settings of what an agent sees and of delays: kind of observation, sensor, delays of observations and actions."""
+"""Settings of observations and delays: kind of observation, sensor, delays of observations and actions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ OBSERVED = "observed_angle"
 def plan_of(
     observation: Any, history: Any, sensor: Any, observation_delay: Any, action_delay: Any, h: float, substeps: int
 ) -> Plan | None:
-    """Return the checked plan of readings and delays; None if the motion is seen at once, as it is.
+    """Return the checked plan of readings and delays; None if observations show the true motion without delay.
 
     Args:
         observation, history, sensor, observation_delay, action_delay: as in gym.make.
@@ -89,7 +89,7 @@ def as_sensor(device: Sensor) -> Sensor:
 def checked_delay(value: Any, name: str, h: float, substeps: int) -> tuple[int, int]:
     """Return a delay, or the ends of its range, in integration steps of ``h`` [s].
 
-    Raises SceneError for delays below 0 or beyond 1000 control steps, that are not whole steps, or a range upside down.
+    Raises SceneError for delays below 0 or beyond 1000 control steps, that are not whole steps, or with reversed ends.
     """
     ends = value if isinstance(value, (tuple, list)) else (value, value)
     if len(ends) != 2:
@@ -112,7 +112,7 @@ def checked_delay(value: Any, name: str, h: float, substeps: int) -> tuple[int, 
 
 
 def checked_rate(rate: float, h: float, substeps: int) -> tuple[int, int]:
-    """Return the spacing of the readings of a sensor, in integration steps, and of slots from one to the next.
+    """Return the integration steps between two slots, and the slots between two readings, of a sensor with a rate.
 
     Raises SceneError for a rate whose readings are not at whole steps that divide a control step, or multiples of it.
     """
@@ -140,7 +140,7 @@ def delays(bounds: tuple[int, int], uniform: NDArray[np.float64]) -> NDArray[np.
 
 
 def readings_of(spec: RunSpec, plan: Plan | None) -> tuple[Machine, Sensing | None]:
-    """Return the simulator of a single environment, and its readings; None if the motion is seen as it is.
+    """Return the simulator of a single environment, and its readings; None if observations show the true motion.
 
     Where actions arrive within control steps, the state of effects, such as a lagging motor, is advanced in every
     integration step. Raises SceneError for the diagnostic "error" with readings or actions within control steps.
@@ -175,7 +175,7 @@ def check_parts(plan: Plan, remembers: bool, spec: RunSpec) -> None:
 
 
 def drawn_delays(plan: Plan, uniform: Callable[[], Array]) -> tuple[list[Any], dict[str, Array]]:
-    """Draw what differs between episodes: delays and the seeds of a sensor's noise, from ``uniform``.
+    """Draw the delays of an episode and the seeds of its sensor's noise, from ``uniform``.
 
     Return the arguments of :meth:`pendulum_env.engine.sensing.Sensing.begin` after the indices, and the delays that
     were drawn, by name [integration steps].

@@ -118,8 +118,8 @@ def settled(
 
 
 def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, Any], Task, dict[str, Any]]:
-    """Return the start angle and velocity from the options of ``reset``, the task that draws what is missing, and the
-    scene's parameters for one episode.
+    """Return the start angle and velocity from the options of ``reset``, the task that draws the missing ones, and
+    parameters of the scene for one episode.
 
     If the task draws no start, what the options leave out is taken from the scene's usual run. Options that set the
     half widths of the task's ranges give another task with these. Raises SceneError for unknown options.

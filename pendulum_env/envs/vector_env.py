@@ -68,15 +68,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
     - any parameter of the scene, and ``speed_limit``, may be an array with one value for each environment.
     - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``duration`` the
-      registered 500 steps do not count. With ``integrator="auto"`` the
-      accuracy holds for an episode of this length (500 steps for None), tested in the environments with the smallest
-      and the largest value of each array.
+      registered 500 steps do not count. With ``integrator="auto"`` the accuracy holds for an episode of this length
+      (500 steps for None), tested in the environments with the smallest and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default one thread per core for many environments, and one thread for few.
     - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
     ``reset(options=...)`` takes "angle", "velocity" and parameters of the scene, numbers or arrays of ``num_envs``, and
-    "reset_mask". A parameter that ``randomize`` does not name makes one more program when it is first set so.
+    "reset_mask". When a parameter that ``randomize`` does not name is first set, another program is made.
     ``episode_parameters`` has the parameters of the present episodes that were drawn or set by options.
 
     Raises SceneError, MethodError or EngineError for an invalid argument, with the index of the environment.
@@ -351,7 +350,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
     # --- parts --------------------------------------------------------------------------------------------------
 
     def _room(self, results: Results) -> NDArray[np.float32]:
-        """Return the array into which the step writes what the agents see."""
+        """Return the array into which the step writes the observations."""
         if self._sensing is None:
             return results.observation
         shape = self._num_envs, self._sensing.plan.width + results.observation.shape[1] - len(SEEN)
@@ -360,14 +359,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         return seen
 
     def _read(self, results: Results) -> NDArray[np.float32]:
-        """Return what the agents see of the present states, after new episodes have begun."""
+        """Return the observations of the present states, after new episodes have begun."""
         seen = self._room(results)
         if self._sensing is not None:
             self._sensing.give(seen, results.info[-1])
         return seen
 
     def _seen(self, seen: NDArray[np.float32], results: Results) -> NDArray[np.float32]:
-        """Return the observations: what the sensors show, or the motion, and what the task shows of its reference.
+        """Return the observations: of the true motion or of the sensors, with the entries of the task's reference.
 
         Velocities are cut to ``velocity_bound``.
         """

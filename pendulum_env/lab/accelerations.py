@@ -26,15 +26,15 @@ _NEAR_G = 0.25
 _RESTING = 0.1
 """Standard deviation of the bias of a phone's accelerometer, with which the force at rest is estimated [m/s²]."""
 _SWAYS = 0.1
-"""The force across the rod is used if it varies by more than this share of that along it."""
+"""The force across the rod is used if it varies by more than this share of the variation along it."""
 _BINS = 16
 """Number of means of readings per period of the force, in which its extremes are sought."""
 _LATE = 1.5
-"""An extreme that comes later than this number of quarters of a period shows that one before it was not seen."""
+"""If an extreme comes later than this number of quarters of a period after the last one, one between was missed."""
 
 
 class Mount(NamedTuple):
-    """How an accelerometer sits on a pendulum.
+    """Direction and distance of an accelerometer on a pendulum.
 
     Attributes:
         tilt: angle of the reading's direction from that along the rod, towards the motion [rad]: 0 along it, pi/2
@@ -80,11 +80,11 @@ class _Series(NamedTuple):
 def felt(
     time: FloatArray, forces: FloatArray, names: list[str], absolute: bool, distance: float | None
 ) -> Felt:
-    """Return what a fit compares with the motion: the force in one direction, and a first estimate of the angle.
+    """Return the force in one direction, which a fit compares with the motion, and a first estimate of the angle.
 
-    Of several axes, it is the force along the rod, in the direction of the mean force. It alone determines the distance
-    of the sensor, the amplitude and the length, as the swing decays. If the force across the rod varies, a fit also
-    determines the angle between the direction of the mean and the rod, which a bias of the axes turns.
+    With several axes, the direction is that of the mean force, along the rod. As the swing decays, this force alone
+    determines the distance of the sensor, the amplitude and the length. If the force across the rod varies, a fit also
+    determines the angle between the mean force and the rod, to which a bias of the axes contributes.
 
     Args:
         time: times [s].
@@ -120,7 +120,7 @@ def felt(
     if sways and float(across[:count] @ np.sin(angle[:count])) * (1.0 - ratio) < 0.0:
         angle = -angle
     where = ("across it, the phone feels a swing, too, as it is not at the bob: the tilt of the axis is fitted" if sways
-             else "across it, the phone feels hardly anything, as it is about the bob")
+             else "across it, the phone feels hardly anything, as it is close to the bob")
     return Felt(along[:count], Mount(0.0, ratio, distance, sways), angle[:count],
                 [f"axis: along the rod, {shares}; {where}", *_cut_note(time, count)])
 
@@ -164,7 +164,7 @@ def _directions(time: FloatArray, forces: FloatArray) -> tuple[FloatArray, Float
 
 
 def _extremes(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the times and values of the alternating extremes of a force that swings, the first where it begins.
+    """Return the times and values of the alternating extremes of a force that swings, the first one at its beginning.
 
     Noise is reduced by means over a sixteenth of the force's period, whose loss of height is corrected to fourth order.
     """
@@ -214,12 +214,12 @@ def _from_along(
     low_first = bool(size[0] < size[1])
     low = np.arange(len(at)) % 2 == (0 if low_first else 1)
     known = None if distance is None else distance / (GRAVITY * (4.0 * quarter / math.tau) ** 2)
-    at[0] = max(at[0], 2.0 * at[1] - at[2])  # a hand held the bob before
+    at[0] = max(at[0], 2.0 * at[1] - at[2])  # before, a hand held the bob
     resting, ratio = _resting(at, size, low, known, absolute)
     factor = 1.0 if not absolute else 1.0 - (1.0 - ratio) ** 2
     if not factor > 0.0:
-        raise RecordingError("the absolute acceleration has its minima at the bottom, as no phone on a pendulum feels "
-                             "it; give the axes in place of it")
+        raise RecordingError("the absolute acceleration is smallest at the bottom, which is impossible for a phone on "
+                             "a pendulum; give the three axes instead")
     amplitude = _envelope(time, at[low], (resting - size[low]) / (GRAVITY * factor))
     phase = np.interp(time, at, np.arange(len(at)), left=0.0)
     inside = (time >= at[0]) & (time <= at[-1])
@@ -253,7 +253,8 @@ def _resting(
 ) -> tuple[float, float]:
     """Return the force at rest [m/s²] and the ratio r/L, from the smallest and the largest forces of a decaying swing.
 
-    ``known`` is the ratio, if it is known. The force at rest is taken to be that of gravity to 0.1 m/s² (_RESTING).
+    ``known`` is the ratio, or None if it is to be estimated. The force at rest is taken to be that of gravity to
+    0.1 m/s² (_RESTING).
     """
     from scipy.optimize import least_squares
 

@@ -44,7 +44,7 @@ RATE = "rate"
 _FORCE = re.compile(r"accel|beschleun|(?<![a-z])(?:g?f|a|acc)[ _-]?[xyz](?![a-z])|g[ -]?force", re.IGNORECASE)
 """Columns of an acceleration."""
 _NO_FORCE = re.compile(r"linear|without g|ohne g|user|angular", re.IGNORECASE)
-"""Accelerations from which a phone has subtracted gravity, or of the angle."""
+"""Titles of accelerations from which a phone has subtracted gravity, and of angular accelerations."""
 _FORCE_UNITS = {1.0: re.compile(r"m\s*/?\s*s\s*(?:\^?-?2|²|⁻²|/s)", re.IGNORECASE),
                 STANDARD: re.compile(r"[(\[]\s*g\s*[)\]]|(?<![a-z])gf|g[ -]?force", re.IGNORECASE)}
 """Size of the unit of an acceleration [m/s²] -> how a title names it."""
@@ -198,7 +198,7 @@ def is_absolute(titles: Sequence[str]) -> bool:
 
 
 def described(table: TextTable, titles: list[str]) -> str:
-    """Return a sentence with the columns of a file, their first values, what each could be, and how to choose."""
+    """Return a sentence with the columns of a file, their first values, their likely quantities, and how to choose."""
     columns = []
     for i, title in enumerate(titles):
         values = [fields[i] for _, fields in table.rows[:_FEW] if len(fields) > i]
@@ -209,7 +209,7 @@ def described(table: TextTable, titles: list[str]) -> str:
 
 
 def _could_be(table: TextTable, column: int) -> str:
-    """Return what a column could be, as far as its title and its values show."""
+    """Return the quantity that a column could hold, by its title and its values."""
     title = " ".join(table.titles[column])
     found = [table.number(fields[column]) for _, fields in table.rows if len(fields) > column]
     values = np.array([value for value in found if value is not None and np.isfinite(value)])
@@ -244,7 +244,7 @@ def _refuse_axes(table: TextTable, titles: list[str]) -> None:
 
 
 def _numbered(table: TextTable, titles: list[str], layout: ColumnLayout) -> bool:
-    """Return True if what would be the time of a track is a column of successive whole numbers that has no title."""
+    """Return True if the column taken as the time of a track has no title and counts in whole numbers."""
     if not layout.track or layout.time is None or not any(titles) or titles[layout.time]:
         return False
     values = table.values((layout.time,), layout.expected)[0][:, 0]

@@ -1,4 +1,4 @@
-"""Jumps of a sensor's zero, as of a tracker that loses the bob and finds it again beside: found and corrected."""
+"""Correction of jumps of a sensor's zero, as where a tracker loses the bob and follows a point beside it."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pendulum_env.lab.turning import all_turning_points
 _MOST = 5
 """Largest number of jumps that are corrected."""
 _SUDDEN = 8.0
-"""Two readings differ suddenly if they do so by this many noise levels, and usual steps, more than those beside."""
+"""A step is sudden if it exceeds its neighbours by this number of noise levels, and of usual excesses."""
 _LEAST = 2
 """Fewest middles of three turning points on either side of a jump."""
 _ALIKE = 0.25
 """After a correction, the middles on both sides of a jump differ by less than this share of it."""
 _NEAR = 12
-"""Number of middles on either side of a jump whose median is its zero there."""
+"""Number of middles on either side of a jump from which the zero on that side is computed, as their median."""
 
 
 class _Series(NamedTuple):

@@ -172,8 +172,8 @@ class Recording(Plotted):
 
     @property
     def readings(self) -> FloatArray:
-        """What the sensor measured, which a fit compares with the model: the angle [rad], its rate [rad/s] or a
-        specific force [m/s²]."""
+        """Measured quantity, which a fit compares with the model: the angle [rad], its rate [rad/s] or a specific force
+        [m/s²]."""
         return self.force if self.force is not None else self.angle if self.rate is None else self.rate
 
     @property

@@ -17,7 +17,7 @@ SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": 
 DECIMALS: dict[str, str] = {".": "point", ",": "comma"}
 _HEADER_LINES = 12
 _WORDY = 0.05
-"""Largest share of lines of text between readings that are left out."""
+"""Lines of text between readings are left out if they are at most this share of all lines."""
 _BEGINNINGS = {*"+-.,0123456789\N{MINUS SIGN}"}
 """Characters with which a number begins."""
 _LABELLED = re.compile(r"\s*([^\W\d_][\w °/()]*?)\s*[:=]\s*([+-]?[\d.]+(?:e[+-]?\d+)?)\s*(?:[,;\t]|$|\s)")
@@ -212,7 +212,7 @@ class TextTable:
         return len(fields) > column and _CLOCK.fullmatch(fields[column]) is not None
 
     def _text_between(self) -> list[int]:
-        """Remove lines of text between the readings, of which no field begins like a number; return their numbers.
+        """Remove lines of text between the readings, with no field that begins like a number; return the numbers.
 
         They stay if there are more than one in twenty (_WORDY), as such a table is no recording, and if one of them is
         the header again, as a second recording may follow it.

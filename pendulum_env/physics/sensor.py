@@ -13,7 +13,7 @@ MOST_WINDOW = 64
 
 
 def taken(angle: Any, zero: Any, scale: float, offset: float) -> Any:
-    """Return what a sensor of this scale and offset shows of an angle [rad], before noise and rounding."""
+    """Return the reading [rad] of a sensor with this scale and offset at an angle, before noise and rounding."""
     return scale * (angle - zero) + offset
 
 

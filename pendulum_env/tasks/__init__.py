@@ -1,4 +1,4 @@
-"""Tasks: start, reward and end of an episode. Those of the package are made with :class:`Task`, as yours are."""
+"""Tasks: start, reward and end of an episode. The package's own tasks are made with :class:`Task`, as yours are."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def track(
     Args:
         reference: plain function of "time" [s] that returns the angle to follow, from hanging [rad]; None for
             ``amplitude sin(2 pi time/period)``.
-        amplitude, period: those of the usual reference [rad, s].
+        amplitude, period: amplitude [rad] and period [s] of the usual reference.
         name: the task's name.
 
     Raises TaskError for a function that cannot be copied, and SceneError for invalid numbers.

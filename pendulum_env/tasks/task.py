@@ -52,20 +52,20 @@ class Task:
 
     They may use assignments, if and else, ``+ - * / **``, comparisons, and, or, not, numbers of their module or of an
     outer function (their values when the task is made), arguments with a number as default, abs, min, max, and sin,
-    cos, exp, log, sqrt, pow and atan2 of math or numpy, for which the package's own stand: the bits are the same on
+    cos, exp, log, sqrt, pow and atan2 of math or numpy. The package's own functions replace these, with equal bits on
     every machine, compiled or not. They may call other plain functions. Their source is copied into the generated
     program, so it must be in a file or a notebook.
 
-    The quantities are those after the control step, those that end in _before at its start.
+    The quantities are those after the control step; those with names in _before are those at its start.
 
     Attributes:
         name: the task's name, for messages and tables.
         reward: function that returns the reward of a control step.
         lost: function that returns True where the task is lost, which ends the episode ("fell"); by default never.
         start: ranges of the start by name, as ``{"angle": (-0.1, 0.1), "speed": 0.0}``: "angle" from hanging [rad], and
-            "velocity" [rad/s] or "speed" (velocity/omega0); a pair is a uniform distribution, and what is left out is
-            0. Or a function of "first" and "second", random numbers in [0, 1), and of "omega0" [1/s] that returns angle
-            [rad] and velocity [rad/s]. None for the scene's usual run.
+            "velocity" [rad/s] or "speed" (velocity/omega0); a pair is a uniform distribution, and a quantity that is
+            left out is 0. Or a function of "first" and "second", random numbers in [0, 1), and of "omega0" [1/s] that
+            returns angle [rad] and velocity [rad/s]. None for the scene's usual run.
         reference: function of "time" [s] that returns the angle to follow [rad]; reward and lost may then take
             "reference" and "error", and the observation has four more entries: cosine and sine of the reference now
             and after the next control step.
@@ -77,7 +77,7 @@ class Task:
             about their centres, such as Pendulum-v1's x_init and y_init.
 
     Raises TaskError for a function that cannot be copied, takes unknown quantities, or raises or returns anything but
-    finite numbers at one of 60 drawn states, and for a range upside down.
+    finite numbers at one of 60 drawn states, and for a range whose ends are reversed.
     """
 
     name: str
@@ -109,7 +109,7 @@ class Task:
         for role, function in made.items():
             if function is not None:
                 self._check_names(role, function, offered[role])
-        begin = made["start"]  # one of the package's own takes arrays, and need not be in a program
+        begin = made["start"]  # the package's own takes arrays, and need not be copied into a program
         goal = Goal(made["reward"], made["lost"], made["reference"], None if begin is None or is_ours(begin) else begin,
                     truth(self.upright, "upright"), tuple(translator.pieces))
         for name_of, text in (("equation", self.equation), ("ends", self.ends)):
@@ -197,7 +197,7 @@ class Task:
         return None if self.duration is None else max(1, min(round(min(self.duration / dt, MOST_STEPS)), MOST_STEPS))
 
     def __reduce__(self) -> tuple[Callable[..., Task], tuple[Any, ...]]:
-        """Return what makes an equal task of a copied or unpickled one: texts of functions, not the functions."""
+        """Return the parts from which a copy is rebuilt: texts of functions in place of the functions."""
         mine = {**vars(self), "reward": None, "lost": None, "reference": None, "ranges": dict(self.ranges),
                 "start": dict(self.start) if isinstance(self.start, Mapping) else None,
                 "begin": self.begin if self.goal.begin is None else None}
@@ -278,7 +278,7 @@ def steps_of(duration: Any, dt: float) -> int:
 
 
 def _checked_ranges(task: str, given: Mapping[str, Any]) -> Mapping[str, Range]:
-    """Return the ranges of a start, complete; TaskError for unknown names, and for a range upside down."""
+    """Return the ranges of a start, complete; TaskError for unknown names, and for reversed ends."""
     ranges: dict[str, Range] = {}
     for name, values in given.items():
         if name not in START:

@@ -3,7 +3,8 @@
 A program is a text that Python interprets or numba compiles, with the same bits. So a function's source is read,
 checked against the small part of Python that both treat alike, and written anew: numbers from outside become constants,
 and sin, cos, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same bits on
-all machines. Nothing is compiled here; what cannot be translated is refused, with the line and what is allowed.
+all machines. Nothing is compiled here. A function that cannot be translated is refused, with the line and the syntax
+that is allowed.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ class Translator:
             other for k in count(2) if (other := f"{name}_{k}") not in taken)
 
     def error(self, function: types.FunctionType, why: str, node: ast.AST | None = None) -> TaskError:
-        """Return the error that a function cannot be translated, with its line and what is allowed."""
+        """Return the error that a function cannot be translated, with its line and the syntax that is allowed."""
         line = getattr(node, "lineno", None)
         place = f" (line {line})" if line else ""
         return TaskError(f"The function {function.__name__} of the task {shown(self.task)}{place} {why}; allowed are "
@@ -392,7 +393,7 @@ class _Writer:
             return given[0], False
         try:
             own = KNOWN.get(function)
-        except TypeError:  # it has no hash
+        except TypeError:  # an object without a hash
             own = None
         if own is not None:
             least, most = (2, 8) if own in (min, max) else (2, 2) if own in (elementary.power, atan2) else (1, 1)

@@ -41,7 +41,7 @@ def episodes(dataset: Any) -> list[Any]:
 
 @pytest.mark.parametrize("how", SETTINGS)
 def test_recovered_environments_repeat_the_data(how: str, folder: Path) -> None:
-    """Bit for bit, with the recorded seeds and actions, and whatever the number of environments at once."""
+    """Check every bit, with the recorded seeds and actions, for any number of environments at once."""
     made = [collect(policy, f"pendulum/balance{size}-v0", episodes=20, num_envs=size, seed=5, info_names=("energy",),
                     **SETTINGS[how]) for size in (1, 7, 64)]
     data = minari.load_dataset("pendulum/balance7-v0")
@@ -91,7 +91,7 @@ def test_steps_end_with_whole_episodes_and_are_told_of() -> None:
 
 
 class Stop(BaseException):
-    """An interruption, as Ctrl-C."""
+    """An interruption like Ctrl-C."""
 
 
 def test_an_interruption_leaves_nothing(folder: Path) -> None:

@@ -152,7 +152,7 @@ def test_infos_of_running_episodes_are_one_that_cannot_be_changed() -> None:
 
 
 def test_their_wrappers_evaluation_and_algorithms() -> None:
-    """As users put them together; episodes of VecMonitor are whole."""
+    """Combine wrappers as users do; VecMonitor must see whole episodes."""
     def vector(size: int) -> VecEnv:
         plain = LabPendulumVecEnv(size, max_episode_steps=64, diagnostics=())
         made = VecMonitor(VecCheckNan(plain, raise_exception=True))
@@ -175,7 +175,7 @@ def test_their_wrappers_evaluation_and_algorithms() -> None:
 
 
 def test_the_same_policy_earns_the_same_in_both() -> None:
-    """Evaluated by Stable-Baselines3 itself, on its own vector and on this one."""
+    """Compare evaluations by Stable-Baselines3 itself, on its own vector and on this one."""
     model = PPO("MlpPolicy", LabPendulumVecEnv(2), n_steps=32, batch_size=64, device="cpu", seed=3)
     earned = []
     for vector in (LabPendulumVecEnv(SIZE, max_episode_steps=50), theirs(max_episode_steps=50)):

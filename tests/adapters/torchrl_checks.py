@@ -38,7 +38,7 @@ def test_specs_are_right(task: str) -> None:
 
 @pytest.mark.parametrize("task", TASKS)
 def test_rollouts_are_those_of_the_vector(task: str) -> None:
-    """Through the resets of single environments, which Gymnasium's vector makes in the same step."""
+    """Compare also across resets, which Gymnasium's vector makes in the same step."""
     env = LabPendulumTorchEnv(SIZE, info_names=NAMES, **TASKS[task])
     env.set_seed(7)
     rolled = env.rollout(120, break_when_any_done=False)

@@ -40,7 +40,7 @@ PROCESS = Path("/proc/self")
 
 @pytest.fixture(scope="module", autouse=True)
 def from_here_on() -> None:
-    """What other tests have left is not searched for garbage again: of compiled programs, that takes seconds a time."""
+    """Exclude objects of other tests from garbage collection, which takes seconds for compiled programs."""
     gc.collect()
     gc.freeze()
 

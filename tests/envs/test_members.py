@@ -149,7 +149,7 @@ def test_what_cannot_be_called_is_refused_in_a_sentence(case: str) -> None:
 
 @pytest.mark.parametrize("life", LIVES)
 def test_states_are_those_of_gymnasiums_vector(life: str) -> None:
-    """Also over the ends of episodes, and with a length and a mass of each."""
+    """Compare also across ends of episodes, with a length and a mass for each environment."""
     options = {**LIVES[life], "length": LENGTHS}
     mine, theirs = native(**options), sync(**options)
     for vector in (mine, theirs):
@@ -182,7 +182,7 @@ def test_a_state_resumes_bit_for_bit_in_all_and_in_some(life: str) -> None:
 
 
 def replayed(saved: Any, action: Any, options: dict[str, Any]) -> Any:
-    """The first observation after a saved state, in a third vector."""
+    """Restore a saved state in a third vector, and compare the first observation."""
     vector = native(**options)
     vector.set_state(saved)
     return vector.step(action)[0][0]
@@ -213,7 +213,7 @@ def test_states_go_between_vectors_and_single_environments(life: str) -> None:
 
 
 def test_an_ended_episode_is_still_ended() -> None:
-    """In every mode: the next step resets it, or it has to be reset, or it was reset before the state was saved."""
+    """Check all modes: the next step resets it, or it has to be reset, or it was reset before the state was saved."""
     for mode in ("NextStep", "SameStep", "Disabled"):
         one, other = (native(autoreset_mode=mode, max_episode_steps=3) for _ in range(2))
         one.reset(seed=1)

@@ -86,7 +86,7 @@ def test_the_single_environment_is_pendulum_v1_too() -> None:
 
 
 def test_angles_in_options_and_infos_count_from_hanging() -> None:
-    """Gymnasium's angle is 0 upright: the angle from hanging less pi."""
+    """Check that Gymnasium's angle, 0 upright, is the angle from hanging less pi."""
     theirs, ours = gym.make("Pendulum-v1").unwrapped, LabPendulumEnv(**LIKE, backend="python")
     theirs.reset(seed=0)
     theirs.state = np.array([0.7, -0.4])  # type: ignore[attr-defined]
@@ -106,7 +106,7 @@ def test_angles_in_options_and_infos_count_from_hanging() -> None:
 
 
 def test_the_clip_takes_energy_and_the_ledger_says_how_much() -> None:
-    """Pendulum-v1's own states give the energy; the clip's part is that of the step without it."""
+    """Compute the energy from Pendulum-v1's own states, and the clip's part from a step without it."""
     env = LabPendulumEnv(**LIKE, backend="python")
     _, info = env.reset(options={"angle": 1.0, "velocity": 7.9})
     theta, omega, taken, clipped = 1.0, 7.9, 0.0, 0
@@ -135,7 +135,7 @@ def test_the_clip_takes_energy_and_the_ledger_says_how_much() -> None:
 
 @pytest.mark.parametrize("method", ["rk4", "dop853", "velocity_verlet", "gauss4", "taylor"])
 def test_with_an_accurate_method_the_clip_takes_what_the_motor_gives(method: str) -> None:
-    """A bob at the bound under full torque: whatever is neither energy nor the clip's is the method's small error."""
+    """Check a bob at the bound under full torque: with the clip, the energy balances to the error of the method."""
     run = rollout("gymnasium", integrator=method, angle=0.0, velocity=7.99, control=1.0, dt=0.01, duration=4.0,
                   backend="python", warn=False)
     assert np.max(np.abs(run.velocity)) == 8.0
@@ -161,7 +161,7 @@ def test_a_clipped_motion_has_no_reference() -> None:
 
 
 def test_the_controller_swings_pendulum_v1_up() -> None:
-    """Told the task's angle, it earns what good agents earn in Pendulum-v1: above -400 in every episode."""
+    """Check that it earns as much as good agents in Pendulum-v1: above -400 in every episode."""
     vector = gym.make_vec("LabPendulum-v0", num_envs=20, **LIKE, diagnostics=())
     policy, total = swing_up(vector), np.zeros(20)
     theirs = gym.make("Pendulum-v1")

@@ -88,7 +88,7 @@ def spoilt(seed: int, share: float = 0.03, run: int = 0, seconds: float = 20.0) 
 
 
 def test_a_robust_fit_is_that_of_scipy_with_soft_l1() -> None:
-    """Scipy's loss, with the same corner and the same model by its own solver."""
+    """Compare with scipy's soft L1 loss, with the corner and model of the fit, and scipy's own solver."""
     recording = spoilt(1, run=12)
     found = fit(recording, "linear", mass=1.0, robust=True)
     assert any("soft L1" in note for note in found.recording.notes)
@@ -139,7 +139,7 @@ def test_a_robust_fit_of_good_readings_is_the_usual_one() -> None:
 
 
 def read(folder: Path, time: Array, angle: Array) -> Recording:
-    """What Recording.read makes of these angles [rad]."""
+    """Return the recording that Recording.read makes of these angles [rad]."""
     path = folder / "swing.csv"
     path.write_text("t (s),angle (rad)\n" + "".join(f"{t:.4f},{x:.6f}\n" for t, x in zip(time, angle, strict=True)))
     return Recording.read(path)

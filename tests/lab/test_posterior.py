@@ -88,7 +88,7 @@ def test_the_density_of_a_linear_model_is_that_of_students_t(rate: bool) -> None
 
 @pytest.mark.parametrize("rate", [False, True])
 def test_the_sum_of_squares_at_the_steps_is_that_of_the_readings(rate: bool) -> None:
-    """With a scale, and far from the fit; the direct sum interpolates every reading by SciPy."""
+    """Check it with a scale and far from the fit, against a direct sum over readings interpolated by SciPy."""
     time = np.sort(np.random.default_rng(2).uniform(0.0, 8.0, 400))
     angle = swing(time, 0.5, length=0.5, gamma=0.1)
     noise = 0.01 * np.random.default_rng(3).standard_normal(400)

@@ -209,7 +209,7 @@ def test_functions_of_the_torque_belong_together(law: str) -> None:
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_motor_that_follows_is_the_same_motor(law: str) -> None:
-    """With the share of a lagging motor in place of the control, all functions return the same bits."""
+    """Check that all functions return the bits of a control for an equal share of a lagging motor."""
     motor, other = LAWS[law], replace(LAWS[law], lag=0.1)
     lagging = Scene("lagging", BODY, effects=(other,))
     for role in ("torque", "by_velocity", "flow"):

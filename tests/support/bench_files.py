@@ -455,7 +455,7 @@ def absolute_rate(path: Path, source: Source) -> Truth:
 
 
 def felt(swing: Swing, time: Array, reach: float = 0.0) -> tuple[Array, Array]:
-    """What a phone feels across the rod, along the motion, and along the rod towards the pivot [m/s²].
+    """Return the forces that a phone feels across the rod, along the motion, and along the rod to the pivot [m/s²].
 
     It is ``reach`` [m] from the pivot, or at the bob; a swing on a rod has the length of the point pendulum of its
     period.
@@ -770,7 +770,7 @@ RUNS = ("The file holds two runs that are equally good: the angle may be that of
 
 
 def arduino_lines(path: Path, source: Source) -> Truth:
-    """What an Arduino prints over its serial line, with words of its library before and between the readings."""
+    """The output of an Arduino over its serial line, with words of its library before and between the readings."""
     swing = drawn(source)
     time = even(swing, 50.0)
     angle, zero = angle_degrees(swing, time, source)

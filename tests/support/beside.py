@@ -14,7 +14,7 @@ import pytest
 from readme_code import ROOT
 
 FOREIGN = ("torch==2.13.0", "stable-baselines3>=2.3", "torchrl>=0.14", "minari[create,hdf5]>=0.5.3")
-"""What the environment "foreign" has: one release of torch with a CPU build, because others bring gigabytes of GPU
+"""Packages of the environment "foreign": one release of torch with a CPU build, because others bring gigabytes of GPU
 libraries, and programs that take it as it is."""
 
 LONGEST = 1800.0

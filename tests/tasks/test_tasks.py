@@ -38,7 +38,7 @@ def hump(x: float, k: float = 3.0) -> float:
 
 
 def shaped(phi: float, velocity: float, action: float, phi_before: float, time: float, angle: float) -> float:
-    """A reward with everything that is allowed."""
+    """A reward with all allowed syntax."""
     reward = -phi**2 - WEIGHT * np.abs(velocity) + 1e-3 * np.sqrt(time) + math.exp(-abs(angle)) + (phi > 1)
     if abs(phi) < 0.1:
         reward += 1
@@ -56,7 +56,7 @@ OWN = {"mine": MINE, "follow": FOLLOW, **{name: name for name in TASKS}}
 
 def played(make: Callable[..., Any], size: int, task: Any, backend: str, seed: int = 3, steps: int = 70,
            **more: Any) -> list[Any]:
-    """Return all that a vector, or single environments beside each other, give with the same actions."""
+    """Return all results of a vector, or of single environments, for the same actions."""
     options = {"task": task, "backend": backend, "duration": 0.8, **more}
     vector = make is LabPendulumVectorEnv
     envs = [make(size, autoreset_mode="NextStep", **options)] if vector else [make(**options) for _ in range(size)]
@@ -89,7 +89,7 @@ def test_vector_single_compiled_and_interpreted_have_the_same_bits(name: str) ->
 
 
 def test_a_reward_is_what_its_function_returns() -> None:
-    """With numpy's and math's own functions, which differ from the package's by rounding."""
+    """Compare with numpy's and math's own functions, which differ from the package's by rounding."""
     env = LabPendulumEnv(task=MINE, backend="python")
     seen, info = env.reset(seed=1)
     for k in range(30):
@@ -102,7 +102,7 @@ def test_a_reward_is_what_its_function_returns() -> None:
 
 @pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
 def test_the_packages_own_tasks_obey_the_contract_of_yours(task: Task) -> None:
-    """Translated as a user's functions are, they return the same bits."""
+    """Check that the package's tasks return the same bits when they are translated like a user's."""
     source = random.Random(1)
     translator = Translator(task.name)
     for function in filter(None, (task.goal.reward, task.goal.lost, task.begin, task.goal.reference)):
@@ -204,7 +204,7 @@ def test_the_registered_steps_stay_and_are_told() -> None:
 
 
 def test_returns_of_a_rate_do_not_change_with_the_step() -> None:
-    """The controller is told dt, and its return in ten seconds is one number at any; without the rate it is not."""
+    """Check that the controller's return in ten seconds is the same for every dt, with the rate only."""
     returns = {}
     for dt in (0.002, 0.01, 0.02, 0.05, 0.1):
         env = LabPendulumVectorEnv(8, dt=dt, substeps=max(1, round(dt / 0.02)), duration=10.0, reward_rate=True,

@@ -12,13 +12,13 @@ def mean_drive(time: Array, drive: Array, edges: Array, delay: float, lag: float
     """Return the mean drive over every interval between successive ``edges`` [s], in the unit of the readings.
 
     The drive u holds each reading until the next one, acts later by ``delay`` [s], and is smoothed by ``lag s' = u -
-    s``. Before the first reading, u and s have the first value. The means are exact, as both u and s can be
-    integrated piece by piece: the integral of s is that of u minus lag times the growth of s.
+    s``. Before the first reading, u and s have the first value. The means are exact: u is constant between readings,
+    and the integral of s is the integral of u minus lag times the increase of s.
 
     Args:
         time, drive: readings of the drive at times that increase [s].
         edges: times that increase [s], one more than there are intervals.
-        delay: delay of the drive [s], below 0 for readings that are later than what they measure.
+        delay: delay of the drive [s], below 0 if the readings come later than the torque that they measure.
         lag: time constant of the smoothing [s]; 0 for none.
     """
     at = edges - delay
@@ -36,7 +36,7 @@ def mean_drive(time: Array, drive: Array, edges: Array, delay: float, lag: float
 def lagged(time: Array, drive: Array, lag: float) -> Array:
     """Return s at every reading, the exact solution of ``lag s' = u - s`` for a drive u that holds between readings.
 
-    The state s starts as the first reading.
+    The state s starts at the value of the first reading.
     """
     from scipy.signal import lfilter
 

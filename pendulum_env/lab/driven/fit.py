@@ -34,7 +34,8 @@ def fit_driven(
     The model is ``I theta'' = -M g sin(theta - zero) - b theta' - F sign(theta') + K u``, with friction that also
     sticks; u is the drive of the log, held between readings, later by ``delay`` and smoothed by ``lag``. The motion is
     simulated by the package's engine in windows of half a swing or more, each with its own start, so that errors cannot
-    grow near the top. Windows whose motion the drive cannot explain, as of a hand that pushes, are left out and named.
+    grow near the top. Windows whose motion the drive cannot explain, for example because a hand pushes, are left out
+    and listed.
 
     Args:
         logs: a log or several, with the same kind of drive, of one pendulum with one sensor.
@@ -42,12 +43,12 @@ def fit_driven(
             that counts as a point [kg]; give one of them to set the scale of all torques. Without one, torques in N m
             set the scale, and for actions and currents a mass of 1 kg is assumed.
         gravity: gravity [m/s²].
-        max_torque: largest torque of the motor of the resulting scene [N m]; by default the largest one of the logs, or
-            that of action 1.
-        hold: numbers of the equation of motion per moment of inertia that are not fitted, ``theta'' = -stiffness
-            sin(theta - zero) - viscous theta' - dry sign(theta') + drive u``, and "delay" or "lag" [s]; such as
-            ``{"viscous": 0.0, "delay": 0.01}``. By default all are fitted; the lag is 0 for measured torques and
-            currents.
+        max_torque: largest torque of the motor of the resulting scene [N m]; by default the largest torque in the
+            logs, for actions the torque at action 1.
+        hold: values of numbers that are not fitted, such as ``{"viscous": 0.0, "delay": 0.01}``: numbers of the
+            equation ``theta'' = -stiffness sin(theta - zero) - viscous theta' - dry sign(theta') + drive u``, which are
+            torques per moment of inertia, and "delay" or "lag" [s]. By default all are fitted, but the lag of measured
+            torques and currents is 0.
         progress: True shows a progress bar, False none; a function is called with the fraction done and a text.
 
     Returns a DrivenFit. Warns if the fit is not usable, and if a mass is assumed. Raises RecordingError for logs that
@@ -63,7 +64,7 @@ def fit_driven(
     given: dict[str, Any] = {name: number(value, name, above=0.0) for name, value in (
         ("inertia", inertia), ("moment", moment), ("mass", mass)) if value is not None}
     if len(given) > 1:
-        raise SceneError(f"Give one of inertia, moment and mass, not {' and '.join(given)}; the motion shows the rest.")
+        raise SceneError(f"Give one of inertia, moment and mass, not {' and '.join(given)}; the fit gives the others.")
     known, value = next(iter(given.items()), ("torque", 1.0) if kind == "torque" else ("", 1.0))
     g = number(gravity, "gravity", above=0.0)
     peak = None if max_torque is None else number(max_torque, "max_torque", above=0.0)

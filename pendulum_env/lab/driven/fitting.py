@@ -1,4 +1,4 @@
-"""Least-squares fit of driven logs by simulation in windows, with errors that allow for torques that no log holds."""
+"""Least-squares fit of driven logs by simulation in windows, allowing for torques missing from the logs."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from pendulum_env.lab.noise import noise_level
 Array = NDArray[np.float64]
 
 NUDGE = {STIFFNESS: 1e-4, DRIVE: 1e-4}
-"""Relative change of a number for its derivative; of the others it is NUDGES."""
+"""Relative change of a number for its numerical derivative; NUDGES has the changes of the other numbers."""
 NUDGES = {VISCOUS: 1e-3, DRY: 1e-3, DELAY: 1e-3, LAG: 1e-3, ZERO: 1e-4}
-"""Change of a number for its derivative, in units of omega0, omega0², 1/omega0, 1/omega0 and rad."""
+"""Change of a number for its numerical derivative, in units of omega0, omega0², 1/omega0, 1/omega0 and rad."""
 AT_START = (1e-4, 1e-4)
 """Changes of the angle [rad] and of the velocity [omega0] at the start of a window for their derivatives."""
 SEEN = 0.02
-"""A change of a window's start counts if it moves the readings by more than this share of it (root mean square).
+"""A change of a window's start counts if it moves the readings by more than this share of the change (rms).
 Friction that holds the bob hides changes of its velocity."""
 SHARES = (1.0, 0.3, 0.1, 0.03, 0.0)
-"""Shares of a change of a window's start that are tried."""
+"""Fractions of a proposed change of a window's start that are tried."""
 SETTLE = 4
 """Number of steps in which the windows' starts are fitted alone, before the search."""
 SEARCH, SHORT = 0.25, 0.5
@@ -38,22 +38,22 @@ READINGS = 12
 LONGER, LONGEST = 2.0, 2.0
 """Factor from one length of windows to the next, and the largest length, in periods of small swings."""
 WORSE = 1.1
-"""Longer windows are taken as long as the residual grows by less than this factor."""
+"""Windows are made longer as long as the residual grows by less than this factor."""
 ASTRAY, FAR = 5.0, 2.0
-"""A window is left out if its residual is more than the first number of times the usual one, and gets less weight from
-the second number of times on."""
+"""A window is left out if its residual is more than ASTRAY times the usual one, and has less weight above FAR times."""
 BOUNDS: dict[str, dict[int, float]] = {
     "action": {VISCOUS: 0.0, DRY: 0.0, DELAY: 0.0, LAG: 0.0},
     "torque": {VISCOUS: 0.0, DRY: 0.0, LAG: 0.0},
     "current": {VISCOUS: 0.0, DRY: 0.0, LAG: 0.0},
 }
-"""Lower bounds of the numbers by the kind of drive: a measured torque may come later than it acts, an action cannot."""
+"""Lower bounds of the numbers by the kind of drive: the delay of a measured torque may be negative,
+as it may be recorded later than it acts; the delay of an action may not."""
 MOST = 40
 """Largest number of steps of a search."""
 CLOSE = 1e-7
 """Relative fall of the sum of squares at which a search ends."""
 WRONSKIAN = 0.2
-"""Smallest Wronskian in the effect of torque noise."""
+"""Lower bound of the Wronskian in the effect of torque noise; see :func:`_walk`."""
 DEGENERATE = 1e-9
 """Smallest eigenvalue of the scaled normal equations, relative to the largest, at which the logs determine all numbers.
 """
@@ -69,12 +69,12 @@ class DrivenSolution:
         covariance: their covariance, in the order of ``free``.
         freedom: degrees of freedom of their errors.
         windows: the windows that were fitted.
-        lost: number of the log and times [s] of windows that were left out, as no torque of the log explains them.
+        lost: number of the log and times [s] of windows that were left out, as no torque in the log explains them.
         starts: fitted angle [rad] and velocity [rad/s] at the start of each window.
         residual: reading minus model of each reading of the windows [rad].
         sigma: standard deviation of a reading [rad], by log.
-        torque_noise: size of the random torque per inertia that the logs do not hold, by log: standard deviation of its
-            integral over 1 s [rad/s].
+        torque_noise: size of the random torque per inertia that is missing from the log, by log: standard deviation of
+            its integral over 1 s [rad/s].
     """
 
     rates: Array
@@ -103,7 +103,7 @@ class _Point:
         residual, slopes: readings minus model, and derivatives of the model by the free numbers.
         by_start: derivatives of the model by the angle and the velocity at the window's start.
         inverses: for every window, the matrix that turns residuals into changes of its start.
-        own, own_slopes: residuals and derivatives without the part that a change of the windows' starts can make.
+        own, own_slopes: residuals and derivatives less the part that changes of the windows' starts can produce.
         weight: weight of every reading.
     """
 
@@ -130,8 +130,8 @@ def solve(
     """Fit the numbers of the equation of motion to logs, in windows that are as long as the logs allow.
 
     The search begins in windows of a quarter of a period, from a linear regression. Windows that are far off are left
-    out. Then, for commands, the windows get longer, as long as the residual hardly grows: a motion without unknown
-    torques is the more telling the longer it is followed.
+    out. Then, for actions, the windows are made longer as long as the residual hardly grows: without unknown torques,
+    longer windows determine the numbers more accurately.
 
     Args:
         logs: the logs.
@@ -202,8 +202,7 @@ def _search(
 ) -> _Point:
     """Minimise the sum of squares over the free numbers and the starts of all windows (Levenberg-Marquardt).
 
-    ``robust``: windows that are far off get less weight. ``fine``: with central
-    differences.
+    ``robust``: True for less weight of windows that are far off. ``fine``: True for central differences.
     """
     from scipy.optimize import lsq_linear
 
@@ -248,9 +247,9 @@ def _search(
 
 
 def _best_starts(windows: Windows, rates: Array, starts: Array, moved: Array) -> Array:
-    """Return, for each window, that of several shares of a change of its start that fits best.
+    """Return the start of each window after the best-fitting fraction (one of SHARES) of its proposed change ``moved``.
 
-    A window in which friction holds the bob, or that leaves the top, follows its derivatives only so far.
+    Where friction holds the bob, or near the top, the derivatives predict the effect of small changes only.
     """
     trials = starts + np.array(SHARES)[:, None, None] * moved
     angles = windows.angles(np.tile(rates, (len(trials), 1)), trials)
@@ -260,7 +259,7 @@ def _best_starts(windows: Windows, rates: Array, starts: Array, moved: Array) ->
 
 
 def _point(windows: Windows, rates: Array, starts: Array, free: tuple[int, ...], central: bool) -> _Point:
-    """Simulate the windows at given numbers, and next to them for the derivatives, all together."""
+    """Simulate the windows with given numbers, and with slightly changed ones for the derivatives, in one batch."""
     omega0 = math.sqrt(rates[STIFFNESS])
     units = {VISCOUS: omega0, DRY: omega0**2, DELAY: 1.0 / omega0, LAG: 1.0 / omega0, ZERO: 1.0}
     steps = np.array([NUDGE[place] * abs(rates[place]) if place in NUDGE else NUDGES[place] * units[place]
@@ -414,12 +413,13 @@ def _reading_error(windows: Windows, point: _Point, parts: Sequence[int]) -> flo
 
 
 def _walk(windows: Windows, point: _Point, number: int) -> Array:
-    """Return the covariance of a window's readings for white torque noise of unit size [s³], without the part that a
-    change of the window's start can make.
+    """Return the covariance of a window's readings for white torque noise of unit size [s³], less the part that a
+    change of the window's start can produce.
 
     A pulse of torque at time s moves the angle at t by ``(b(t) a(s) - a(t) b(s))/w(s)``, where a and b are its
     derivatives by the angle and the velocity at the window's start, and ``w = a b' - a' b`` is their Wronskian, which
-    friction makes smaller at each turning point. It is taken to be at least WRONSKIAN, as no pulse is felt in a rest.
+    friction makes smaller at each turning point. It is taken to be at least WRONSKIAN, as a pulse does not move a bob
+    that friction holds.
     """
     part = windows.slices[number]
     time, (a, b) = windows.since[part] * windows.h, point.by_start[part].T

@@ -46,7 +46,7 @@ DRIVES: dict[str, Drive] = {
 """Kinds of drive by name. An action is the commanded share of the motor's largest torque, from -1 to 1."""
 
 _COMMANDED = re.compile(r"(?<![a-z])(?:des|desired|set|ref|target|soll|cmd|goal)(?![a-z])", re.IGNORECASE)
-"""Words of columns that hold what was wanted in place of what was measured."""
+"""Words in the titles of columns with set values, which were not measured."""
 _TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|t|timestamp)(?![a-z])|(?:^|[(\[ ])s(?:[)\] ]|$)", re.IGNORECASE)
 _ANGLE = re.compile(
     r"angle|winkel|theta|θ|phi|φ|position|(?<![a-z])pos(?![a-z])|(?<![a-z])(?:deg|rad|degrees|radians)(?![a-z/])|°(?!/)",
@@ -65,7 +65,7 @@ _CURRENTS = {"a": 1.0, "ma": 1e-3}
 _SHARES = {"1": 1.0, "": 1.0, "-": 1.0, "%": 0.01, "percent": 0.01}
 _SIZES = {"torque": _TORQUES, "current": _CURRENTS, "action": _SHARES}
 _CLEAR = 2.0
-"""A unit of the angle is taken if the other one fits the motion worse by this factor."""
+"""A unit of the angle is chosen if the other one fits the motion worse by this factor."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,7 +131,7 @@ class DrivenLog:
 
     @cached_property
     def held(self) -> FloatArray:
-        """Drive from each time to the next: a command is held, of a measured drive it is the mean of both readings."""
+        """Drive from each time to the next: the action itself, or the mean of both readings of a measured drive."""
         if not DRIVES[self.kind].measured:
             return self.drive
         return np.append(0.5 * (self.drive[1:] + self.drive[:-1]), self.drive[-1])
@@ -148,7 +148,7 @@ class DrivenLog:
 
     @property
     def text(self) -> str:
-        """Summary of the log: readings, rate, resolution, drive, and what was inferred."""
+        """Summary of the log: readings, rate, resolution, drive, and inferred settings."""
         usual = float(np.median(np.diff(self.time)))
         quantum = f"{math.degrees(self.quantum):.4g} deg" if self.quantum else "none seen"
         return "\n  ".join((
@@ -193,15 +193,15 @@ class DrivenLog:
                 share of the motor's largest torque; units of torque (N m, mN m, N cm) and current (A, mA) follow from
                 the title.
             time, angle: columns of the time and of the angle, by name or by number from 1.
-            unit: "deg" or "rad", the unit of the angle; None: that of the header or, without one there, that in which
-                a pendulum can move so.
+            unit: "deg" or "rad", the unit of the angle; None: the unit in the header or, without one there, the unit in
+                which the motion is that of a pendulum.
             factor: factor for the drive, such as a motor's constant, or -1 for a motor whose positive direction is
                 opposite to that of the angle.
             part: file in an archive or sheet of a workbook, where there are several.
             until: time in the file [s] after which readings are left out.
 
         Raises RecordingError for a file that cannot be read, without a drive or with several, with times that do not
-        increase, and where the unit of the angle cannot be told.
+        increase, and if the unit of the angle cannot be inferred.
         """
         try:
             name = str(file_path(path, "path"))
@@ -284,7 +284,7 @@ def _drive_column(table: TextTable, titles: list[str], given: dict[str, Any]) ->
 def _column(
     table: TextTable, titles: list[str], given: Any, what: str, form: re.Pattern[str], others: Iterable[int]
 ) -> int:
-    """Return the number, from 0, of the column of the time or angle; that of a file without titles by its order."""
+    """Return the number, from 0, of the column of the time or angle; without titles, the first free one."""
     if given is not None:
         return _place(table, titles, given, what)
     taken = set(others)
@@ -332,7 +332,7 @@ def _drive_unit(name: str, kind: str, title: str) -> tuple[float, str]:
 
 
 def _in_radians(log: DrivenLog, title: str, given: str | None) -> tuple[FloatArray, str]:
-    """Return a log's angles in radians, and a note on the unit: as given, of the title, or in which the motion is one.
+    """Return a log's angles in radians, and a note on the unit: given, named by the title, or inferred from the motion.
 
     Without a unit in the title, the motion decides: a pendulum's ``theta'' = -k sin(theta) + ...`` fits in one unit
     only, unless all angles are small.
@@ -350,7 +350,8 @@ def _in_radians(log: DrivenLog, title: str, given: str | None) -> tuple[FloatArr
 def _likely_unit(log: DrivenLog) -> tuple[str, str]:
     """Return the unit in which the angles of a log are those of a pendulum, and why; RecordingError if both may be.
 
-    Angles within ±2 pi, with which both units fit about as well, are in radians, as those degrees would be few.
+    If both units fit about equally well, angles within ±2 pi are read as radians, because few logs stay within 6.3
+    degrees.
     """
     if float(np.abs(log.angle).max()) > 200.0 or quantum_level(log.angle) > 0.05:
         return "deg", "inferred from the size of the angles and of their steps (unit= overrides)"

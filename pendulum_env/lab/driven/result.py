@@ -43,7 +43,7 @@ TRIALS = 100
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DrivenPrediction:
-    """Open-loop prediction of a log: a fit's pendulum under the drive of the log, from one start on.
+    """Open-loop prediction of a log: the fitted pendulum, simulated from one start under the drive of the log.
 
     Attributes:
         time: time since the start of the prediction [s].
@@ -205,8 +205,8 @@ class DrivenFit:
         """Delays and sensor of the bench, as JSON: ``observation_delay`` and ``action_delay`` [s], and ``sensor`` with
         quantum, noise, offset [rad], scale and rate [Hz].
 
-        A log shows only the sum of both delays, which is counted as the action's. The delay of a torque that was
-        measured is one of its column, not of the motor, and is left out.
+        A log determines only the sum of both delays, which is given as ``action_delay``. A measured torque's delay
+        belongs to its recording and not to the motor, and is left out.
         """
         rate = 1.0 / min(float(np.median(np.diff(log.time))) for log in self.logs)
         delay = 0.0 if DRIVES[self.kind].measured else float(self.solution.rates[DELAY])
@@ -276,7 +276,7 @@ class DrivenFit:
                                         if name not in fixed}}
 
     def predict(self, log: DrivenLog, start: float | None = None, duration: float | None = None) -> DrivenPrediction:
-        """Simulate a log's motion under its own drive, with this fit's numbers and without a look at later readings.
+        """Simulate a log's motion under its own drive, with this fit's numbers, from readings near the start alone.
 
         The start is a parabola through the readings within 2 % of a period of small swings.
 
@@ -320,26 +320,27 @@ class DrivenFit:
             share = sum(last - first for _, first, last in solution.lost) / sum(
                 float(log.time[-1] - log.time[0]) for log in self.logs)
             faults.append(Fault(f"the {self.kind} does not explain {100.0 * share:.2g} % of the logs, which are left "
-                                f"out, as of a hand that pushes ({spans})", share > MOST_LOST))
+                                f"out, for example because a hand pushes ({spans})", share > MOST_LOST))
         if any(solution.torque_noise):
             span = solution.windows.h * solution.windows.steps
-            faults.append(Fault(f"the motion scatters by more than the sensor does, by {solution.rms:.2g} rad within "
-                                f"{span:.2g} s, as of torques that the logs do not hold; the errors allow for them",
+            faults.append(Fault(f"the residual, {solution.rms:.2g} rad within {span:.2g} s, is larger than the "
+                                "sensor's error, probably because of torques missing from the logs; the errors of the "
+                                "parameters allow for them",
                                 False))
         return Grade(tuple(faults))
 
     @property
     def limits(self) -> str:
-        """Sentences on what these logs cannot determine, and what the result takes for granted instead."""
+        """Sentences on the quantities that these logs cannot determine, and on the assumptions made instead."""
         sentences = []
         if self.known == "torque":
             sentences.append("All torques, the moment of inertia and the moment of the mass are in units of the log's "
-                             "torque, and wrong by the same factor as it; give inertia= or moment= to fit that factor.")
+                             "torque: if it is 20 % too large, so are they. Give inertia= or moment= to fit its scale.")
         elif not self.known:
             sentences.append("The motion shows torques only per moment of inertia; a mass of 1 kg at the fitted length "
                              "is assumed; give mass=, inertia= or moment=.")
         if DELAY in self.solution.free:
-            late = "A negative delay means that the column comes late. " if DRIVES[self.kind].measured else ""
+            late = "A negative delay means that its column is late. " if DRIVES[self.kind].measured else ""
             sentences.append(f"Delays of the {self.kind} and of the angle show only as their sum. {late}".strip())
         if LAG in self.solution.free and abs(self._correlation("delay", "lag")) > 0.95:
             sentences.append("Delay and lag are hard to tell apart here; their sum is better known than each of them.")
@@ -360,7 +361,7 @@ class DrivenFit:
 
     @property
     def text(self) -> str:
-        """Sentences on the fit: what it is of, how well it holds, the sensor, and what the logs cannot determine."""
+        """Sentences on the fit: windows and residual, sensor, scene, limits of the logs, and grade."""
         windows, sensor = self.solution.windows, self.settings["sensor"]
         return "\n".join((
             f"{len(windows.places)} windows of about {windows.h * windows.steps:.3g} s: residual "

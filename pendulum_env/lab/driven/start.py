@@ -91,7 +91,7 @@ def start_of(logs: Sequence[Readings], delays: tuple[float, ...], lags: tuple[fl
 
 
 def _stretch(logs: Sequence[Readings]) -> float:
-    """Return the length of a stretch that is nearest to TURNED/omega0, with the omega0 that it gives [s]."""
+    """Return the length of a stretch [s] nearest to TURNED/omega0, with the omega0 of its own regression."""
     least = max(LEAST * float(np.median(np.diff(log.time))) for log in logs)
     most = min(float(log.time[-1] - log.time[0]) for log in logs) / 4.0
     lengths = np.geomspace(min(least, most), most, 10)
@@ -134,8 +134,8 @@ def _equations(log: Readings, duration: float, delay: float, lag: float) -> tupl
 
 
 def misfit(log: Readings) -> float:
-    """Return the share of the acceleration that the regression leaves unexplained, without a zero; inf if it finds no
-    restoring torque."""
+    """Return the share of the acceleration that a regression with the zero at 0 leaves unexplained; inf if the motion
+    shows no restoring torque."""
     try:
         duration = _stretch((log,))
     except RecordingError:

@@ -1,7 +1,7 @@
 """Simulation of logs in windows: short stretches, each with a start of its own, which advance together in the engine.
 
-Windows keep an unstable motion near the top in reach of its readings, and a torque that is missing from the log in its
-own window.
+In a short window, an unstable motion near the top stays close to its readings, and a torque that is missing from the
+log affects one window only.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SHORTEST = 1e-4
 """Shortest step of the simulation [s]."""
 _SCENE = Scene("driven log", Body(length=1.0, mass=1.0), effects=(
     Gravity(), BearingFriction(bearing_viscosity=1.0), CoulombFriction(friction_torque=1.0), Motor(max_torque=1.0)))
-"""Scene of which the simulation takes the effects; its numbers are replaced."""
+"""Scene with the effects of the simulation; its numbers are replaced."""
 
 
 class Window(NamedTuple):
@@ -111,7 +111,7 @@ class Windows:
 
     @cached_property
     def owner(self) -> NDArray[np.intp]:
-        """Number of the window of every reading, an array."""
+        """Number of the window to which each reading belongs, an array."""
         return np.repeat(np.arange(len(self.places)), [place.last - place.first for place in self.places])
 
     @cached_property

@@ -2,8 +2,8 @@
 
 The sum of squares of N angles or angular velocities is a quadratic form of the simulated angles and velocities at the
 steps between which the readings are interpolated. Its coefficients are sums over the readings and calculated once, so
-that an evaluation takes as long as the simulation, for any number of readings. The readings of an accelerometer are no
-linear function of the motion: their sum of squares is added up anew.
+that an evaluation takes as long as the simulation, for any number of readings. The readings of an accelerometer are not
+a linear function of the motion, so that their sum of squares is computed in every evaluation.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class LogDensity:
     def rises(self, rows: Array) -> Array:
         """Return the rise of the sum of squares above that of the fit for parameters of shape ``(runs, parameters)``.
 
-        It is nan for parameters without a simulation.
+        It is nan for parameters that cannot be simulated.
         """
         try:
             if self._sums is not None:

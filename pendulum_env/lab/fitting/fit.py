@@ -73,8 +73,8 @@ def fit(
         until: time of the recording [s] after which readings are left out.
         above: share of the first amplitude, such as 0.05 or "5%", below which swings are left out.
         drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
-        robust: True for readings of which some are far off: they count less, by the soft L1 loss. The loss is decided
-            with the model that has most dampings; see :mod:`pendulum_env.lab.fitting.robust`.
+        robust: True lets readings that are far off count less, by the soft L1 loss. Their weights follow from the model
+            with the most dampings; see :mod:`pendulum_env.lab.fitting.robust`.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
             function is called with the fraction done and the present activity.
         **parameters: known parameters of the scene, such as ``length=0.65, mass=0.0415``.

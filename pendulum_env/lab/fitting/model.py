@@ -162,7 +162,7 @@ class Model:
         return math.tau / self.scene_with(values).omega0 / (RATE_STEPS if self.rate or self.mount else STEPS)
 
     def nodes(self, values: Array, step: float) -> tuple[Array, Array, Array]:
-        """Return the curves between whose steps readings are interpolated: times [s], values and slopes at the steps.
+        """Return the curves from which readings are interpolated: times of the steps [s], values and slopes there.
 
         The cubic Hermite interpolation of the curve has the sensor's readings as values or, of a gyroscope, as slopes.
 

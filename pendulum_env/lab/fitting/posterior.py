@@ -1,4 +1,4 @@
-"""Posterior distribution of fitted parameters, sampled by emcee from the fit on."""
+"""Posterior distribution of fitted parameters, sampled by emcee from walkers that start around the fit."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ BURNT = 5.0
 FEWEST = 10
 """Smallest number of steps of an interrupted chain that is returned."""
 JUMPS, ALONG, ACROSS = 0.3, 0.6, 0.1
-"""Shares of the proposals: independent of the present parameters, along the difference of two walkers, and by their
-projections."""
+"""Shares of the proposals: independent of the present parameters, along the difference of two walkers, and towards
+another walker (snooker)."""
 TAILS = 6.0
 """Degrees of freedom of the independent proposals, whose tails must be wider than the posterior's."""
 WARM, LONGEST, LEARNT = 0.2, 300, 10
-"""Share and largest number of first steps after which the independent proposals, first those of the fit's errors, take
-mean and covariance from the second half of these steps; smallest number of samples per parameter for that."""
+"""Warm-up: its share of the steps, its largest number of steps, and the smallest number of its samples per parameter.
+Independent proposals come from the fit's errors before its end, and from the samples of its second half afterwards."""
 AGAIN = 20
 """Most draws of an independent proposal until one is within the priors' ranges."""
 RARE, CLOSER, TRIES = 1e-3, 0.7, 100
-"""The walkers start within the probability 1 - RARE of a normal distribution; factor by which draws are closer to the
-fit if hardly any is; most rounds of draws."""
+"""Walkers start where a normal distribution has the probability 1 - RARE. While few draws are there, further draws are
+closer to the fit by the factor CLOSER; at most TRIES rounds are drawn."""
 SKEWED = 1.3
 """A parameter counts as not Gaussian if one side of its 95 % interval is this many times longer than the other."""
 LEVELS = (0.68, 0.95)
@@ -205,7 +205,7 @@ class Posterior(Plotted):
 
     @property
     def text(self) -> str:
-        """Summary in sentences: size of the sample, acceptance, likelihood, priors, and what is not Gaussian."""
+        """Summary in sentences: size of the sample, acceptance, likelihood, priors, non-Gaussian parameters."""
         steps, walkers, _ = self.chain.shape
         tau = float(np.max(self.autocorrelation_time))
         wider = np.sqrt(np.diag(self.fit.covariance)) / np.sqrt(np.maximum(np.diag(self.fit.errors.plain), 1e-300))

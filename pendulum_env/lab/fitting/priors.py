@@ -53,7 +53,7 @@ class Prior:
         return min(max(value, self.low + room), self.high - room)
 
     def drawn(self, n: int, source: np.random.Generator) -> Array:
-        """Return ``n`` random values within the range of a bounded prior, not too far from its mean if it is normal."""
+        """Return ``n`` random values within the range of a bounded prior; a normal one is cut at its bounds."""
         if self.kind == NORMAL:
             return np.asarray(np.clip(self.mean + self.error * source.standard_normal(n), self.low, self.high))
         return source.uniform(self.low, self.high, n)

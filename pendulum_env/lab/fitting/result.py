@@ -91,7 +91,7 @@ class Fit(Plotted):
 
     @property
     def sign(self) -> str:
-        """Short form of ``degrees``: °, °/s or m/s², with the space that belongs before it."""
+        """Short form of the unit ``degrees``: "°", "°/s" or " m/s²", with the space before it."""
         return {"degrees": "°", "degrees/s": "°/s"}.get(self.degrees, f" {self.degrees}")
 
     def shown(self, residual: float) -> float:
@@ -323,8 +323,8 @@ class Fit(Plotted):
     ) -> Posterior:
         """Sample the posterior distribution of the parameters with emcee (``pip install "lab-pendulum[posterior]"``).
 
-        The likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, whose standard
-        deviation sigma is integrated out with the prior 1/sigma. It is made wider where the standard errors allow for
+        The log likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, with their
+        standard deviation sigma integrated out with the prior 1/sigma. It is wider where the standard errors allow for
         correlated residuals, rounding or a drift; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
         zero are sampled with the other parameters. The walkers start around the fit.
 

@@ -27,9 +27,9 @@ CORNER = 1.345
 OUTLIER = 5.0
 """Readings that are this many standard deviations off are counted in the note."""
 WIDTH, SPIKE = 7, 10.0
-"""Readings whose median a reading is compared with, and distance in units of the usual one that makes it a spike."""
+"""Number of readings around a reading, and distance from their median, in usual distances, that makes it a spike."""
 JUMP = 2.0
-"""A step between two readings is a jump if it is this many times more than usual (what 95 % of all do not exceed)."""
+"""A step over n readings is a jump if it is more than n + JUMP usual steps, the 95 % quantile of all steps."""
 ROUNDS, ENOUGH = 20, 1e-3
 """Largest number of repeated fits, and change of the model, in standard deviations, at which they end."""
 
@@ -62,8 +62,8 @@ def _without_spikes(time: Array, values: Array) -> Array:
 
 
 def released(recording: Recording, above: float | str | None) -> Recording:
-    """Return the free swing of a recording with spikes, as :meth:`Recording.released` and :meth:`Recording.kept` do for
-    others.
+    """Return the free swing of a recording with spikes, as :meth:`Recording.released` and :meth:`Recording.kept` do
+    without spikes.
     """
     start = calmed(recording).released()
     swing = recording
@@ -76,10 +76,10 @@ def released(recording: Recording, above: float | str | None) -> Recording:
 
 
 def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
-    """Return a free swing whose readings are pulled towards the robust fit of a model, and a note.
+    """Return a free swing with readings that are pulled towards the robust fit of a model, and with a note on them.
 
-    Least squares of these readings is the robust fit. The noise is 1.4826 times the median residual, but at least that
-    of rounding.
+    A least-squares fit of these readings equals the robust fit. The noise is 1.4826 times the median residual, but at
+    least that of rounding.
     """
     calm = calmed(swing)
     measured = Measured.of(calm)

@@ -41,8 +41,8 @@ BEYOND = 10.0
 ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
 """Termination of the least-squares search, for a part of the recording and for all of it."""
 SEARCHED, LEAST_SEEN, WORTH = 6_000, 50, 4
-"""Least number of readings in a search that takes evenly spaced ones of very many, and of those per period; and least
-number of readings per one of them, below which all are taken."""
+"""A search of a long recording takes every n-th reading: at least SEARCHED readings, and LEAST_SEEN per period. If n is
+below WORTH, it takes all."""
 MOST = 25
 """Largest number of steps in a refit."""
 CLOSE = 1e-6
@@ -297,7 +297,7 @@ def _residual(model: Model, angle: Array, values: Array) -> Array:
 def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress: Progress) -> list[FitSolution]:
     """Fit all models to a swing and return their solutions, in the order of the models.
 
-    Of very many readings, the search takes evenly spaced ones, and a refit from its solution takes all of them.
+    In a long recording, the search takes every n-th reading only, and a refit from its solution takes all readings.
 
     The model with the most dampings is fitted first, from measured starting values. The others take the start, the zero
     and the free parameters of the scene from its solution, and their damping from the envelope. A model that fits worse

@@ -110,7 +110,7 @@ def integrated_time(chain: Array) -> Array:
 def split_r(chain: Array) -> Array:
     """Return the potential scale reduction R-hat of every parameter of a Markov chain, an array; 1 below 4 steps.
 
-    Both halves of every walker's steps count as a chain of m steps. With the mean W of their variances and the variance
+    Each half of a walker's steps counts as a chain of m steps. With the mean W of their variances and the variance
     B of their means, R is ``sqrt((m - 1)/m + B/W)`` (Gelman et al. 2013, Bayesian Data Analysis, section 11.4).
 
     Args:

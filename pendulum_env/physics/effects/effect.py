@@ -140,8 +140,8 @@ class Effect(Checked):
     def general(self, mixed: Collection[str]) -> Effect:
         """Return this effect with functions that serve all members of a batch, by default the effect itself.
 
-        ``mixed`` holds the names of parameters that are 0 in some members and not in others. An effect of which a
-        parameter of 0 leaves a part out returns an effect with all parts.
+        ``mixed`` holds the names of parameters that are 0 in some members and not in others. An effect that leaves
+        out a part where a parameter is 0 returns an effect with all parts.
         """
         return self
 

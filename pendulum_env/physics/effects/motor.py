@@ -165,7 +165,7 @@ def inverse(number: float) -> float:
 
 
 TORQUE, VOLTAGE = "torque", "voltage"
-"""What the control of a motor may set."""
+"""Quantities that the control of a motor may set."""
 FUNCTIONS: dict[tuple[str, bool], dict[str, Any]] = {
     ("", True): {"torque": lagging_torque, "store": lagging_store},
     (VOLTAGE, False): {
@@ -178,7 +178,7 @@ FUNCTIONS: dict[tuple[str, bool], dict[str, Any]] = {
         "torque": lagging_supplied_torque, "by_velocity": lagging_supplied_by_velocity, "flow": lagging_supplied_flow,
         "store": None},
 }
-"""What the control sets ("" without a no-load speed), and if it is prepared once per control step -> the functions that
+"""Quantity that the control sets ("" without a no-load speed), and True if the motor has a memory -> the functions that
 replace those of the class."""
 EQUATIONS = {
     VOLTAGE: "+ {motor_rate:.6g} control - {motor_brake:.6g} theta'",
@@ -186,9 +186,9 @@ EQUATIONS = {
             "- 0.5 |{motor_rate:.6g} control + {motor_brake:.6g} theta' - {motor_stall:.6g}| "
             "- {motor_brake:.6g} theta'",
 }
-"""What the control sets -> the term of a motor with a no-load speed in the equation of motion."""
+"""Quantity that the control sets -> the term of a motor with a no-load speed in the equation of motion."""
 SWITCHES = ("lag", "ramp", "control_quantum", "dead_zone")
-"""Parameters of which the program of a scene has no part where they are 0."""
+"""Parameters that the program of a scene leaves out where they are 0."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +230,7 @@ class Motor(Effect):
     control_quantum: float = si(
         0.0, "1", "step to whose multiples the control is rounded, at most 1; 0 for none", least=0.0)
     dead_zone: float = si(0.0, "1", "control up to which there is no torque, below 1", least=0.0)
-    control_sets: str = choice(TORQUE, (TORQUE, VOLTAGE), "what the control is a share of; see no_load_speed")
+    control_sets: str = choice(TORQUE, (TORQUE, VOLTAGE), "quantity of which the control is a share; see no_load_speed")
     no_load_speed: float | None = si(
         None, "rad/s", "speed at which full control gives no torque; none by default", above=0.0, optional=True)
     stall_torque: float | None = si(
@@ -271,7 +271,7 @@ class Motor(Effect):
 
     @property
     def _law(self) -> str:
-        """Return what the control sets, or "" for a motor whose torque does not depend on the speed."""
+        """Return the quantity that the control sets, or "" for a motor whose torque does not depend on the speed."""
         return "" if self.no_load_speed is None else self.control_sets
 
     def _check_numbers(self) -> None:
