@@ -26,7 +26,7 @@ from pendulum_env.common.checks import (
     whole_number,
 )
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.version import __version__
+from pendulum_env.common.version import REGISTERED, __version__
 
 try:
     import h5py  # noqa: F401  Minari's storage, which it imports when it writes
@@ -100,10 +100,15 @@ def collect(
         metadata["author"] = {author}
     place = new_place(dataset_id)
     env = gymnasium.make(ENV, **keywords)
+    timed = keywords.get("duration") is not None or env.unwrapped.task.duration is not None  # type: ignore[attr-defined]
+    if timed and keywords.get("max_episode_steps") in (None, REGISTERED, -1):  # the duration alone ends an episode
+        env.close()
+        keywords = {name: value for name, value in keywords.items() if name != "max_episode_steps"}
+        env = gymnasium.make(ENV, max_episode_steps=-1, **keywords)
     spec = env.spec
     assert spec is not None
     spec.to_json()
-    if spec.max_episode_steps is None:
+    if spec.max_episode_steps is None and not timed:
         raise SceneError("max_episode_steps must be a number, because only whole episodes are collected.")
     size = whole_number(num_envs, "num_envs", 2**20)
     vector: Any = gymnasium.make_vec(

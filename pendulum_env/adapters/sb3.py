@@ -112,6 +112,9 @@ class LabPendulumVecEnv(VecEnv):  # type: ignore[misc]
                 infos[place] = {
                     **row_of(rows, masks, place), "terminal_observation": last[place],
                     "TimeLimit.truncated": bool(truncated[place] and not terminated[place])}
+            rows, masks = entries({name: values for name, values in told.items() if "final_" not in name})
+            for place in ended.tolist():
+                self.reset_infos[place] = row_of(rows, masks, place)
         return seen, rewards, over, infos
 
     def close(self) -> None:
@@ -151,8 +154,9 @@ class LabPendulumVecEnv(VecEnv):  # type: ignore[misc]
     def _check_names(self) -> None:
         """Raise SceneError if ``info_names`` has a name that the infos do not have."""
         for name in self._names:
-            if name not in self.last_infos:
-                known = [known for known in self.last_infos if not known.startswith("_")]
+            if not isinstance(self.last_infos.get(name), np.ndarray):
+                known = [known for known, values in self.last_infos.items()
+                         if not known.startswith("_") and isinstance(values, np.ndarray)]
                 raise SceneError(f"info_names has {shown(name)}, which the infos of this environment have "
                                  f"not{nearest(name, known)}")
 

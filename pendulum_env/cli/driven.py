@@ -15,7 +15,7 @@ def is_driven_fit(files: Sequence[Path], columns: Mapping[str, str | None]) -> b
     """Return True for logs of driven runs: a column of the drive is given, or the header of every file names one."""
     from pendulum_env.lab.driven.log import is_driven
 
-    return any(columns.values()) or (bool(files) and all(map(is_driven, files)))
+    return any(value is not None for value in columns.values()) or (bool(files) and all(map(is_driven, files)))
 
 
 def fit_logs(

@@ -15,6 +15,7 @@ from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.shape import DIVERGED, LARGEST, LATE, LOST, UNSURE, indent, joined
+from pendulum_env.engine.source import Plain, arguments
 
 
 def loops(layout: Layout) -> list[str]:
@@ -27,17 +28,17 @@ def loops(layout: Layout) -> list[str]:
     first += [_begin_block(layout)] if layout.shape.memory else []
     rest = [_observe(layout), _step_blocks(layout)] if layout.goal else [_record(layout), _run_blocks(layout)]
     search = [_settle(layout)] if layout.shape.slack else []
-    begun = [_starts(layout.goal.begin.__name__)] if layout.goal and layout.goal.begin else []
+    begun = [_starts(layout.goal.begin)] if layout.goal and layout.goal.begin else []
     return [*first, _advance(layout), *search, *rest, *begun]
 
 
-def _starts(begin: str) -> str:
+def _starts(begin: Plain) -> str:
     """Write the source of ``starts``: the starts of many episodes, by a task's own function, from random numbers."""
     return "\n".join([
         "@entry",
         "def starts(first, second, omega0, angle, velocity):",
         "    for i in range(len(first)):",
-        f"        angle[i], velocity[i] = {begin}(first[i], second[i], omega0[i])",
+        f"        angle[i], velocity[i] = {begin.__name__}({', '.join(f'{name}[i]' for name in arguments(begin))})",
         "",
     ])
 

@@ -200,6 +200,10 @@ class Each:
         numbers = numbers_of(scene, self._watched or scene.body.suspension == "wire")
         return {**numbers, "omega0": frequency(scene), "speed_limit": limit}
 
+    def own(self, place: int) -> Scene:
+        """Return the scene with which the environment with index ``place`` was made."""
+        return self._scene_with(place, {})
+
     def of(self, place: int) -> Scene:
         """Return the scene of the environment with index ``place``, in its present episode."""
         return self._scene_with(place, {name: float(values[place]) for name, values in self.episode.items()

@@ -128,7 +128,9 @@ def _plain(value: Any) -> Any:
         return value.name
     if isinstance(value, RigidBody):
         return body_data(value)
-    if isinstance(value, (Medium, Sensor)):
+    if isinstance(value, Sensor):
+        return {entry.name: getattr(value, entry.name) for entry in dataclasses.fields(Sensor)}
+    if isinstance(value, Medium):
         return dataclasses.asdict(value)
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()

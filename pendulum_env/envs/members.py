@@ -16,7 +16,7 @@ from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import Streams, generator_state, words_of
 from pendulum_env.envs.attributes import Absent, Fixed, parameter
 from pendulum_env.envs.cameras import Cameras
-from pendulum_env.envs.env import LabPendulumEnv
+from pendulum_env.envs.env import LabPendulumEnv, earlier
 from pendulum_env.envs.saved import checked_random, checked_state
 from pendulum_env.envs.settings import METADATA
 from pendulum_env.physics.scene import Scene
@@ -201,7 +201,7 @@ class Members:
     def _scene_of(self, place: int) -> Scene:
         """Return the scene of one environment, with its own parameters."""
         each = self._spec.each
-        return self._spec.scene if each is None or each.alike else each.of(place)
+        return self._spec.scene if each is None or each.alike else each.own(place)
 
     def _number_of(self, place: int, name: str) -> float:
         """Return the program's parameter ``name`` in one environment, with the parameters of its present episode."""
@@ -224,9 +224,11 @@ class Members:
         "made_for" and "numbers" say which environments can take it. ``call("get_state")`` returns the states in the
         form of single environments. Neither has the earlier angles and actions that only frames show. Raises SceneError
         for an index out of range, and for a vector that has more to save: drawn parameters, sensors, delays, a
-        reference to follow, the diagnostic "error".
+        reference to follow, the diagnostic "error"; ResetNeeded before the first reset.
         """
         self._check_saves()
+        if not self._begun:
+            raise gymnasium.error.ResetNeeded("Call reset() before get_state().")
         places, batch = self._places(which), self._batch
         return {
             "made_for": self._made_for(),
@@ -372,6 +374,7 @@ class Members:
         # Reported quantities follow the state itself, partly under the same names: reversed, so that the state counts.
         by_field = {FIELDS.get(name, name): value
                     for name, value in reversed([*zip(machine.names, values, strict=True)])}
+        by_field |= earlier(values, machine.phi, self._task.goal.before)
         return {name: by_field.get(name, 0.0) for name in self._batch.layout.moving}, words_of(random)
 
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from pendulum_env.common.checks import SceneError, shown
 from pendulum_env.engine.source import PARSING
-from pendulum_env.engine.translated import POWERS, Piece, built
+from pendulum_env.engine.translated import LIBRARY, POWERS, Piece, built
 from pendulum_env.physics import elementary
 from pendulum_env.physics.arctangent import atan2
 
@@ -201,15 +201,20 @@ class _Writer:
         if changed := assigned & {*self.constants}:
             raise self.error(f"assigns {min(changed)}, an argument with a default", node)
         self.local, self.kinds = {*arguments, *assigned}, dict.fromkeys(arguments, False)
+        self.shadows = {*LIBRARY, "abs", "min", "max"} & self.local
         known, lines = self.block(body, frozenset(arguments))
         if known is not None:
             raise self.error("does not return a value on every path", node)
         made = ast.FunctionDef(
-            name=name, args=ast.arguments(posonlyargs=[], args=[ast.arg(one) for one in arguments], kwonlyargs=[],
-                                          kw_defaults=[], defaults=[]),
+            name=name, args=ast.arguments(posonlyargs=[], args=[ast.arg(self.named(one)) for one in arguments],
+                                          kwonlyargs=[], kw_defaults=[], defaults=[]),
             body=lines, decorator_list=[])
         made.type_params = []  # type: ignore[attr-defined]  # wanted by Python 3.12 and later
         return Piece(name, ast.unparse(ast.fix_missing_locations(made)) + "\n", tuple(self.calls))
+
+    def named(self, name: str) -> str:
+        """Return the translated name of a local variable: another one where it is that of a function of programs."""
+        return f"{name}_value" if name in self.shadows else name
 
     def error(self, why: str, node: ast.AST) -> TaskError:
         """Return the error that this function cannot be translated."""
@@ -256,7 +261,7 @@ class _Writer:
         made, kind = self.expression(value, known)
         if self.kinds.setdefault(target.id, kind) is not kind:
             raise self.error(f"assigns a number and a condition to {target.id}", node)
-        return known | {target.id}, ast.Assign([ast.Name(target.id, ast.Store())], made)
+        return known | {target.id}, ast.Assign([ast.Name(self.named(target.id), ast.Store())], made)
 
     def returned(self, node: ast.Return, known: frozenset[str]) -> ast.stmt:
         """Return a translated return statement: of a number, of a condition (lost), or of two numbers (start)."""
@@ -299,7 +304,7 @@ class _Writer:
         if isinstance(node, ast.Name) and node.id in self.local:
             if node.id not in known:
                 raise self.error(f"uses {node.id} where it may have no value", node)
-            return ast.Name(node.id, ast.Load()), self.kinds[node.id]
+            return ast.Name(self.named(node.id), ast.Load()), self.kinds[node.id]
         if isinstance(node, ast.Name) and node.id in self.constants:
             return _literal(self.constants[node.id]), False
         if isinstance(node, (ast.Name, ast.Attribute)):
@@ -313,8 +318,11 @@ class _Writer:
         if isinstance(node, ast.BinOp):
             return self.operation(node, known), False
         if isinstance(node, ast.BoolOp):
-            mark: ast.operator = ast.BitAnd() if isinstance(node.op, ast.And) else ast.BitOr()
-            return _chained([self.truth(part, known) for part in node.values], mark), True
+            *first, made = [self.truth(part, known) for part in node.values]
+            for part in reversed(first):  # as Python does, without the second part where the first decides
+                made = (ast.IfExp(part, made, ast.Constant(False)) if isinstance(node.op, ast.And)
+                        else ast.IfExp(part, ast.Constant(True), made))
+            return made, True
         if isinstance(node, ast.Compare):
             if not all(isinstance(op, COMPARISONS) for op in node.ops):
                 raise self.error("compares with is or in", node)

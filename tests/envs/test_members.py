@@ -332,3 +332,28 @@ def test_every_method_can_be_called() -> None:
             "set_state": (state,)}
     for name in METHODS:
         assert len(vector.call(name, *more.get(name, ()))) == SIZE
+
+
+def test_restored_states_of_single_environments_know_what_was_before_the_step() -> None:
+    """Pendulum-v1's reward is that of the state before the step."""
+    vector = LabPendulumVectorEnv(2, "gymnasium", task="gymnasium", backend="python")
+    vector.reset(seed=0)
+    action = np.full((2, 1), 0.5, dtype=np.float32)
+    for _ in range(3):
+        vector.step(action)
+    saved = vector.call("get_state")
+    reward = vector.step(action)[1].copy()
+    vector.set_state(list(saved))
+    assert (vector.step(action)[1] == reward).all()
+
+
+def test_there_is_no_state_before_the_first_reset() -> None:
+    with pytest.raises(gym.error.ResetNeeded, match=r"reset\(\) before get_state"):
+        LabPendulumVectorEnv(2, backend="python").get_state()
+
+
+def test_attributes_are_those_of_the_environment_and_not_of_its_episode() -> None:
+    for mass in (0.03, [0.03, 0.04]):
+        vector = LabPendulumVectorEnv(2, mass=mass, randomize={"length": (0.3, 0.34)}, backend="python")
+        vector.reset(seed=0)
+        assert vector.get_attr("length") == (0.353, 0.353)

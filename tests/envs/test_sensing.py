@@ -414,8 +414,9 @@ def test_angles_from_upright_are_turned(kind: str) -> None:
         both = many.step(np.ones((2, 1), np.float32))[0]
 
 
-def test_the_specification_as_json_sees_alike() -> None:
-    env = gym.make("LabPendulum-v0", backend="python", observation="encoder", sensor=ROUGH, action_delay=(0.0, 0.02))
+@pytest.mark.parametrize("sensor", [ROUGH, VirtualSensor(rate=25.0, noise=0.01)])
+def test_the_specification_as_json_sees_alike(sensor: Any) -> None:
+    env = gym.make("LabPendulum-v0", backend="python", observation="encoder", sensor=sensor, action_delay=(0.0, 0.02))
     assert env.spec is not None
     other = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     same(other.reset(seed=3), env.reset(seed=3))

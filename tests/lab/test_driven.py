@@ -138,6 +138,20 @@ def test_a_prediction_is_open_loop() -> None:
         one.error_after(5.0)
 
 
+def test_a_prediction_needs_readings() -> None:
+    with pytest.raises(RecordingError, match="too few readings"):
+        small().predict(log_of(BENCH), start=1.0, duration=0.001)
+
+
+@pytest.mark.slow
+def test_a_bench_without_delay_and_lag_can_be_drawn() -> None:
+    """Both are fitted at their bound 0, where hardly a draw of the whole covariance has neither below."""
+    prompt = {**BENCH, "lag": 0.0, "delay": 0.0}
+    found = fit_driven([log_of(prompt), log_of(prompt, 1)], mass=BENCH["mass"])
+    lengths = found.sample(200)["length"]
+    assert np.std(lengths) == pytest.approx(found.parameters["length"].error, rel=0.3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("known", [{"inertia": 0.0721}, {"moment": 0.147}])
 def test_a_known_inertia_sets_the_scale_of_a_torque(known: dict[str, float]) -> None:

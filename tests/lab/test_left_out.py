@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
+from pendulum_env import VirtualSensor, rollout
 from pendulum_env.lab import Recording, RecordingError, fit, measure
 from pendulum_env.lab.fitting.robust import CORNER
 from pendulum_env.physics.units import SceneError
@@ -122,6 +123,15 @@ def test_intervals_of_robust_fits_hold() -> None:
             low, high = found.interval(name)
             inside.append(low <= value <= high)
     assert 0.90 <= np.mean(inside) <= 0.99
+
+
+def test_a_robust_fit_knows_the_sensors_steps() -> None:
+    swing = rollout("lab", angle=0.6, velocity=0.0, duration=20.0, dt=0.002)
+    sensor = VirtualSensor(quantum=math.radians(0.25), rate=50.0, zero="bottom", noise=0.0005)
+    recording = sensor.record(swing, seed=1)
+    plain, robust = (fit(recording, "linear+quadratic", mass=0.04, radius=0.0107, robust=robust).sensor
+                     for robust in (False, True))
+    assert robust.quantum == plain.quantum == pytest.approx(sensor.quantum, rel=1e-3)
 
 
 def test_a_robust_fit_of_good_readings_is_the_usual_one() -> None:

@@ -409,3 +409,37 @@ def test_numbers_from_outside_keep_the_value_they_had() -> None:
 def test_the_quantities_are_documented_with_units() -> None:
     assert all("[" in meaning or "number" in meaning or "fraction" in meaning for meaning in QUANTITIES.values())
     assert pendulum_env.tasks.Task is Task
+
+
+def shadowing(phi: float, velocity: float) -> float:
+    cos = math.cos(phi)
+    power2 = cos - 0.1 * velocity
+    return cos - power2**2
+
+
+def test_variables_may_have_the_names_of_functions() -> None:
+    env = LabPendulumEnv(task=Task("shadows", shadowing), backend="python")
+    env.reset(seed=0)
+    reward, info = env.step(np.array([0.3], dtype=np.float32))[1::3]
+    phi = math.remainder(info["angle"] - math.pi, 2.0 * math.pi)
+    assert reward == pytest.approx(shadowing(phi, info["velocity"]), rel=1e-12)
+
+
+def test_a_condition_that_decides_spares_the_next() -> None:
+    task = Task("late", lambda phi: 0.0, lost=lambda time: time > 0.05 and 0.01 / (time - 0.04) > 5.0)
+    vector = LabPendulumVectorEnv(1, task=task, backend="python")
+    env = LabPendulumEnv(task=task, backend="python")
+    for one in (env, vector):
+        one.reset(seed=0)
+    for _ in range(3):
+        still = np.zeros(1, dtype=np.float32)
+        assert env.step(still)[2] == vector.step(still[None])[2][0]
+
+
+def test_a_start_takes_its_numbers_by_name() -> None:
+    turned = Task("turned", lambda phi: phi, start=lambda omega0, second, first: (first, omega0 * second))
+    short = Task("short", lambda phi: phi, start=lambda first: (first, 0.0))
+    for task in (turned, short):
+        vector = LabPendulumVectorEnv(2, task=task, backend="python")
+        seen, _ = vector.reset(seed=4)
+        assert (seen[1] == LabPendulumEnv(task=task, backend="python").reset(seed=5)[0]).all()

@@ -258,9 +258,15 @@ class DrivenFit:
         free, rates = list(self.solution.free), self.solution.rates
         least = np.array([BOUNDS[self.kind].get(place, 1e-9 if place in (STIFFNESS, DRIVE) else -math.inf)
                           for place in free])
+        covariance = self.solution.covariance
+        if (at := np.flatnonzero(rates[free] <= least)).size:  # those at their bounds stay there
+            rest = np.setdiff1d(np.arange(len(free)), at)
+            part = covariance[np.ix_(rest, at)] @ np.linalg.pinv(covariance[np.ix_(at, at)], hermitian=True)
+            covariance = covariance[np.ix_(rest, rest)] - part @ covariance[np.ix_(at, rest)]
+            free, least = [free[i] for i in rest], least[rest]
         rows: list[Array] = []
         for _ in range(TRIALS):
-            drawn = source.multivariate_normal(rates[free], self.solution.covariance, count)
+            drawn = source.multivariate_normal(rates[free], covariance, count)
             rows += list(drawn[(drawn >= least).all(axis=1)])
             if len(rows) >= count:
                 break
@@ -291,12 +297,16 @@ class DrivenFit:
             raise RecordingError(f"log must be a DrivenLog with the drive {self.kind!r}, got {shown(log)}")
         first = float(log.time[0]) if start is None else one_number(start, "start")
         last = float(log.time[-1]) if duration is None else first + one_number(duration, "duration", above=0.0)
-        if not float(log.time[0]) <= first < last <= float(log.time[-1]) * (1.0 + 1e-9):
+        low, high = float(log.time[0]), float(log.time[-1])
+        if not low <= first < last <= high + 1e-9 * (high - low):
             raise RecordingError(f"{log.source}: a prediction from {first:g} to {last:g} s must lie within the log, "
-                                 f"{log.time[0]:g} to {log.time[-1]:g} s")
+                                 f"{low:g} to {high:g} s")
         omega0 = math.sqrt(self.solution.rates[STIFFNESS])
         windows = Windows.of((log,), 10.0 * (last - first), omega0, first - float(log.time[0]),
                              float(log.time[-1]) - last)
+        if not windows.places:
+            raise RecordingError(f"{log.source}: a prediction from {first:g} to {last:g} s has too few readings; give "
+                                 "a longer duration or an earlier start")
         apart = np.abs(log.time - first)
         near = np.flatnonzero(apart <= NEAR_START * math.tau / omega0)
         near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]

@@ -22,7 +22,16 @@ from pendulum_env.common.tables import Table
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.density import LogDensity
-from pendulum_env.lab.fitting.intervals import MOST_DRAWS, Fitted, Interval, keywords_of, level_of, place_of
+from pendulum_env.lab.fitting.intervals import (
+    MOST_DRAWS,
+    Fitted,
+    Interval,
+    Scatter,
+    keywords_of,
+    level_of,
+    place_of,
+    scatter_of,
+)
 from pendulum_env.lab.fitting.model import ZERO, unit_of
 from pendulum_env.lab.fitting.priors import Prior, priors_of
 from pendulum_env.lab.fitting.statistics import integrated_time, split_r
@@ -178,6 +187,11 @@ class Posterior(Plotted):
         tail = 0.5 * (1.0 - level_of(level))
         low, high = np.quantile(self.samples[:, place_of(self.fit, name)], (tail, 1.0 - tail))
         return Interval(float(low), float(high))
+
+    @property
+    def scatter(self) -> Scatter:
+        """Distribution of the scene's parameters for ``gym.make(..., scene=..., randomize=posterior)``: the samples."""
+        return scatter_of(self.fit, self.covariance, self.samples)
 
     @property
     def skewed(self) -> tuple[str, ...]:

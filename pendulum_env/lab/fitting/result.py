@@ -288,10 +288,13 @@ class Fit(Plotted):
         The zero of the recording is left out, as a sensor in use is set to 0 at the bottom.
         ``dataclasses.replace(found.sensor, rate=None)`` reads once before each observation.
 
-        Raises RecordingError for a gyroscope, which reads no angles.
+        With ``dt=1/found.sensor.rate`` the environment reads once in each control step, as its rate must.
+
+        Raises RecordingError for gyroscopes and accelerometers, which read no angles.
         """
-        if self.recording.rate is not None:
-            raise RecordingError(f"{self.recording.source}: a gyroscope reads velocities, not angles, and is no Sensor")
+        if self.recording.indirect:
+            raise RecordingError(f"{self.recording.source}: the sensor reads {self.recording.unit}, not angles, so "
+                                 "that no Sensor describes it")
         quantum = self.recording.reading_quantum or 0.0
         noise = math.sqrt(max(0.0, self.noise**2 - quantum**2 / 12.0))
         scale = float(self.values[self.names.index(SCALE)]) if SCALE in self.names else 1.0

@@ -107,4 +107,4 @@ def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
     note = (f"robust: {np.count_nonzero(far)} readings are more than {OUTLIER:g} standard deviations from the model, "
             f"by up to {worst[0]:.3g} {worst[1]}; soft L1 pulls all readings towards the model by their distance")
     angle = target if not swing.indirect else calm.angle
-    return replace(with_readings(swing, target, angle), notes=(*swing.notes, note))
+    return with_readings(replace(swing, notes=(*swing.notes, note)), target, angle)
