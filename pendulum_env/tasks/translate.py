@@ -318,8 +318,9 @@ class _Writer:
         if isinstance(node, ast.BinOp):
             return self.operation(node, known), False
         if isinstance(node, ast.BoolOp):
-            *first, made = [self.truth(part, known) for part in node.values]
-            for part in reversed(first):  # as Python does, without the second part where the first decides
+            parts = [self.truth(part, known) for part in node.values]
+            made = parts[-1]
+            for part in reversed(parts[:-1]):  # as Python does, without the second part where the first decides
                 made = (ast.IfExp(part, made, ast.Constant(False)) if isinstance(node.op, ast.And)
                         else ast.IfExp(part, ast.Constant(True), made))
             return made, True

@@ -145,11 +145,11 @@ def test_a_prediction_needs_readings() -> None:
 
 @pytest.mark.slow
 def test_a_bench_without_delay_and_lag_can_be_drawn() -> None:
-    """Both are fitted at their bound 0, where hardly a draw of the whole covariance has neither below."""
+    """Both are fitted at their bound 0, and stay there: the draws scatter less than with an unknown delay."""
     prompt = {**BENCH, "lag": 0.0, "delay": 0.0}
     found = fit_driven([log_of(prompt), log_of(prompt, 1)], mass=BENCH["mass"])
     lengths = found.sample(200)["length"]
-    assert np.std(lengths) == pytest.approx(found.parameters["length"].error, rel=0.3)
+    assert 0.3 < np.std(lengths) / found.parameters["length"].error < 1.1
 
 
 @pytest.mark.slow
