@@ -146,7 +146,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Place:
+class MotionFields:
     """Layout of the environments' motion in memory.
 
     Attributes:
@@ -172,7 +172,7 @@ class Text:
     and top, and ``y`` its turns. In the source ``x1`` is the new reading, and ``x0`` that in the slot before.
     """
 
-    def __init__(self, plan: Plan, place: Place) -> None:
+    def __init__(self, plan: Plan, place: MotionFields) -> None:
         self.plan, self.place = plan, place
         self.parts = ("x", "y") if plan.ideal else ("x",)
         self.rings = (*self.parts, *(("w",) if plan.swift else ()))
@@ -373,7 +373,7 @@ class Sensing:
     """
 
     def __init__(
-        self, plan: Plan, place: Place, size: int, remembers: bool, backend: Backend, num_threads: int = 1
+        self, plan: Plan, place: MotionFields, size: int, remembers: bool, backend: Backend, num_threads: int = 1
     ) -> None:
         self.plan, self.place, self.size, self.backend, self.num_threads = plan, place, size, backend, num_threads
         self.parts = plan.parts(remembers)

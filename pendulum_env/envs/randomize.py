@@ -37,7 +37,7 @@ PATIENCE = 1000
 """Most draws of one episode before a distribution is refused, because hardly any of its draws is within the bounds."""
 
 
-class Source(Protocol):
+class RandomStreams(Protocol):
     """Protocol of random streams, one for each environment, such as :class:`pendulum_env.engine.streams.Streams`."""
 
     def uniform(self, which: Places) -> Array: ...
@@ -45,7 +45,7 @@ class Source(Protocol):
 
 
 class OneStream:
-    """The random stream of a single environment, in the form of a :class:`Source`."""
+    """The random stream of a single environment, in the form of a :class:`RandomStreams`."""
 
     def __init__(self, generator: np.random.Generator) -> None:
         self._generator = generator
@@ -69,7 +69,7 @@ class Draws(Protocol):
     @property
     def names(self) -> tuple[str, ...]: ...
     def ends(self) -> list[dict[str, float]]: ...
-    def drawn(self, source: Source, which: Places, backend: Backend) -> Values: ...
+    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values: ...
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Range:
         """Return the ends of the range, or the smallest and largest value."""
         return [{self.name: value} for value in dict.fromkeys((min(self.values), max(self.values)))]
 
-    def drawn(self, source: Source, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
         """Return the values of new episodes in the environments ``which``."""
         low, high = self.values[0], self.values[-1]
         if len({*self.values}) == 1:
@@ -149,7 +149,7 @@ class Joint:
         """Return no ends: a normal distribution has none."""
         return []
 
-    def drawn(self, source: Source, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
         """Return the values of new episodes in the environments ``which``.
 
         Raises SceneError if hardly any draw is within the bounds.
@@ -165,7 +165,7 @@ class Joint:
         raise SceneError(f"randomize: none of {PATIENCE} draws of {', '.join(self.names)} is within the bounds; the "
                          "fit's errors are too large.")
 
-    def _row(self, source: Source, which: Places, backend: Backend) -> Array:
+    def _row(self, source: RandomStreams, which: Places, backend: Backend) -> Array:
         """Return one draw for every environment of ``which``, shape ``(names, len(which))``, within bounds or not."""
         if self._rows is not None:
             places = (source.uniform(which) * len(self._rows)).astype(np.intp)
@@ -192,7 +192,7 @@ class Function:
         """Return no ends: those of a function are unknown."""
         return []
 
-    def drawn(self, source: Source, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
         """Return the values of new episodes in the environments ``which``, for which the function is called in turn."""
         rows = [self._called(generator) for generator in source.generators(which)]
         return {name: np.array([row[name] for row in rows]) for name in self.names}
@@ -230,7 +230,7 @@ class Randomization:
         if not self.names or len({*self.names}) < len(self.names):
             raise SceneError(f"randomize must name parameters, each of them once, not {shown(given)}.")
 
-    def drawn(self, source: Source, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
         """Return the parameters of new episodes in the environments ``which``: name -> array of ``len(which)``.
 
         Raises SceneError for a function that returns something else, or a fit with hardly any draw within its bounds.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
-from pendulum_env.engine.sensing import KINDS, SEEDS, Place, Plan, Sensing, gain_of
+from pendulum_env.engine.sensing import KINDS, SEEDS, MotionFields, Plan, Sensing, gain_of
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.physics.data import known
@@ -152,7 +152,7 @@ def readings_of(spec: RunSpec, plan: Plan | None) -> tuple[Machine, Sensing | No
     check_parts(plan, remembers, spec)
     if remembers and plan.changes:
         machine = replace(spec, hold=1).machine()
-    place = Place(1, ANGLE, TURNS, VELOCITY, spec.scene.periodic)
+    place = MotionFields(1, ANGLE, TURNS, VELOCITY, spec.scene.periodic)
     return machine, Sensing(plan, place, 1, remembers, spec.backend)
 
 
@@ -163,7 +163,7 @@ def readings_of_many(spec: RunSpec, batch: Batch, plan: Plan | None) -> Sensing 
     fields, remembers = batch.layout.fields, bool(batch.layout.shape.remembered)
     check_parts(plan, remembers, spec)
     batch.also(OBSERVED)
-    place = Place(BLOCK, fields.index("q"), fields.index("turns"), fields.index("v"), spec.scene.periodic)
+    place = MotionFields(BLOCK, fields.index("q"), fields.index("turns"), fields.index("v"), spec.scene.periodic)
     return Sensing(plan, place, batch.size, remembers, spec.backend, batch.num_threads)
 
 

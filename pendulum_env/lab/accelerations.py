@@ -15,7 +15,7 @@ import numpy as np
 
 from pendulum_env.lab.checked import FloatArray, RecordingError, gaps_of
 from pendulum_env.lab.noise import noise_level
-from pendulum_env.lab.turning import all_turning_points, extremes
+from pendulum_env.lab.turning import Angles, all_turning_points, extremes
 
 GRAVITY = 9.81
 """Gravity with which the first estimates are made [m/s²]; a fit takes that of its scene."""
@@ -65,6 +65,7 @@ class Mount(NamedTuple):
         """Reading at the equilibrium, in units of gravity."""
         return 1.0 if math.isnan(self.tilt) else math.cos(self.tilt)
 
+
 class Felt(NamedTuple):
     """Readings [m/s²] of an accelerometer in one direction, its mount, the angle of the swing [rad], and notes."""
 
@@ -73,9 +74,6 @@ class Felt(NamedTuple):
     angle: FloatArray
     notes: list[str]
 
-class _Series(NamedTuple):
-    time: FloatArray
-    angle: FloatArray
 
 def felt(
     time: FloatArray, forces: FloatArray, names: list[str], absolute: bool, distance: float | None
@@ -145,6 +143,7 @@ def _check_gravity(size: float, names: list[str]) -> None:
     raise RecordingError(f"the mean of the accelerations {what} is {size:.4g} m/s², not that of gravity, 9.81 m/s²; "
                          "check their unit, or give scale=")
 
+
 def _directions(time: FloatArray, forces: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
     """Return the forces along the rod and across it, in the plane of the swing, the axis along it, a unit vector, and
     True if the force across it varies.
@@ -175,7 +174,7 @@ def _extremes(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArr
     means = [x[:count * size].reshape(count, size).mean(axis=1) for x in (time, force)]
     if size > 1 and count > 2:
         means[1][1:-1] -= np.diff(means[1], 2) * (1.0 - 1.0 / size**2) / 24.0
-    series = _Series(*means)
+    series = Angles(*means)
     index, points = extremes(*means), all_turning_points(series)
     if not len(index):
         return np.empty(0), np.empty(0)
@@ -185,6 +184,7 @@ def _extremes(time: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArr
 def _unit(vector: FloatArray) -> FloatArray:
     """Return a vector divided by its length."""
     return np.asarray(vector / np.linalg.norm(vector))
+
 
 def _from_along(
     time: FloatArray, force: FloatArray, distance: float | None, absolute: bool
@@ -235,6 +235,7 @@ def _from_along(
     rest = np.where(time >= at[1], force - (model + resting - GRAVITY), 0.0)
     return np.asarray(angle + rest / slope), ratio, count
 
+
 def _envelope(time: FloatArray, at: FloatArray, heights: FloatArray) -> FloatArray:
     """Return the amplitude [rad] at all times from ``1 - cos(A)`` at some turning points.
 
@@ -275,10 +276,11 @@ def _resting(
                           bounds=([0.0, 1e-3], [np.inf, 1.9 if absolute else 30.0]))
     return float(found.x[0]), float(found.x[1]) if known is None else known
 
+
 def _across_alone(time: FloatArray, force: FloatArray, name: str, distance: float | None) -> Felt:
     """Return the readings of a force across the rod alone, ``g (1 - r/L) sin(theta)``, for a known distance r."""
     middle = force - float(np.median(force))
-    points = all_turning_points(_Series(time, middle))
+    points = all_turning_points(Angles(time, middle))
     if distance is None:
         raise RecordingError(
             f"{name!r} shows no gravity, so it is either across the rod, where the reading is g (1 - r/L) sin(theta), "

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from pendulum_env.lab.checked import FloatArray
 from pendulum_env.lab.noise import noise_level
-from pendulum_env.lab.turning import all_turning_points
+from pendulum_env.lab.turning import Angles, all_turning_points
 
 _MOST = 5
 """Largest number of jumps that are corrected."""
@@ -20,11 +18,6 @@ _ALIKE = 0.25
 """After a correction, the middles on both sides of a jump differ by less than this share of it."""
 _NEAR = 12
 """Number of middles on either side of a jump from which the zero on that side is computed, as their median."""
-
-
-class _Series(NamedTuple):
-    time: FloatArray
-    angle: FloatArray
 
 
 def without_jumps(time: FloatArray, angle: FloatArray) -> tuple[FloatArray, list[str]]:
@@ -65,7 +58,7 @@ def _clearest(time: FloatArray, angle: FloatArray) -> tuple[int, float] | None:
 
 def _offset(time: FloatArray, angle: FloatArray, moment: float) -> float | None:
     """Return by how much the middles of turning points after a moment exceed those before it; None for too few."""
-    points = all_turning_points(_Series(time, angle))
+    points = all_turning_points(Angles(time, angle))
     if len(points.time) < 2 * _LEAST + 4:
         return None
     middle = 0.25 * (points.angle[:-2] + 2.0 * points.angle[1:-1] + points.angle[2:])

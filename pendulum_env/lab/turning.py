@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,13 @@ class AngleSeries(Protocol):
     def time(self) -> FloatArray: ...
     @property
     def angle(self) -> FloatArray: ...
+
+
+class Angles(NamedTuple):
+    """Times [s] and angles [rad] of a swing, two arrays of one length."""
+
+    time: FloatArray
+    angle: FloatArray
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -365,8 +365,3 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
     if largest <= math.tau:
         return "rad", f"inferred: the largest |angle|, {largest:.4g}, is not above 2 pi (unit= overrides)"
     raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians or in degrees; give unit=")
-
-
-def read_logs(paths: Sequence[str | os.PathLike[str]], **options: Any) -> tuple[DrivenLog, ...]:
-    """Read several logs with the same options, those of :meth:`DrivenLog.read`."""
-    return tuple(DrivenLog.read(path, **options) for path in paths)
