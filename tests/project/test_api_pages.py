@@ -98,7 +98,7 @@ def text_of(pages: Path, name: str) -> str:
 def test_pages_have_all_public_names_and_no_private_ones(pages: Path, name: str) -> None:
     text = text_of(pages, name)
     shown = re.findall(r'<section id="([^"]+)"', text)
-    rooms = {"adapters", "controllers", "testing", "web"}
+    rooms = {"adapters", "controllers", "tasks", "testing", "web"}
     assert set(getattr(import_module(name), "__all__", ())) - rooms <= set(shown)
     assert shown
     assert not [one for one in shown if any(re.match(r"_(?!_init__$)", part) for part in one.split("."))]
