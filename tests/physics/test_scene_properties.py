@@ -102,7 +102,7 @@ def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float
             right = eval(expression(clauses.pop(left)), space)
             space[left.removesuffix("**2")] = math.sqrt(right) if left.endswith("**2") else right
     bounds = [scene.coefficients[effect.limit] for effect in scene.effects if effect.limit]
-    assert [float(clauses.pop("max |theta'|")) for _ in bounds] == bounds
+    assert [float(clauses.pop("max |theta'|")) for _ in bounds] == pytest.approx(bounds, rel=1e-5)
     assert not clauses
     value = eval(expression(law.removeprefix("theta'' = ")), space)
     assert value == pytest.approx(sum(torques), abs=1e-4 * (1.0 + sum(map(abs, torques))))
