@@ -104,6 +104,14 @@ def fit(
 
     drive = {"action": action, "torque": torque, "current": current}
     if is_driven_fit(files or (), drive):
+        free_swing = {"scene": scene, "length": length, "length-error": length_error, "radius": radius, "free": free,
+                      "suspension": suspension, "rate": rate, "scale": scale, "oscillations": oscillations,
+                      "posterior": posterior or None, "steps": steps, "seed": seed, "prior": prior, "columns": columns,
+                      "until": until, "above": above, "drop": drop, "robust": robust or None,
+                      "effects": None if effects == "auto" else effects}
+        if unused := [f"--{name}" for name, value in free_swing.items() if value is not None]:
+            raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
+                             "leaves out what comes later, and --set inertia=0.1 sets what is known.")
         fit_logs(files or (), drive, read or (), unit, {"mass": mass}, settings, out)
         return
     if files is not None and len(files) > 1:
