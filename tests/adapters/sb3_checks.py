@@ -64,6 +64,7 @@ def test_steps_ends_and_infos_are_those_of_their_own_vector(options: dict[str, A
             assert seen.dtype == wanted[0].dtype
             assert np.array_equal(reward.astype(np.float32), wanted[1])
             assert np.array_equal(done, wanted[2])
+            assert mine.reset_infos == other.reset_infos
             for place, (info, his) in enumerate(zip(infos, wanted[3], strict=True)):
                 assert info["TimeLimit.truncated"] is his["TimeLimit.truncated"]
                 assert info["energy"] == his["energy"]

@@ -22,7 +22,7 @@ from scipy.stats import t
 from typer.testing import CliRunner
 from virtual_swings import recorded, swing
 
-from pendulum_env import Recording, fit, rollout
+from pendulum_env import LabPendulumEnv, Recording, fit, rollout
 from pendulum_env.cli import app
 from pendulum_env.lab import RecordingError, simulated_recording
 from pendulum_env.lab.fitting import posterior as sampling
@@ -272,6 +272,13 @@ def test_the_posterior_of_an_accelerometer_contains_the_truth(tmp_path: Path) ->
     for name, value in {"length": truth["length"], "sensor_distance": truth["reach"]}.items():
         low, high = found.interval(name, 0.999)
         assert low <= value <= high, name
+    with pytest.raises(RecordingError, match="not angles"):
+        assert one.sensor
+    env = LabPendulumEnv(one.scene, task="free", randomize=found, backend="python", warn=False)
+    lengths = [env.reset(seed=seed)[1]["parameters"]["length"] for seed in range(40)]
+    at = found.names.index("length")
+    assert abs(np.mean(lengths) - found.mean[at]) < found.std[at]
+    assert 0.6 < np.std(lengths) / found.std[at] < 1.5
 
 
 @pytest.mark.slow
