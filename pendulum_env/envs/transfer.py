@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.shown import one_line
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.streams import MOST_SEED
@@ -82,7 +82,7 @@ class Difference:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Transfer:
+class Transfer(Plotted):
     """Returns of a policy in a nominal and in a real environment, and what each difference between them costs.
 
     Attributes:
@@ -111,19 +111,25 @@ class Transfer:
         if one is None:
             raise SceneError(f"There is no difference {shown(name)}; there are "
                              f"{', '.join(one.name for one in self.differences) or 'none'}.")
-        return None if one.alone is None else mean(one.alone - self.nominal)
+        return self.changes(one)[0]
 
     @property
     def table(self) -> Table:
-        """Table of the differences: both values, the change of the nominal return by each of them alone, and the change
-        of the real return if only it is undone.
+        """Table of the differences: both values, and the change of the return by each of them, alone and beside all
+        others.
         """
         rows = []
         for one in self.differences:
-            changes = ((one.alone, self.nominal), (one.undone, self.real))
-            told = ("-" if values is None else str(mean(values - base)) for values, base in changes)
+            told = ("-" if change is None else str(change) for change in self.changes(one))
             rows.append((one.name, *one.values, *told))
-        return Table(("difference", "nominal", "real", "change alone", "change if undone"), tuple(rows))
+        return Table(("difference", "nominal", "real", "change alone", "change beside the others"), tuple(rows))
+
+    def changes(self, one: Difference) -> tuple[Mean | None, Mean | None]:
+        """Return the mean change of the return by a difference: alone, in the nominal environment, and beside all
+        others, in the real one. None where it was not tried.
+        """
+        return (None if one.alone is None else mean(one.alone - self.nominal),
+                None if one.undone is None else mean(self.real - one.undone))
 
     @property
     def text(self) -> str:
