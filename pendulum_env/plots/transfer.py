@@ -39,7 +39,7 @@ def draw(transfer: Any, figure: Figure | None = None) -> Figure:
         axes.set_yticks(range(len(names) + 1), [*names, "all differences"])
         axes.axvline(0.0, color=HAIRLINE, linewidth=1.0, zorder=0)
         axes.invert_yaxis()
-        axes.set_xlabel("mean change of the return, with standard error")
+        axes.set_xlabel("mean change of the return [reward], with standard error")
         axes.margins(x=0.08)
         drawing.legend(loc="outside lower left", ncols=3)
         headline(drawing, f"A policy's return: {transfer.nominal.mean():.4g} in the nominal environment, "
