@@ -309,7 +309,7 @@ class Posterior(Plotted):
         if not hasattr(fit, "solution") or not hasattr(fit, "recording"):
             raise SceneError(f"fit must be the fit of which the posterior was sampled, not {shown(fit)}.")
         try:
-            with np.load(place, allow_pickle=False) as file:
+            with np.load(place) as file:  # which refuses pickled objects
                 chain, log_density, acceptance, names, asked, warm, seed, fitted, kinds, priors = (
                     file[name] for name in ("chain", "log_density", "acceptance", "names", "asked", "warm", "seed",
                                             "fit", "kinds", "priors"))
