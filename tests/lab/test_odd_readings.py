@@ -96,6 +96,20 @@ def test_the_amplitude_of_a_swing_that_decays_quickly_is_that_at_its_time() -> N
     assert np.quantile(off[time[:len(off)] < 6.0], 0.9) < 0.05
 
 
+def test_the_axis_of_an_accelerometer_is_that_of_the_swing_and_not_of_the_hand() -> None:
+    """Before the release, a hand holds the phone askew by 0.4 rad for 4 s; the axis is that of the force afterwards."""
+    swing = let_go(0.8, 0.02, 0.5, 34.0, 4.0)
+    time = np.arange(3400) / 100.0
+    angle, rate, turn = swing.at(time)
+    along = np.where(time < 4.0, GRAVITY * math.cos(0.4), GRAVITY * np.cos(angle) + 0.8 * rate**2)
+    aside = np.where(time < 4.0, GRAVITY * math.sin(0.4), 0.0)
+    across = np.where(time < 4.0, 0.0, GRAVITY * np.sin(angle) + 0.8 * turn)
+    noise = 0.01 * np.random.default_rng(1).standard_normal((len(time), 3))
+    found = felt(time, np.stack([aside, along, across], axis=1) + noise, ["x", "y", "z"], False, None)
+    share = [float(word.split()[0]) for word in found.notes[0].split(";")[0].split(", ")[1:]]
+    np.testing.assert_allclose(share, [0.0, 1.0, 0.0], atol=3e-3)
+
+
 # --- readings that are left out --------------------------------------------------------------------------------------
 
 
