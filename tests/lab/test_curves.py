@@ -59,3 +59,15 @@ def test_a_run_is_the_same_in_every_batch(sensor: str) -> None:
     rises = model.motion(values)[1][0]
     fine = np.gradient(readings, model.time, edge_order=2)
     assert math.sqrt(np.mean((rises - fine)[2:-2] ** 2)) < 1e-2 * np.abs(rises).max()
+
+
+def test_trial_values_of_no_pendulum_have_no_readings() -> None:
+    """A search may try a length of 0, its bound; it then goes on with a shorter step (seed 176 of fit_coverage.py)."""
+    model = Model.of(Scene("test", Body(length=0.5, mass=0.1), effects=(Gravity(),)), ("linear",), STEPS)
+    place = model.names.index("length")
+    values = np.full(len(model.names), 0.1)
+    values[place] = model.least[place]
+    readings, slopes = linearised(model, values)
+    assert values[place] == 0.0
+    assert np.isnan(readings).all()
+    assert not slopes.any()

@@ -22,6 +22,7 @@ from pendulum_env.lab.fitting.statistics import reading_error
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import DAMPINGS
+from pendulum_env.physics.units import SceneError
 
 Array = NDArray[np.float64]
 
@@ -221,9 +222,13 @@ def sizes(model: Model, values: Array) -> Array:
 def linearised(model: Model, values: Array) -> tuple[Array, Array]:
     """Return a model's readings, and their derivatives by its parameters, shape ``(times, names)``, from one batch.
 
-    Differences are one-sided, which takes half the simulations of :func:`jacobian` and is used within a search.
+    Differences are one-sided, which takes half the simulations of :func:`jacobian` and is used within a search. Trial
+    values at a bound of which no pendulum can be made, such as a length of 0, have no readings (nan) and derivatives 0.
     """
-    steps = ASIDE * np.maximum(np.abs(values), sizes(model, values))
+    try:
+        steps = ASIDE * np.maximum(np.abs(values), sizes(model, values))
+    except SceneError:
+        return np.full(len(model.time), math.nan), np.zeros((len(model.time), len(values)))
     rows = model.angles(np.concatenate([values[None], values + np.diag(steps)]))
     return rows[0], np.nan_to_num((rows[1:] - rows[0]).T / steps)
 
