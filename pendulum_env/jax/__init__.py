@@ -1,8 +1,15 @@
 """The differentiable twin: the package's scenes and methods as pure functions of JAX arrays.
 
-``import pendulum_env.jax as twin``. It needs the extra ``jax``.
+``import pendulum_env.jax as twin``. It needs the extra ``jax``; importing it changes no setting of JAX.
 """
 
+try:
+    import jax as _jax  # noqa: F401
+except ImportError as error:
+    raise ImportError("pendulum_env.jax needs JAX, but it cannot be imported "
+                      f"({error}); install it with pip install \".[jax]\".") from None
+
+from pendulum_env.jax.env import EnvParams, EnvState, Gymnax, LabPendulum
 from pendulum_env.jax.run import Rollout, rollout
 
-__all__ = ["Rollout", "rollout"]
+__all__ = ["EnvParams", "EnvState", "Gymnax", "LabPendulum", "Rollout", "rollout"]

@@ -16,11 +16,12 @@ from jax import lax
 from integrators import Method, MethodError
 from pendulum_env.engine.generate import Program, program
 from pendulum_env.engine.machine import check_diagnostics, find_method
+from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import DIVERGED, HOLD, SLACK, STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_steps
 from pendulum_env.engine.streams import Streams
 from pendulum_env.jax.parameters import is_array, numbers, with_parameters
-from pendulum_env.jax.programs import Later, Unchanged, functions
+from pendulum_env.jax.programs import Later, Unchanged, bare, functions
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
@@ -100,6 +101,8 @@ class Twin:
             report: bool = False, known: bool = False) -> tuple[Any, Any, Any]:
         """Return the stop code, the state and the reported values after ``steps`` steps, 0 or 1, of the program.
 
+        The reported values are the entries of ``info``, "phi" and the observation, by name; empty without ``report``.
+
         ``known`` says that this is not the first step and that the control is that of the step before.
         """
         held = [*state, *[0.0] * (len(self.names) - len(state))]
@@ -111,9 +114,10 @@ class Twin:
         stop = functions(self.program.text).call(
             "run", held, list(parameters), control, h, steps, 1, speed_limit, [], seen)
         like = state[1]
-        after = [jnp.broadcast_to(jnp.asarray(getattr(value, "value", value), like.dtype), like.shape) for value in held]
-        stop = jnp.broadcast_to(jnp.asarray(stop, like.dtype), like.shape)
-        return stop, tuple(after[: self.size]), dict(zip(self.names[self.size:], after[self.size:], strict=True))
+        after = [jnp.broadcast_to(jnp.asarray(bare(value), like.dtype), like.shape) for value in (stop, *held, *seen)]
+        stop, values = after[0], after[1: 1 + self.size]
+        reports = dict(zip((*self.names[self.size:], *SEEN), after[1 + self.size:], strict=True)) if report else {}
+        return stop, tuple(values), reports
 
     def step(self, state: Any, stop: Any, parameters: Any, control: Any, h: Any, speed_limit: Any = math.inf,
              known: bool = False) -> tuple[Any, Any]:
@@ -240,7 +244,7 @@ def rollout(
                           "use pendulum_env.rollout.")
     place = with_parameters(build_scene(scene, damping, {}), given)
     method = find_method(integrator, place)
-    kind = _kind(dtype)
+    kind = kind_of(dtype)
     check_fits(place, method, kind)
     usual = place.run
     h = usual.dt if dt is None else dt if is_array(dt) else number(dt, "dt", above=0.0, unit="s")
@@ -263,7 +267,7 @@ def rollout(
         jnp.asarray(h, kind), jnp.asarray(speed_limit, kind))
 
 
-def _kind(dtype: str | None) -> Any:
+def kind_of(dtype: str | None) -> Any:
     """Return the type of numbers; SceneError for float64 where JAX has it turned off."""
     wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
     name = ("float64" if wide else "float32") if dtype is None else one_of(dtype, "dtype", DTYPES)
@@ -327,7 +331,8 @@ def _runner(one: Twin, count: int, every: int, hold: int, scene: str, integrator
         states, stops = _recorded(turn, (state, stop), first, done, count, every)
         judged, _, reports = one.run(tuple(states), parameters, control, h, report=True, steps=0)
         ends = jnp.where(stops[-1] != 0.0, stops[-1], jnp.max(judged, axis=0))
-        series = {name: jnp.moveaxis(value, 0, -1) for name, value in reports.items() if name != "phi"}
+        series = {name: jnp.moveaxis(value, 0, -1) for name, value in reports.items()
+                  if name not in ("phi", *SEEN)}
         turned = states[one.names.index("angle")] + 2.0 * math.pi * states[one.names.index("turns")]
         time = series.pop("time", jnp.moveaxis(states[0] * h, 0, -1))
         angles = series.pop("angle", jnp.moveaxis(turned, 0, -1))
