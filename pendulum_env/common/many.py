@@ -140,7 +140,7 @@ def sqrt(number: float) -> float:
         return math.sqrt(number)
     if number < 0.0:
         raise ValueError("math domain error")
-    return number.mapped(np.sqrt)  # type: ignore[return-value]
+    return number.mapped(np.sqrt)
 
 
 def applied(formula: Callable[..., float], number: float, *further: float) -> float:

@@ -6,8 +6,8 @@
 try:
     import jax as _jax  # noqa: F401
 except ImportError as error:
-    raise ImportError("pendulum_env.jax needs JAX, but it cannot be imported "
-                      f"({error}); install it with pip install \".[jax]\".") from None
+    raise ImportError(f"pendulum_env.jax needs JAX, but {error.name} is missing: pip install 'lab-pendulum[jax]'.",
+                      name=error.name) from None
 
 from pendulum_env.jax.env import EnvParams, EnvState, Gymnax, LabPendulum
 from pendulum_env.jax.run import Rollout, rollout

@@ -1,8 +1,8 @@
 """Elementary functions of JAX arrays under the names that generated programs call, with derivatives at their edges.
 
 Programs bring their own sine and exponential (:mod:`pendulum_env.physics.elementary`), which round by adding and
-subtracting large numbers. A derivative of that is wrong, and a compiler may remove it, so that JAX's own functions stand
-in their place here: values agree to rounding, not to the bit.
+subtracting large numbers. A derivative of that is wrong, and a compiler may remove it, so that JAX's own functions
+stand in their place here: values agree to rounding, not to the bit.
 
 At zero, where a square root, a logarithm or a power has an infinite derivative or none, the derivative is 0 here, as
 that of the absolute value is: a value that a condition does not choose must not make the derivative nan.

@@ -16,14 +16,13 @@ from gymnasium.experimental.functional import FuncEnv
 from integrators import Method
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.each import checked_limit, frequency
-from pendulum_env.engine.goal import SPAN, goal_text
+from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.envs.randomize import CHOICE, LOG, Range
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, twin
-from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, whole_number
@@ -74,8 +73,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
     The functions are those of ``gymnasium.experimental.functional.FuncEnv``: ``initial``, ``transition``,
     ``observation``, ``reward``, ``terminal``, ``state_info``. Observation, reward and endings are those of
-    ``gym.make("LabPendulum-v0")``; random numbers are JAX's. ``gymnax()`` returns an adapter with gymnax's ``reset`` and
-    ``step``.
+    ``gym.make("LabPendulum-v0")``; random numbers are JAX's. ``gymnax()`` returns an adapter with gymnax's ``reset``
+    and ``step``.
 
     Args:
         scene, integrator, damping, task, dt, substeps, diagnostics, speed_limit: as in ``gym.make``.
@@ -85,8 +84,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         dtype: "float32" or "float64"; by default float64 where JAX has it enabled.
         **parameters: parameters of the scene, such as ``length=0.5``.
 
-    Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction, steps that
-    call Python.
+    Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction,
+    steps that call Python.
     """
 
     def __init__(
@@ -129,6 +128,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         top = np.array([1.0, 1.0, np.finfo(np.float32).max, *[1.0] * (entries - 3)], dtype=np.float32)
         self.observation_space = spaces.Box(-top, top, dtype=np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+        self.default_params: EnvParams
         super().__init__()
 
     # --- parameters -------------------------------------------------------------------------------------------------
@@ -157,13 +157,16 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
                 values[one.name] = jax.random.choice(own, jnp.asarray(one.values, self.kind))
             else:
                 u = jax.random.uniform(own, dtype=self.kind)
-                values[one.name] = low * jnp.exp(u * math.log(high / low)) if one.kind == LOG else low + (high - low) * u
+                values[one.name] = low + (high - low) * u
+                if one.kind == LOG:
+                    values[one.name] = low * jnp.exp(u * math.log(high / low))
         return self.get_default_params(**values)
 
     def _of(self, state: EnvState | None, params: EnvParams | None) -> EnvParams:
         if state is not None and state.params is not None:
             return state.params
-        return self.default_params if params is None else params
+        usual: EnvParams = self.default_params
+        return usual if params is None else params
 
     # --- Gymnasium's functional interface ---------------------------------------------------------------------------
 
@@ -187,7 +190,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             angle, velocity = self.scene.run.angle, self.scene.run.velocity
         return self.started(angle, velocity, used if own else None, used)
 
-    def started(self, angle: Any, velocity: Any, own: EnvParams | None = None, params: EnvParams | None = None) -> EnvState:
+    def started(self, angle: Any, velocity: Any, own: EnvParams | None = None, params: EnvParams | None = None,
+                ) -> EnvState:
         """Return the state at the start of an episode from an angle [rad] and a velocity [rad/s]."""
         used = own or self._of(None, params)
         values = self.twin.start(angle, velocity, used.numbers, {}, self.kind)
@@ -198,10 +202,10 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         used, share, shape = self._of(state, params), self._share(action), self.twin.program.shape
         carry = (state.values, state.stop)
         plain = not shape.memory and not shape.remembered
-        carry = self.twin.step(*carry, used.numbers, share, self.h, used.speed_limit, known=plain)
+        carry = self.twin.step(carry, used.numbers, share, self.h, used.speed_limit, known=plain)
         if self.substeps > 1:
             def turn(_: Any, carry: Any) -> Any:
-                return self.twin.step(*carry, used.numbers, share, self.h, used.speed_limit, known=not shape.remembered)
+                return self.twin.step(carry, used.numbers, share, self.h, used.speed_limit, known=not shape.remembered)
 
             carry = jax.lax.fori_loop(1, self.substeps, turn, carry)
         values, stop = carry
@@ -252,6 +256,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         return jnp.clip(action[..., 0] if action.ndim and action.shape[-1] == 1 else action, -1.0, 1.0)
 
     def _reports(self, values: Any, used: EnvParams) -> dict[str, Any]:
+        """Return the observation and the entries of ``info`` of a state of the program, by name."""
+        reports: dict[str, Any]
         _, _, reports = self.twin.run(values, used.numbers, 0.0, self.h, steps=0, report=True)
         return reports
 
@@ -275,9 +281,9 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 class Gymnax:
     """A LabPendulum with gymnax's interface: an episode that ends starts again within the step.
 
-    ``reset(key, params)`` returns observation and state; ``step(key, state, action, params)`` returns observation, state,
-    reward, done and info. The observation of a step that ends an episode is that of the new start; that of the end is
-    ``info["final_observation"]``.
+    ``reset(key, params)`` returns observation and state; ``step(key, state, action, params)`` returns observation,
+    state, reward, done and info. The observation of a step that ends an episode is that of the new start; that of the
+    end is ``info["final_observation"]``.
 
     Args:
         env: the environment.
@@ -300,7 +306,8 @@ class Gymnax:
     @property
     def default_params(self) -> EnvParams:
         """Return the parameters of the scene."""
-        return self.env.default_params  # type: ignore[no-any-return]
+        usual: EnvParams = self.env.default_params
+        return usual
 
     def observation_space(self, params: EnvParams | None = None) -> spaces.Box:
         """Return the space of observations."""
@@ -329,7 +336,8 @@ class Gymnax:
         first, new = self.reset(resetting, params)
         done = terminated | truncated
         state = jax.tree.map(lambda one, other: jnp.where(done, one, other), new, after)
-        info = {"discount": jnp.where(terminated, 0.0, 1.0), "terminated": terminated, "truncated": truncated & ~terminated,
+        truncated = truncated & ~terminated
+        info = {"discount": jnp.where(terminated, 0.0, 1.0), "terminated": terminated, "truncated": truncated,
                 "final_observation": seen}
-        ends = (terminated, truncated & ~terminated) if self.split else (done,)
+        ends = (terminated, truncated) if self.split else (done,)
         return (jnp.where(done, first, seen), state, reward, *ends, info)

@@ -1,8 +1,8 @@
 """Numbers of a program from a scene whose parameters are JAX arrays, such as a length to be differentiated by.
 
-Bodies and effects compute a program's coefficients from their parameters in plain Python. A parameter given as a JAX array
-goes through these formulas as a :class:`TracedNumber`: a value that conditions look at, and the array itself. While JAX
-traces, the array has no value yet; conditions then look at the scene's own value of the parameter.
+Bodies and effects compute a program's coefficients from their parameters in plain Python. A parameter given as a JAX
+array goes through these formulas as a :class:`TracedNumber`: a value that conditions look at, and the array itself.
+While JAX traces, the array has no value yet; conditions then look at the scene's own value of the parameter.
 """
 
 from __future__ import annotations
@@ -124,8 +124,8 @@ def _value(name: str, array: Any, scene: Scene, usual: Mapping[str, Any]) -> Any
         scene.replace(**{name: 0.0})  # raises the error for an unknown name
         value = next((usual[full] for full in usual if full.rpartition(".")[2] == name), None)
     if not isinstance(value, float):
-        raise SceneError(f"The parameter {name} of the scene '{scene.name}' is {shown(value)}, so that JAX has no value at "
-                         f"which to trace; give the scene a number first, as in rollout(scene.replace({name}=...)).")
+        raise SceneError(f"The parameter {name} of the scene '{scene.name}' is {shown(value)}, and JAX needs a number "
+                         f"at which to trace; give the scene one first, as in rollout(scene.replace({name}=...)).")
     return np.array([value])
 
 

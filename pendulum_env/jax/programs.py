@@ -382,9 +382,10 @@ class Functions:
     def _operation(self, node: ast.BinOp, names: Names) -> Any:
         left, right = node.left, node.right
         if isinstance(node.op, ast.Sub) and isinstance(right, ast.Constant) and isinstance(left, ast.BinOp):
-            rounds = isinstance(left.op, ast.Add) and isinstance(left.right, ast.Constant)
-            if rounds and left.right.value == right.value and right.value > ROUNDED:  # type: ignore[attr-defined]
-                unit = right.value / WHOLE
+            large = right.value
+            rounds = isinstance(left.op, ast.Add) and isinstance(left.right, ast.Constant) and left.right.value == large
+            if rounds and isinstance(large, float) and large > ROUNDED:
+                unit = large / WHOLE
                 return jnp.round(bare(self._value(left.left, names)) / unit) * unit
         one, other = bare(self._value(left, names)), bare(self._value(right, names))
         if isinstance(node.op, ast.Div):

@@ -17,7 +17,7 @@ from integrators import Method, MethodError
 from pendulum_env.engine.generate import Program, program
 from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.report import SEEN
-from pendulum_env.engine.shape import DIVERGED, HOLD, SLACK, STOP_REASONS
+from pendulum_env.engine.shape import HOLD, SLACK, STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_steps
 from pendulum_env.engine.streams import Streams
 from pendulum_env.jax.parameters import is_array, numbers, with_parameters
@@ -25,8 +25,9 @@ from pendulum_env.jax.programs import Later, Unchanged, bare, functions
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, one_of, truth, whole_number
+from pendulum_env.physics.units import SceneError, number, one_of, whole_number
 
+Turn = Callable[[Any, Any], Any]
 DTYPES = {"float32": np.float32, "float64": np.float64}
 """Names of the types of numbers in a run."""
 LONG = 1000
@@ -119,9 +120,10 @@ class Twin:
         reports = dict(zip((*self.names[self.size:], *SEEN), after[1 + self.size:], strict=True)) if report else {}
         return stop, tuple(values), reports
 
-    def step(self, state: Any, stop: Any, parameters: Any, control: Any, h: Any, speed_limit: Any = math.inf,
+    def step(self, carry: Any, parameters: Any, control: Any, h: Any, speed_limit: Any = math.inf,
              known: bool = False) -> tuple[Any, Any]:
-        """Return the state and the stop code after one step; a run that has stopped keeps both."""
+        """Return the state and the stop code after one step from both; a run that has stopped keeps them."""
+        state, stop = carry
         code, after, _ = self.run(state, parameters, control, h, speed_limit, known=known)
         after = tuple(jnp.where(stop == 0.0, new, old) for new, old in zip(after, state, strict=True))
         ended = (stop == 0.0) & (code == float(SLACK))
@@ -130,13 +132,13 @@ class Twin:
         return after, jnp.where(stop == 0.0, code, stop)
 
 
-@jax.custom_jvp
+@jax.custom_jvp  # type: ignore[untyped-decorator]
 def without_derivative(value: Any, where: Any) -> Any:
     """Return a value, whose derivative is nan where a condition holds."""
     return value
 
 
-@without_derivative.defjvp
+@without_derivative.defjvp  # type: ignore[untyped-decorator]
 def _(primals: Any, tangents: Any) -> Any:
     value, where = primals
     return value, tangents[0] * jnp.where(where, jnp.nan, 1.0).astype(value.dtype)
@@ -240,8 +242,8 @@ def rollout(
     """
     given = {**(parameters or {}), **more}
     if "compensated" in given:
-        raise MethodError("Compensated sums have no twin in JAX, whose compiler may reorder sums; leave compensated out, or "
-                          "use pendulum_env.rollout.")
+        raise MethodError("Compensated sums have no twin in JAX, whose compiler may reorder sums; leave compensated "
+                          "out, or use pendulum_env.rollout.")
     place = with_parameters(build_scene(scene, damping, {}), given)
     method = find_method(integrator, place)
     kind = kind_of(dtype)
@@ -252,8 +254,8 @@ def rollout(
     count, controls = _length(usual.duration if duration is None else duration, duration, steps, h, actions, hold)
     stride = min(whole_number(every, "every"), count)
     if count % stride:
-        raise SceneError(f"every must divide the number of steps, {count}, in JAX, where all records are of one length; "
-                         f"{stride} does not.")
+        raise SceneError(f"every must divide the number of steps, {count}, in JAX, where all records are of one "
+                         f"length; {stride} does not.")
     one = twin(place, method, check_diagnostics(diagnostics))
     values = {HOLD[0]: float(hold), **numbers(place)}
     arrays = tuple(jnp.asarray(values[name], kind) for name in one.parameters)
@@ -262,14 +264,15 @@ def rollout(
                   ((angle, usual.angle), (velocity, usual.velocity)))
     drawn = _drawn(one, seed)
     forced = None if controls is None else jnp.asarray(controls, kind)
-    return _runner(one, count, stride, hold, place.name, method.name, kind)(
+    run: Rollout = _runner(one, count, stride, hold, place.name, method.name, kind)(
         *(jnp.asarray(value, kind) for value in start), arrays, drawn, jnp.asarray(share, kind), forced,
         jnp.asarray(h, kind), jnp.asarray(speed_limit, kind))
+    return run
 
 
 def kind_of(dtype: str | None) -> Any:
     """Return the type of numbers; SceneError for float64 where JAX has it turned off."""
-    wide = bool(jax.config.jax_enable_x64)  # type: ignore[attr-defined]
+    wide = bool(jax.config.jax_enable_x64)
     name = ("float64" if wide else "float32") if dtype is None else one_of(dtype, "dtype", DTYPES)
     if name == "float64" and not wide:
         raise SceneError("JAX has float64 turned off; call jax.config.update('jax_enable_x64', True) first, or take "
@@ -315,20 +318,19 @@ def _runner(one: Twin, count: int, every: int, hold: int, scene: str, integrator
             angle = jnp.broadcast_to(angle, jnp.broadcast_shapes(angle.shape, actions.shape[:-1]))
         angle = angle + 0.0 * (control + h)
         state = one.start(angle, velocity, parameters, drawn, kind)
-        stop = jnp.zeros_like(state[1])
-        first, done = (state, stop), 0
+        start = carry = (state, jnp.zeros_like(state[1]))
         by_step = None if actions is None else jnp.repeat(jnp.moveaxis(actions, -1, 0), hold, axis=0)
-        opened = bool(shape.memory) and not shape.remembered
-        if opened and by_step is None:  # the first step computes the history; the others know it
-            state, stop = one.step(state, stop, parameters, control, h, speed_limit)
-            done = 1
-        known = by_step is None and not shape.remembered or not opened and not shape.remembered
+        taken = int(by_step is None and bool(shape.memory) and not shape.remembered)
+        if taken:  # the first step computes the history; the others know it
+            carry = one.step(carry, parameters, control, h, speed_limit)
 
-        def turn(carry: Any, i: Any) -> tuple[Any, None]:
+        def turn(carry: Any, i: Any) -> Any:
             acting = control if by_step is None else by_step[i]
-            return one.step(*carry, parameters, acting, h, speed_limit, known=known), None
+            known = not shape.remembered and (by_step is None or not shape.memory)
+            return one.step(carry, parameters, acting, h, speed_limit, known)
 
-        states, stops = _recorded(turn, (state, stop), first, done, count, every)
+        rows = _recorded(turn, carry, taken, count, every)
+        states, stops = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, rows)
         judged, _, reports = one.run(tuple(states), parameters, control, h, report=True, steps=0)
         ends = jnp.where(stops[-1] != 0.0, stops[-1], jnp.max(judged, axis=0))
         series = {name: jnp.moveaxis(value, 0, -1) for name, value in reports.items()
@@ -339,50 +341,51 @@ def _runner(one: Twin, count: int, every: int, hold: int, scene: str, integrator
         velocities = series.pop("velocity", jnp.moveaxis(states[one.names.index("velocity")], 0, -1))
         return Rollout(time, angles, velocities, series, ends, scene, integrator, np.dtype(kind).name)
 
-    return jax.jit(run)
+    return jax.jit(run)  # type: ignore[no-any-return]
 
 
-def _recorded(turn: Any, carry: Any, first: Any, done: int, count: int, every: int) -> Any:
-    """Return the states at the start and after every ``every`` steps, and their stop codes, along a new first axis.
+def _recorded(turn: Turn, carry: Any, taken: int, count: int, every: int) -> Any:
+    """Return the states and stop codes after every ``every`` steps, along a new first axis.
 
-    Long runs are divided into parts, of which only the first state is kept for a derivative.
+    ``taken`` steps, 0 or 1, were taken before. Long runs are divided into parts, of which only the first state is
+    stored for a derivative.
     """
-    rows = count // every
-    chunk = max(1, math.isqrt(max(count, 1))) if count > LONG else count
+    part = math.isqrt(count) if count > LONG else count
 
-    def advance(carry: Any, begin: Any, steps: int) -> Any:
-        if steps == 1:
-            return turn(carry, begin)[0]
-        part = lambda carry, start, length: lax.scan(turn, carry, start + jnp.arange(length))[0]  # noqa: E731
-        if steps <= chunk:
-            return part(carry, begin, steps)
-        whole, rest = divmod(steps, chunk)
-        inner = jax.checkpoint(lambda carry, i: (part(carry, begin + i * chunk, chunk), None))
-        carry, _ = lax.scan(inner, carry, jnp.arange(whole))
-        return part(carry, begin + whole * chunk, rest) if rest else carry
+    def some(carry: Any, begin: Any, steps: int) -> Any:
+        """Take steps, with all that a derivative needs of them."""
+        return lax.scan(lambda carry, i: (turn(carry, i), None), carry, begin + jnp.arange(steps))[0]
+
+    def many(carry: Any, begin: Any, steps: int) -> Any:
+        """Take steps in parts, with only the first state of each."""
+        if steps <= part:
+            return turn(carry, begin) if steps == 1 else some(carry, begin, steps)
+
+        def next_part(carry: Any, i: Any) -> tuple[Any, None]:
+            return some(carry, begin + i * part, part), None
+
+        whole, rest = divmod(steps, part)
+        carry, _ = lax.scan(jax.checkpoint(next_part), carry, jnp.arange(whole))
+        return some(carry, begin + whole * part, rest) if rest else carry
 
     def row(carry: Any, k: Any) -> tuple[Any, Any]:
-        after = advance(carry, k * every, every)
+        after = many(carry, k * every, every)
         return after, after
 
-    records = [jax.tree.map(lambda value: value[None], first)]
-    start = 0
-    if done:  # the first step was taken already
-        carry = advance(carry, jnp.asarray(done), every - done) if every > done else carry
+    records, first = [], 0
+    if taken:
+        carry = many(carry, jnp.asarray(taken), every - taken) if every > taken else carry
         records.append(jax.tree.map(lambda value: value[None], carry))
-        start = 1
-    left = rows - start
-    block = max(1, chunk // every) if count > LONG else left
-    if left:
-        whole, rest = divmod(left, block) if block else (0, 0)
-        if whole > 1:
-            inner = jax.checkpoint(lambda carry, i: lax.scan(row, carry, start + i * block + jnp.arange(block)))
-            carry, most = lax.scan(inner, carry, jnp.arange(whole))
-            records.append(jax.tree.map(lambda value: value.reshape((-1, *value.shape[2:])), most))
-        else:
-            rest = left
-            whole = 0
-        if rest:
-            carry, some = lax.scan(row, carry, start + whole * block + jnp.arange(rest))
-            records.append(some)
+        first = 1
+    rows = count // every - first
+    block = max(1, part // every)
+    whole, rest = divmod(rows, block) if rows > block else (0, rows)
+    if whole:
+        def block_of(carry: Any, i: Any) -> tuple[Any, Any]:
+            return lax.scan(row, carry, first + i * block + jnp.arange(block))  # type: ignore[no-any-return]
+
+        carry, blocks = lax.scan(jax.checkpoint(block_of), carry, jnp.arange(whole))
+        records.append(jax.tree.map(lambda value: value.reshape((-1, *value.shape[2:])), blocks))
+    if rest:
+        records.append(lax.scan(row, carry, first + whole * block + jnp.arange(rest))[1])
     return jax.tree.map(lambda *parts: jnp.concatenate(parts), *records)

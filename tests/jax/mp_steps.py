@@ -1,13 +1,14 @@
 """Steps of a generated program in 40-digit arithmetic, and differences of their results: the truth for derivatives.
 
-The program is interpreted by Python on numbers of mpmath, with mpmath's elementary functions, so that nothing of JAX has
-a part in it. Derivatives are central differences of 1e-12, exact to some 20 digits. The program's coefficients are
+The program is interpreted by Python on numbers of mpmath, with mpmath's elementary functions, so that nothing of JAX
+has a part in it. Derivatives are central differences of 1e-12, exact to some 20 digits. The program's coefficients are
 computed by the scene in floats; their derivatives by a parameter come from differences, extrapolated twice.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,8 @@ class Steps:
             t, control = i * h, controls[i]
             if held:
                 first = mpf(1 if i == 0 else 0)
-                held = dict(zip(held, names["remember"](*held.values(), control, first, h, *given.values()), strict=True))
+                after = names["remember"](*held.values(), control, first, h, *given.values())
+                held = dict(zip(held, after, strict=True))
             known = {**given, **held, "side": mpf(1), "control": control}
             extra = [known[name] for name in shape.extra]
             if shape.memory and (held or control is not last):
@@ -88,5 +90,5 @@ def slopes(scene: Scene, parameter: str, value: float) -> dict[str, float] | Non
         high, low = (numbers_of(side, False) for side in sides)
         tables.append(np.array([(high[name] - low[name]) / (2.0 * d) for name in base]))
     for power in (4.0, 16.0, 64.0):
-        tables = [(power * fine - rough) / (power - 1.0) for rough, fine in zip(tables, tables[1:], strict=False)]
+        tables = [(power * fine - rough) / (power - 1.0) for rough, fine in pairwise(tables)]
     return dict(zip(base, map(float, tables[0]), strict=True))

@@ -86,7 +86,7 @@ def test_derivatives_are_those_of_forty_digits(scene: str, method: str) -> None:
     given = {name: float(value) for name, value in place.parameters().items() if isinstance(value, float) and value}
     steps = Steps(place, one, FEW)
     sums = list(steps.shape.quadratures)
-    weights = {name: weight for name, weight in zip(sums, (0.7, 0.4), strict=False)}
+    weights = dict(zip(sums, (0.7, 0.4), strict=False))
 
     def result(angle: Any, velocity: Any, h: Any, actions: Any, parameters: Any) -> Any:
         run = twin.rollout(place, integrator=one, angle=angle, velocity=velocity, dt=h, every=FEW, actions=actions,
@@ -133,7 +133,8 @@ def test_derivatives_are_those_of_forty_digits(scene: str, method: str) -> None:
         if slope is None:
             continue
         terms = [float(by_number[one]) * slope[one] for one in by_number]
-        assert float(ours[4][name]) == pytest.approx(math.fsum(terms), rel=1e-9, abs=1e-10 * sum(map(abs, terms)) + 1e-13)
+        bound = 1e-10 * sum(map(abs, terms)) + 1e-13
+        assert float(ours[4][name]) == pytest.approx(math.fsum(terms), rel=1e-9, abs=bound)
         looked += 1
     assert looked
 
