@@ -104,6 +104,10 @@ class Many:
         """Return a formula of this number and of further ones; see :func:`applied`."""
         return formula(self, *further)
 
+    def refined(self, further: Any) -> Any:
+        """Return this result of an iteration; see :func:`settled`."""
+        return self
+
     def __neg__(self) -> Many:
         return self.mapped(np.negative)
 
@@ -149,6 +153,14 @@ def applied(formula: Callable[..., float], number: float, *further: float) -> fl
     A class of numbers beside floats may compute it in its own way, by the method ``through`` of Many.
     """
     return number.through(formula, further) if isinstance(number, Many) else formula(number, *further)
+
+
+def settled(root: float, further: float) -> float:
+    """Return the result of an iteration that rounding keeps from falling, ``further`` being one more iterate.
+
+    A class of numbers that have derivatives takes ``further``, whose derivatives have the smaller error.
+    """
+    return root.refined(further) if isinstance(root, Many) else root
 
 
 def isfinite(number: float) -> bool:

@@ -56,6 +56,9 @@ class TracedNumber(Many):
         value = np.atleast_1d(plain(formula(Many(self.values), *further)))
         return TracedNumber(value, on_arrays(formula)(self.traced, *further))
 
+    def refined(self, further: Any) -> TracedNumber:
+        return TracedNumber(self.values, further.traced)
+
 
 # Python asks the right operand first only if its class defines the reflected operator itself.
 for _name in ("add", "sub", "mul", "truediv", "pow"):
