@@ -20,13 +20,14 @@ from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.envs.randomize import CHOICE, LOG, Range
+from pendulum_env.envs.settings import usual
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, twin
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, whole_number
-from pendulum_env.tasks import Task, find_task
+from pendulum_env.tasks import USUAL_TASK, Task, find_task
 
 FELL = 4.0
 """Stop code of an episode whose task is lost."""
@@ -92,10 +93,10 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         self,
         scene: str | Scene | Mapping[str, object] = "lab",
         *,
-        integrator: str | Method = "rk4",
+        integrator: str | Method | None = None,
         damping: Damping = "scene",
-        task: str | Task = "swing_up",
-        dt: float = 0.02,
+        task: str | Task = USUAL_TASK,
+        dt: float | None = None,
         substeps: int = 1,
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: float | None = None,
@@ -105,6 +106,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         **parameters: Any,
     ) -> None:
         self.kind = kind_of(dtype)
+        integrator, dt = usual(scene, integrator, dt)
         self.scene = with_parameters(build_scene(scene, damping, {}), parameters)
         self.task = find_task(task)
         self.method = find_method(integrator, self.scene)
@@ -112,9 +114,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         self.dt = number(dt, "dt", above=0.0, unit="s")
         self.substeps = whole_number(substeps, "substeps")
         self.h = self.dt / self.substeps
-        length = self.task.duration
-        usual = REGISTERED if length is None else round(length / self.dt)
-        self.max_steps = usual if max_steps is None else whole_number(max_steps, "max_steps")
+        steps = self.task.steps(self.dt) if max_steps is None else whole_number(max_steps, "max_steps")
+        self.max_steps = REGISTERED if steps is None else steps
         self._limit = speed_limit
         self.ranges = [Range.of(name, given) for name, given in (randomize or {}).items()]
         self.twin: Twin = twin(self.scene, self.method, check_diagnostics(diagnostics))
@@ -165,8 +166,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     def _of(self, state: EnvState | None, params: EnvParams | None) -> EnvParams:
         if state is not None and state.params is not None:
             return state.params
-        usual: EnvParams = self.default_params
-        return usual if params is None else params
+        own: EnvParams = self.default_params
+        return own if params is None else params
 
     # --- Gymnasium's functional interface ---------------------------------------------------------------------------
 
@@ -306,8 +307,8 @@ class Gymnax:
     @property
     def default_params(self) -> EnvParams:
         """Return the parameters of the scene."""
-        usual: EnvParams = self.env.default_params
-        return usual
+        own: EnvParams = self.env.default_params
+        return own
 
     def observation_space(self, params: EnvParams | None = None) -> spaces.Box:
         """Return the space of observations."""

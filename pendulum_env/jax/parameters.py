@@ -25,6 +25,8 @@ from pendulum_env.jax.programs import ROUNDED, functions
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown
 
+NEAR_ZERO = 1e-3
+"""Value of a parameter that is compared with 0, to see if conditions in formulas tell them apart."""
 SAME: Mapping[Operator, Operator] = {quotient: operator.truediv, power: operator.pow}
 """Operations of Many that have another name for arrays."""
 
@@ -53,7 +55,7 @@ class TracedNumber(Many):
         return TracedNumber(function(self.values), getattr(jnp, function.__name__)(self.traced))
 
     def through(self, formula: Callable[..., Any], further: tuple[float, ...]) -> TracedNumber:
-        value = np.atleast_1d(plain(formula(Many(self.values), *further)))
+        value = np.array([formula(float(one), *further) for one in self.values])
         return TracedNumber(value, on_arrays(formula)(self.traced, *further))
 
     def refined(self, further: Any) -> TracedNumber:
@@ -98,9 +100,6 @@ def with_parameters(scene: Scene, parameters: Mapping[str, Any]) -> Scene:
     if not arrays:
         return scene
     usual = scene.parameters()
-    empty = {name.rpartition(".")[2] for name in arrays if usual.get(name) == 0.0}
-    if empty:  # a part that a 0 leaves out must be there for other values
-        scene = scene.with_effects(effect.general(empty) for effect in scene.effects)
     numbers = {name: TracedNumber(_value(name, value, scene, usual), value) for name, value in arrays.items()}
     try:
         with np.errstate(all="ignore"):
@@ -112,6 +111,9 @@ def with_parameters(scene: Scene, parameters: Mapping[str, Any]) -> Scene:
     except TypeError as error:
         raise SceneError(f"The scene '{scene.name}' has a formula that cannot compute with a JAX array as "
                          f"{' or '.join(arrays)} ({error}); give it as a number.") from None
+    for name in arrays:
+        if isinstance(arrays[name], jax.core.Tracer) and not _value(name, arrays[name], scene, usual).any():
+            _check_zero(scene, name)
     if program_parts(changed) != program_parts(scene):
         raise SceneError(f"The scene '{scene.name}' with these values of {', '.join(arrays)} needs another program; "
                          "give them as numbers.")
@@ -130,6 +132,23 @@ def _value(name: str, array: Any, scene: Scene, usual: Mapping[str, Any]) -> Any
         raise SceneError(f"The parameter {name} of the scene '{scene.name}' is {shown(value)}, and JAX needs a number "
                          f"at which to trace; give the scene one first, as in rollout(scene.replace({name}=...)).")
     return np.array([value])
+
+
+def _check_zero(scene: Scene, name: str) -> None:
+    """Raise SceneError if a parameter that is 0 in the scene has other formulas, or another program, at other values.
+    """
+    sides = []
+    with jax.ensure_compile_time_eval(), np.errstate(all="ignore"):
+        for value in (0.0, NEAR_ZERO):
+            try:
+                place = scene.replace(**{name: TracedNumber(np.array([value]), jnp.asarray(NEAR_ZERO))})
+                sides.append((program_parts(place), [float(one) for one in numbers(place).values()]))
+            except SceneError:
+                pass
+    if len(sides) == 2 and sides[0][0] == sides[1][0] and np.allclose(sides[0][1], sides[1][1], 1e-6, equal_nan=True):
+        return
+    raise SceneError(f"The parameter {name} of the scene '{scene.name}' is 0, where other formulas hold than at other "
+                     f"values; give the scene another one first, as in rollout(scene.replace({name}=...)).")
 
 
 def numbers(scene: Scene) -> dict[str, Any]:

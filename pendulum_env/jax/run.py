@@ -112,8 +112,9 @@ class Twin:
             held[0], control = Later(held[0]), Unchanged(control)
             if "held" in self.names:
                 held[self.names.index("held")] = control
-        stop = functions(self.program.text).call(
-            "run", held, list(parameters), control, h, steps, 1, speed_limit, [], seen)
+        with np.errstate(over="ignore"):  # bounds such as 1e150 are infinite in float32
+            stop = functions(self.program.text).call(
+                "run", held, list(parameters), control, h, steps, 1, speed_limit, [], seen)
         like = state[1]
         after = [jnp.broadcast_to(jnp.asarray(bare(value), like.dtype), like.shape) for value in (stop, *held, *seen)]
         stop, values = after[0], after[1: 1 + self.size]
