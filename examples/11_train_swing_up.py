@@ -32,9 +32,9 @@ class Scaled(VecEnvWrapper):  # scales observations and rewards, and keeps the r
         return SCALE * seen, 0.01 * reward, over, infos
 
 
-def trained(task, steps, seed):
+def trained(task, steps, seed, **keywords):
     torch.set_num_threads(1)
-    (env := Scaled(VecMonitor(LabPendulumVecEnv(64, task=task, diagnostics=())))).seed(seed)
+    (env := Scaled(VecMonitor(LabPendulumVecEnv(64, task=task, diagnostics=(), **keywords)))).seed(seed)
     more = {"use_sde": True, "sde_sample_freq": 8, "device": "cpu"}  # state-dependent noise changes slowly
     model = PPO("MlpPolicy", env, lambda left: 1e-3 * max(left, 0.02), 64, 1024, seed=seed, **more).learn(steps)
     return lambda seen: model.predict(SCALE * seen, deterministic=True)[0], env.returns

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pendulum_env.engine.result import Rollout
     from pendulum_env.engine.rollout import rollout
     from pendulum_env.envs.env import LabPendulumEnv
+    from pendulum_env.envs.transfer import transfer
     from pendulum_env.envs.vector_env import LabPendulumVectorEnv
     from pendulum_env.films.record import film
     from pendulum_env.hard_cases.run import stress
@@ -70,6 +71,7 @@ _LAZY = {
     "simplify": "pendulum_env.study.audit",
     "stress": "pendulum_env.hard_cases.run",
     "sweep": "pendulum_env.study.sweep",
+    "transfer": "pendulum_env.envs.transfer",
 }
 """Public names that are imported on first use, and their modules."""
 _ROOMS = ("adapters", "controllers", "tasks", "testing", "web")
@@ -107,6 +109,7 @@ __all__ = [
     "sweep",
     "tasks",
     "testing",
+    "transfer",
     "web",
 ]
 

@@ -18,16 +18,13 @@ of the controller that knows dt, and of the agents that SAC has trained in the a
 from __future__ import annotations
 
 import argparse
-import importlib.util
-import json
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import gymnasium as gym
 import numpy as np
+from agents import Policy, can_train, kept, learnt, loaded, ppo
 from machine import describe
 from scipy.stats import t as student
 
@@ -36,14 +33,11 @@ from pendulum_env.controllers import RandomPolicy, swing_up
 
 EPISODES, FIRST = 1000, 10**6
 """Number of the episodes, and the seed of the first one, which is never used in training."""
-EXAMPLE = Path(__file__).parent.parent / "11_train_swing_up.py"
 ZOO = {"learning_rate": 1e-3, "n_steps": 1024, "gamma": 0.9, "gae_lambda": 0.95, "use_sde": True, "sde_sample_freq": 4}
 """Settings of PPO for Pendulum-v1 in the collection RL Baselines3 Zoo."""
 INTEGRATORS = ("forward_euler", "symplectic_euler", "velocity_verlet", "rk4")
 STEPS = (0.01, 0.02, 0.05, 0.1)
 """Control steps of the second table [s]; the integrator takes one step in each."""
-
-Policy = Callable[[Any], Any]
 
 
 class Place(NamedTuple):
@@ -103,73 +97,24 @@ def line(cells: tuple[str, ...], values: Any, of: str) -> str:
 # --- agents -------------------------------------------------------------------------------------------------------
 
 
-def can_train() -> bool:
-    """Return True if Stable-Baselines3 can be imported."""
-    return importlib.util.find_spec("stable_baselines3") is not None
-
-
-def example() -> Any:
-    """Import example 11 as a module."""
-    spec = importlib.util.spec_from_file_location("training", EXAMPLE)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    assert spec.loader is not None
-    spec.loader.exec_module(module)
-    return module
-
-
 def agent(row: Row, budget: int, seed: int, path: Path) -> Policy:
     """Train an agent and store it in ``path``, if it can be stored; return its policy."""
-    import torch
-    from stable_baselines3 import PPO, SAC
-
-    torch.set_num_threads(1)
     if row.trained_by == "PPO" and row.place.scene == "lab":
-        policy: Policy = example().trained(row.place.task, budget, seed)[0]
-        return policy
-
-    def made() -> Any:
-        return gym.make("LabPendulum-v0", scene=row.place.scene, task=row.place.task, diagnostics=(), warn=False)
-
-    if row.trained_by == "PPO":
-        model: Any = PPO("MlpPolicy", made(), seed=seed, device="cpu", **ZOO)
-    else:
-        model = SAC("MlpPolicy", made(), seed=seed, device="cpu")
-    model.learn(budget)
-    model.save(path)
-    return lambda seen: model.predict(seen, deterministic=True)[0]
-
-
-def stored(path: Path) -> Policy | None:
-    """Return the policy of an agent that SAC has trained before; None if there is none."""
-    if not (can_train() and path.with_suffix(".zip").exists()):
-        return None
-    from stable_baselines3 import SAC
-
-    model = SAC.load(path, device="cpu")
-    return lambda seen: model.predict(seen, deterministic=True)[0]
+        return ppo(row.place.task, budget, seed)
+    settings = ZOO if row.trained_by == "PPO" else {}
+    return learnt(row.trained_by, budget, seed, path, settings, scene=row.place.scene, task=row.place.task)
 
 
 def result(row: Row, seed: int, options: argparse.Namespace) -> dict[str, Any] | None:
     """Return mean return and training time [s] of an agent, from the folder or trained now; else None."""
     budget = max(1, int(options.share * row.budget))
     path = options.folder / f"{row.place.scene}-{row.place.task}-{row.trained_by}-{budget}-{seed}"
-    file = path.with_suffix(".json")
-    if file.exists():
-        kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        return kept
-    if not can_train() or (options.only_seed is not None and seed != options.only_seed):
-        return None
-    options.folder.mkdir(parents=True, exist_ok=True)
-    began = time.process_time()
-    policy = agent(row, budget, seed, path)
-    took = time.process_time() - began
-    mean = float(returns(policy, row.place.vector(options.episodes), row.place.steps).mean())
-    found = {"return": mean, "seconds": took}
-    part = file.with_suffix(".part")
-    part.write_text(json.dumps(found), encoding="utf-8")
-    part.replace(file)
-    return found
+
+    def work() -> dict[str, Any]:
+        policy = agent(row, budget, seed, path)
+        return {"return": float(returns(policy, row.place.vector(options.episodes), row.place.steps).mean())}
+
+    return kept(path, can_train() and options.only_seed in (None, seed), work)
 
 
 # --- tables -------------------------------------------------------------------------------------------------------
@@ -205,7 +150,7 @@ def price(place: Place, options: argparse.Namespace) -> Iterator[str]:
     budget = max(1, int(options.share * next(row.budget for row in ROWS if row.place == place
                                              and row.trained_by == "SAC")))
     kept = [policy for seed in range(options.seeds)
-            if (policy := stored(options.folder / f"{place.scene}-{place.task}-SAC-{budget}-{seed}"))]
+            if (policy := loaded(options.folder / f"{place.scene}-{place.task}-SAC-{budget}-{seed}"))]
     policies += [(f"SAC, seed {seed}", lambda _, policy=policy: policy, (own,))  # type: ignore[misc]
                  for seed, policy in enumerate(kept)]
     for name, make, steps in policies:

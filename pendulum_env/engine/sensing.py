@@ -517,6 +517,38 @@ class Sensing:
         return other
 
 
+    def saved_of_all(self) -> dict[str, Any]:
+        """Return everything that differs between episodes, for all environments, as arrays and whole numbers."""
+        return {"readings": self._memory.copy(), "actions": self._queue.copy(), "whole": self._whole.copy(),
+                "part": self._part.copy(), "slot": self._now, "row": self._row}
+
+    def checked_of_all(self, saved: Any) -> Sensing | None:
+        """Return a copy with the numbers of :meth:`saved_of_all`; None if they do not fit these environments."""
+        other, own = copied(self), self.saved_of_all()
+        try:
+            given = {name: np.array(saved[name], dtype=None if name == "actions" else getattr(value, "dtype", np.int64))
+                     for name, value in own.items()}
+            good = bool(all(given[name].shape == np.shape(value) for name, value in own.items())
+                        and given["actions"].dtype in (np.float32, np.float64)
+                        and np.isfinite(given["readings"]).all() and (np.abs(given["actions"]) <= 1.0).all()
+                        and 0 <= given["slot"] < self.plan.slots and 0 <= given["row"] < len(self._queue))
+            late = given["whole"] * self.plan.substeps + given["part"]
+            low, high = self.plan.acts_late
+            good = good and bool((late >= low).all() and (late <= high).all() and (given["part"] >= 0).all())
+            if good and "lag" in self._fields:
+                width, place = self.place.width, self._fields.index("lag")
+                lags = given["readings"][:, place * width : (place + 1) * width].ravel()[: self.size]
+                good = bool((lags >= 0).all() and (lags < self.plan.slots).all())
+        except (TypeError, ValueError, LookupError, OverflowError):
+            return None
+        if not good:
+            return None
+        other._memory, other._queue = given["readings"], given["actions"]
+        other._whole, other._part = given["whole"], given["part"]
+        other._now, other._row = int(given["slot"]), int(given["row"])
+        return other
+
+
 def copied(sensing: Sensing) -> Sensing:
     """Return a copy of a Sensing with memory of its own."""
     other = Sensing.__new__(Sensing)

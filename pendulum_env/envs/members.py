@@ -17,6 +17,7 @@ from pendulum_env.engine.streams import Streams, generator_state, words_of
 from pendulum_env.envs.attributes import Absent, Fixed, parameter
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.env import LabPendulumEnv, earlier
+from pendulum_env.envs.randomize import Bank
 from pendulum_env.envs.saved import checked_random, checked_state
 from pendulum_env.envs.settings import METADATA
 from pendulum_env.physics.scene import Scene
@@ -46,6 +47,8 @@ class Members:
     _begun: bool
     _dt: float
     _randomization: Any
+    _bank: Bank | None
+    _delays: dict[str, NDArray[np.float64]]
     _sensing: Any
     _task: Any
     single_observation_space: Any
@@ -221,21 +224,25 @@ class Members:
 
         ``which`` is an index, a list of indices, or None for all. The state is a dict of arrays, also for pickles:
         "state" has the numbers of the motion, "random" the random generators, "over" marks ended episodes, and
-        "made_for" and "numbers" say which environments can take it. ``call("get_state")`` returns the states in the
-        form of single environments. Neither has the earlier angles and actions that only frames show. Raises SceneError
-        for an index out of range, and for a vector that has more to save: drawn parameters, sensors, delays, a
-        reference to follow, the diagnostic "error"; ResetNeeded before the first reset.
+        "made_for" and "numbers" say which environments can take it. A vector with drawn parameters, sensors or delays
+        is saved as a whole: "more" then has their values, readings and actions on their way. ``call("get_state")``
+        returns the states in the form of single environments. Neither has the earlier angles and actions that only
+        frames show.
+        Raises SceneError for an index out of range, for some environments of a vector that is saved as a whole, and
+        with the diagnostic "error"; ResetNeeded before the first reset.
         """
-        self._check_saves()
+        self._check_saves(which)
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before get_state().")
         places, batch = self._places(which), self._batch
+        more = {"more": self._more()} if self._extra() else {}
         return {
             "made_for": self._made_for(),
             "numbers": self._numbers(places),
-            "state": {name: batch.get(name, places) for name in batch.layout.moving},
+            "state": {name: batch.get(name, places) for name in (batch.layout.fields if more else batch.layout.moving)},
             "random": self._seeded().words(places),
             "over": np.isin(places, self._over),
+            **more,
         }
 
     def set_state(self, saved: Any, which: Any = None) -> None:
@@ -245,7 +252,7 @@ class Members:
         method and step. Raises SceneError, and changes nothing, for any other state; ResetNeeded if some environments
         would be left that have never been reset.
         """
-        self._check_saves()
+        self._check_saves(which)
         places = self._places(which)
         if not self._begun and len(places) < self._num_envs:
             raise gymnasium.error.ResetNeeded("Call reset() before the first set_state() of some environments.")
@@ -256,7 +263,70 @@ class Members:
             rows = [self._checked_one(machine, place, one) for place, one in zip(places.tolist(), saved, strict=True)]
             self._restore(places, *joined(rows))
             return
-        self._restore(places, *self._checked(saved, places))
+        checked = self._checked(saved, places)
+        if "more" in saved:
+            self._restore_more(saved["more"], checked[0])
+        self._restore(places, *checked)
+
+    # --- what else vectors with drawn parameters, sensors or delays have -------------------------------------------
+
+    def _extra(self) -> tuple[str, ...]:
+        """Return what a state has beside the motion and the random streams, as words; () for nothing."""
+        each = self._spec.each
+        reasons = {"drawn parameters": self._randomization or (each is not None and each.episode),
+                   "sensors, delays or a history": self._sensing is not None}
+        return tuple(reason for reason, holds in reasons.items() if holds)
+
+    def _more(self) -> dict[str, Any]:
+        """Return the drawn parameters of present and next episodes, the drawn delays, and all readings and actions."""
+        each, bank = self._spec.each, self._bank
+        return {
+            "episode": {} if each is None else {name: column.copy() for name, column in each.episode.items()},
+            "delays": {name: column.copy() for name, column in self._delays.items()},
+            "ahead": None if bank is None else bank.saved(),
+            "sensing": None if self._sensing is None else self._sensing.saved_of_all(),
+        }
+
+    def _checked_more(self, more: Any) -> None:
+        """Raise SceneError for what :meth:`_more` cannot have returned."""
+        own, size = self._more(), self._num_envs
+        if not isinstance(more, Mapping) or {*more} != {*own}:
+            raise SceneError(f"more in a state to restore must be a dict with {', '.join(own)}.")
+        parts: list[tuple[str, Any, Any]] = [("episode", more["episode"], self._spec.scene.parameters()),
+                                             ("delays", more["delays"], ("observation_delay", "action_delay"))]
+        if own["ahead"] is not None:
+            ahead = more["ahead"]
+            if not isinstance(ahead, Mapping) or {*ahead} != {"ready", "values", "numbers"}:
+                raise SceneError("ahead in a state to restore must be a dict with ready, values and numbers.")
+            array_of(ahead["ready"], "ready", (size,), "b")
+            parts += [("values", ahead["values"], self._randomization.names),
+                      ("numbers", ahead["numbers"], self._spec.numbers)]
+        for what, columns, names in parts:
+            if not isinstance(columns, Mapping) or not {*columns} <= {*names}:
+                raise SceneError(f"{what} in a state to restore must be a dict of arrays, with names among "
+                                 f"{', '.join(names)}.")
+            for name, column in columns.items():
+                array_of(column, name, (size,), "f")
+        if self._sensing is not None and self._sensing.checked_of_all(more["sensing"]) is None:
+            raise SceneError("sensing in a state to restore must hold the readings and actions that get_state "
+                             f"returned, not {shown(more['sensing'])}.")
+
+    def _restore_more(self, more: Mapping[str, Any], state: dict[str, NDArray[np.float64]]) -> None:
+        """Write the checked part "more" of a state, and add to its motion the numbers that the vector lets vary."""
+        batch, each = self._batch, self._spec.each
+        if names := [name for name in state if name not in batch.layout.fields]:
+            batch.vary(names)
+        own = self._numbers(np.arange(self._num_envs))
+        state.update((name, own[name]) for name in batch.layout.varying if name not in state)
+        if each is not None:
+            each.episode.clear()
+            each.episode.update({name: column.copy() for name, column in more["episode"].items()})
+        self._delays.clear()
+        self._delays.update({name: column.copy() for name, column in more["delays"].items()})
+        if self._bank is not None:
+            self._bank.restore(more["ahead"])
+        if self._sensing is not None:
+            self._sensing = self._sensing.checked_of_all(more["sensing"])
 
     def _restore(
         self, places: Places, state: Mapping[str, NDArray[np.float64]], words: NDArray[np.uint64],
@@ -285,7 +355,13 @@ class Members:
                 raise SceneError(f"The state to restore is of a vector with another {name}.")
         size, numbers, state = len(places), saved["numbers"], saved["state"]
         wanted = dict.fromkeys(self._batch.layout.moving, np.dtype(np.float64))
-        for part, what, names in ((numbers, "numbers", self._batch.layout.numbers), (state, "state", wanted)):
+        if self._extra() or "more" in saved:
+            if size < self._num_envs:
+                raise SceneError("A state with more than the motion is restored as a whole; leave out which.")
+            self._checked_more(saved.get("more"))
+            varied = [name for name in state if name in self._spec.numbers] if isinstance(state, Mapping) else []
+            wanted |= dict.fromkeys(varied, np.dtype(np.float64))
+        for part, what, names in ((numbers, "numbers", self._numbers(places)), (state, "state", wanted)):
             if not isinstance(part, Mapping) or {*part} != {*names}:
                 raise SceneError(f"{what} in a state to restore must be a dict with {', '.join(names)}.")
             for name in names:
@@ -307,37 +383,39 @@ class Members:
             raise SceneError("random in a state to restore must have odd increments.")
         return {name: state[name] for name in wanted}, random, over
 
-    def _check_saves(self) -> None:
-        """Raise SceneError for a vector whose state is more than the motion and the random streams."""
-        each = self._spec.each
-        reasons = {
-            "the diagnostic 'error'": self._spec.estimate_error,
-            "drawn parameters": self._randomization or (each is not None and each.episode),
-            "sensors, delays or a history": self._sensing is not None,
-            f"the task {self._task.name}": not {*self._batch.layout.numbers} <= {*self._spec.numbers},
-        }
-        for reason, holds in reasons.items():
-            if holds:
-                raise SceneError(f"States of a vector with {reason} cannot be saved one by one, as they have more than "
-                                 "the motion; save those of single environments, or pickle the vector.")
+    def _check_saves(self, which: Any) -> None:
+        """Raise SceneError for a vector that saves no states, or that is saved as a whole and not in parts."""
+        if self._spec.estimate_error:
+            raise SceneError("States of a vector with the diagnostic 'error' cannot be saved, as the estimates have "
+                             "more than the motion; pickle the vector.")
+        if which is not None and (extra := self._extra()):
+            raise SceneError(f"A vector with {' and '.join(extra)} is saved as a whole; leave out which.")
 
     def _made_for(self) -> dict[str, Any]:
         """Return the settings, apart from parameters, that a state must share with this vector to be restored here."""
         spec = self._spec
-        return {"effects": [effect.name for effect in spec.scene.effects], "integrator": str(spec.integrator),
-                "step": spec.h, "substeps": spec.hold, "compensated": spec.compensated}
+        made: dict[str, Any] = {
+            "effects": [effect.name for effect in spec.scene.effects], "integrator": str(spec.integrator),
+            "step": spec.h, "substeps": spec.hold, "compensated": spec.compensated}
+        if self._randomization or self._sensing is not None:
+            made |= {"drawn": [] if self._randomization is None else [*self._randomization.names],
+                     "sensing": str(None if self._sensing is None else self._sensing.plan)}
+        return made
 
     def _numbers(self, places: Places) -> dict[str, NDArray[np.float64]]:
         """Return the program's parameters in some environments, by name."""
         numbers = self._spec.numbers
         return {name: np.broadcast_to(np.asarray(numbers[name], dtype=np.float64), (self._num_envs,))[places]
-                for name in self._batch.layout.numbers}
+                for name in self._batch.layout.numbers if name in numbers}
 
     # --- states in the form of single environments --------------------------------------------------------------
 
     def _machine(self) -> Machine:
         """Return a simulator of one pendulum of the vector; its parameters are those of environment 0."""
-        self._check_saves()
+        known = {*self._batch.layout.numbers} <= {*self._spec.numbers}
+        if reasons := (*self._extra(), *(() if known else (f"the task {self._task.name}",))):
+            raise SceneError(f"States of a vector with {' and '.join(reasons)} cannot be saved one by one, as they "
+                             "have more than the motion; get_state() of the vector saves all.")
         return self._spec.one(0).machine()
 
     def _parameters(self, machine: Machine, place: int) -> Any:

@@ -306,6 +306,19 @@ class Bank:
         return values, numbers
 
 
+    def saved(self) -> dict[str, Any]:
+        """Return what was drawn ahead: "ready", and the dicts "values" and "numbers" of arrays by name."""
+        values, numbers = ({name: column.copy() for name, column in columns.items()} for columns in self._columns)
+        return {"ready": self._ready.copy(), "values": values, "numbers": numbers}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Take over what :meth:`saved` returned, which must fit."""
+        for columns, name in zip(self._columns, ("values", "numbers"), strict=True):
+            columns.clear()
+            columns.update({key: column.copy() for key, column in saved[name].items()})
+        self._ready[:] = saved["ready"]
+
+
 def parts_of(given: Any) -> Iterable[Draws]:
     """Return the parts of a randomisation from a user's value; SceneError for an invalid one."""
     if isinstance(given, Mapping):

@@ -259,6 +259,13 @@ def posterior(one: Any) -> Iterator[str]:
     yield html.words(one.text)
 
 
+def transfer(one: Any) -> Iterator[str]:
+    """Yield the parts of a Transfer's card: the differences, the returns and what could not be tried."""
+    yield "Transfer of a policy"
+    yield table(one.table, "all are in .table")
+    yield html.words(one.text)
+
+
 def recording(one: Any) -> Iterator[str]:
     """Yield the parts of a Recording's card."""
     title, _, text = one.text.partition("\n")
@@ -271,6 +278,6 @@ CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "Comparison": comparison, "CostStudy": cost, "Growth": growth, "Audit": audit, "Simplification": simplification,
     "Simplified": simplified,
     "Matrix": matrix, "Sweep": sweep, "Section": section, "Basins": basins, "LabSheet": sheet, "Fit": fit,
-    "Posterior": posterior, "Recording": recording,
+    "Posterior": posterior, "Transfer": transfer, "Recording": recording,
 }
 """Class -> function that yields its title and the parts of its HTML, which the usual figure follows."""

@@ -52,6 +52,7 @@ FIGURES: Mapping[str, Mapping[str, Draw]] = {
     "Basins": {"basins": of("section", "draw")},
     "Fit": {"fit": of("recorded", "recorded")},
     "Posterior": {"corner": of("corner", "corner")},
+    "Transfer": {"costs": of("transfer", "draw")},
     "LabSheet": {"swing": of("swing", "measured")},
     "Recording": {"angle": of("swing", "readings")},
 }

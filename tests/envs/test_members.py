@@ -11,7 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError
+from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError, Sensor
 from pendulum_env.envs.members import ATTRIBUTES, METHODS
 
 pytestmark = [pytest.mark.usefixtures("interpreted"), pytest.mark.filterwarnings("ignore::UserWarning")]
@@ -294,20 +294,91 @@ def test_states_of_other_vectors_are_refused() -> None:
 
 
 MORE: dict[str, dict[str, Any]] = {
-    "drawn parameters": {"randomize": {"length": (0.3, 0.4)}}, "sensors, delays": {"observation_delay": 0.04},
-    "history": {"observation": "history", "history": 3}, "the task track": {"task": "track"},
-    "diagnostic 'error'": {"diagnostics": ("energy", "error")},
+    "ranges": {"randomize": {"length": (0.3, 0.4), "max_torque": [0.04, 0.05]}},
+    "a delay": {"observation_delay": 0.04},
+    "history": {"observation": "history", "history": 3},
+    "a bench": {"randomize": {"length": ("log", 0.3, 0.4)}, "substeps": 4, "observation": "encoder",
+                "sensor": Sensor(quantum=0.003, noise=0.01, dropout=0.1, rate=200.0, window=3),
+                "observation_delay": (0.0, 0.03), "action_delay": (0.005, 0.045)},
+    "a reference": {"task": "track"},
 }
 """Options with more than the motion to save."""
 
 
-@pytest.mark.parametrize("said", MORE)
-def test_states_with_more_than_the_motion_are_refused(said: str) -> None:
-    vector = native(**MORE[said])
+@pytest.mark.parametrize("fresh", [False, True])
+@pytest.mark.parametrize("name", MORE)
+def test_a_whole_vector_with_more_than_the_motion_goes_on_bit_for_bit(name: str, fresh: bool) -> None:
+    """Episodes also end at different times afterwards, so that parameters, delays and noise are drawn anew."""
+    vector = native(**MORE[name], max_episode_steps=7)
     vector.reset(seed=1)
-    for save in (vector.get_state, lambda: vector.call("get_state"), lambda: vector.set_state({})):
-        with pytest.raises(SceneError, match=said):
-            save()
+    for action in actions(9):
+        vector.step(action)
+    vector.reset(options={"reset_mask": np.array([False, True, False])})  # others' parameters are drawn ahead then
+    saved = pickle.loads(pickle.dumps(vector.get_state()))
+    after = [vector.step(action) for action in actions(16)]
+    other = native(**MORE[name], max_episode_steps=7) if fresh else vector
+    other.set_state(saved)
+    for one, action in zip(after, actions(16), strict=True):
+        assert same(one, other.step(action))
+
+
+@pytest.mark.parametrize("name", [name for name in MORE if name != "a reference"])
+def test_a_vector_with_more_than_the_motion_is_saved_as_a_whole(name: str) -> None:
+    vector = native(**MORE[name])
+    vector.reset(seed=1)
+    saved = vector.get_state()
+    for part in (lambda: vector.get_state(1), lambda: vector.set_state(saved, [0, 1])):
+        with pytest.raises(SceneError, match="is saved as a whole; leave out which"):
+            part()
+    with pytest.raises(SceneError, match="cannot be saved one by one"):
+        vector.call("get_state")
+
+
+def test_parameters_set_for_one_episode_are_part_of_the_state() -> None:
+    vector, other = native(), native()
+    vector.reset(seed=1, options={"length": np.array([0.3, 0.4, 0.5])})
+    vector.step(actions(1)[0])
+    saved = vector.get_state()
+    other.set_state(saved)
+    assert other.get_attr("omega0") == vector.get_attr("omega0")
+    for action in actions(4):
+        assert same(vector.step(action), other.step(action))
+    third = native()
+    third.reset(seed=1)
+    with pytest.raises(SceneError, match="restored as a whole; leave out which"):
+        third.set_state(saved, [0, 1])
+
+
+BAD_MORE: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "none": (lambda more: None, "more in a state to restore must be a dict"),
+    "other names": (lambda more: {**more, "episode": {"lenght": np.zeros(SIZE)}}, "with names among"),
+    "shape": (lambda more: {**more, "delays": {"action_delay": np.zeros(2)}}, "action_delay in a state"),
+    "ahead": (lambda more: {**more, "ahead": {}}, "ahead in a state"),
+    "ready": (lambda more: {**more, "ahead": {**more["ahead"], "ready": np.zeros(SIZE)}}, "ready in a state"),
+    "sensing": (lambda more: {**more, "sensing": None}, "sensing in a state"),
+    "nan": (lambda more: {**more, "sensing": {**more["sensing"], "readings": more["sensing"]["readings"] * np.nan}},
+            "sensing in a state"),
+    "slot": (lambda more: {**more, "sensing": {**more["sensing"], "slot": 10**6}}, "sensing in a state"),
+    "actions": (lambda more: {**more, "sensing": {**more["sensing"], "actions": more["sensing"]["actions"] + 3.0}},
+                "sensing in a state"),
+    "delay": (lambda more: {**more, "sensing": {**more["sensing"], "whole": more["sensing"]["whole"] + 9}},
+              "sensing in a state"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_MORE)
+def test_bad_parts_of_a_whole_state_change_nothing(case: str) -> None:
+    spoil, said = BAD_MORE[case]
+    vector, twin = native(**MORE["a bench"]), native(**MORE["a bench"])
+    for each in (vector, twin):
+        each.reset(seed=1)
+    saved = vector.get_state()
+    with pytest.raises(SceneError, match=said):
+        vector.set_state({**saved, "more": spoil(saved["more"])})
+    with pytest.raises(SceneError, match="another sensing"):
+        vector.set_state({**saved, "made_for": {**saved["made_for"], "sensing": "None"}})
+    for action in actions(4):
+        assert same(vector.step(action), twin.step(action))
 
 
 def test_attributes_of_drawn_pendulums_are_those_of_gymnasiums_vector() -> None:
@@ -318,10 +389,6 @@ def test_attributes_of_drawn_pendulums_are_those_of_gymnasiums_vector() -> None:
     for name in ("omega0", "speed_limit", "scene", "length"):
         assert mine.get_attr(name) == theirs.get_attr(name)
     assert len({*mine.get_attr("omega0")}) == SIZE
-    plain = native()
-    plain.reset(seed=1, options={"length": 0.5})
-    with pytest.raises(SceneError, match="drawn parameters"):
-        plain.get_state()
 
 
 def test_every_method_can_be_called() -> None:

@@ -17,7 +17,7 @@ from bench_files import BENCH_FILES, BenchFile
 from command_line import Here
 from driven_truth import LAYOUTS, by_scipy, drawn, expected, fine_steps, motion, recorded, steps, text_of
 
-from pendulum_env import SCENES, LabPendulumEnv
+from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv
 from pendulum_env.lab import DrivenFit, DrivenLog, RecordingError, fit_driven
 from pendulum_env.lab.driven.drive import mean_drive
 from pendulum_env.lab.driven.log import is_driven
@@ -126,6 +126,32 @@ def test_samples_scatter_as_the_fit_says() -> None:
     assert drawn_scenes["length"].std() == pytest.approx(length.error, rel=0.2)
     assert drawn_scenes["max_torque"].shape == (400,)
     assert (drawn_scenes["lag"] >= 0.0).all()
+
+
+def test_an_environment_has_the_benchs_sensor_and_delay() -> None:
+    """The delay is that of the bench, within its error and a quarter for rounding, in whole integration steps."""
+    keywords = small().environment
+    env = LabPendulumEnv(**keywords)
+    delay = small().parameters["delay"]
+    assert abs(keywords["action_delay"] - BENCH["delay"]) < 4.25 * delay.error
+    steps_late = keywords["action_delay"] * keywords["substeps"] / keywords["dt"]
+    assert steps_late == pytest.approx(round(steps_late))
+    assert abs(keywords["action_delay"] - delay.value) <= 0.25 * delay.error
+    assert keywords["dt"] == pytest.approx(1.0 / BENCH["rate"])
+    assert keywords["sensor"].quantum == small().quantum
+    info = env.reset(seed=3)[1]
+    most = small().quantum + 5.0 * small().noise + 2e-3
+    assert abs(info["observed_angle"] - info["angle"] - BENCH["zero"]) < most
+
+
+def test_episodes_draw_their_bench_from_the_fit() -> None:
+    found = small()
+    env = LabPendulumVectorEnv(500, found.scene, randomize=found, backend="python", warn=False)
+    drawn = env.reset(seed=1)[1]["parameters"]
+    for name in ("length", "max_torque"):
+        one = found.parameters[name]
+        assert drawn[name].mean() == pytest.approx(one.value, abs=5.0 * one.error / math.sqrt(500)), name
+        assert drawn[name].std() == pytest.approx(one.error, rel=0.2), name
 
 
 def test_a_prediction_is_open_loop() -> None:

@@ -40,6 +40,7 @@ from pendulum_env import (
     simplify,
     stress,
     sweep,
+    transfer,
 )
 from pendulum_env.common import progress
 from pendulum_env.notebook import cards
@@ -62,6 +63,7 @@ def environment() -> Any:
     return made
 
 
+PUSHED: dict[str, Any] = {"max_episode_steps": 5, "backend": "python", "warn": False}
 SHORT: Mapping[str, Any] = {"duration": 1.0, "backend": "python"}
 RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "Scene": (lambda: replace(SCENES["lab"], name=EVIL), "length 0.353 m"),
@@ -88,6 +90,8 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "LabSheet": (lambda: measure(swing()), "period at small amplitude"),
     "Fit": (lambda: fit(swing(), "linear", mass=0.1), "linear_drag.gamma"),
     "Posterior": (lambda: normal_posterior(fit(swing(), "linear", mass=0.1)), "Priors"),
+    "Transfer": (lambda: transfer(lambda seen: seen[:, 2:] * 0.0, PUSHED, {**PUSHED, "gravity": 5.0}, episodes=2),
+                 "gravity"),
     "Recording": (swing, "201 points in 10 s"),
 }
 """What is shown -> function that makes one, and a text that must stand in its HTML."""

@@ -44,6 +44,7 @@ from pendulum_env import (
     rollout,
     section,
     stress,
+    transfer,
 )
 from pendulum_env.common.provenance import provenance
 from pendulum_env.physics import exact
@@ -142,6 +143,13 @@ def attracted() -> Any:
     return basins("chaotic", gamma=1.0, drive_torque=0.5, size=4, transient=4, steps=20, backend="python")
 
 
+@cache
+def transferred() -> Any:
+    short = {"max_episode_steps": 5, "backend": "python", "warn": False}
+    real = {**short, "gravity": 5.0, "length": 0.4}
+    return transfer(lambda seen: np.sign(seen[:, 2:]), short, real, episodes=3)
+
+
 METHODS_SHOWN = tuple(METHODS[name] for name in SHEET)
 TABLES = tuple(METHODS[name] for name in ("forward_euler", "backward_euler", "rk4"))
 FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
@@ -172,6 +180,7 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.section.poincare": lambda: (sectioned(),),
     "plots.section.bifurcation": lambda: (sectioned(over=True),),
     "plots.section.basins": lambda: (attracted(),),
+    "plots.transfer.draw": lambda: (transferred(),),
 }
 """Every figure function, and the arguments it is tested with."""
 QUICK = ("plots.motion.phase", "plots.audit.changes")

@@ -12,7 +12,8 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py"))
 FOREIGN = ("11_train_swing_up",)
 """Run by test_foreign.py, in an environment that has what they need."""
-MANY = ("10_thousands_at_once", "12_does_the_policy_exploit_the_integrator", "13_driven_bench", "14_posterior")
+MANY = ("10_thousands_at_once", "12_does_the_policy_exploit_the_integrator", "13_driven_bench", "14_posterior",
+        "16_sim_to_real")
 """Too many steps to be interpreted."""
 CASES = [
     pytest.param(path, backend, id=f"{path.stem}-{backend}", marks=[pytest.mark.slow] if backend == "compiled" else [])

@@ -131,6 +131,7 @@ SELF: Mapping[str, Callable[[], Any]] = {
     "Sweep": lambda: sweep({"angle": [0.1]}, scene="vacuum", duration=0.01, backend="python"),
 }
 """What methods are called on."""
+SHORT = {"task": "free", "max_episode_steps": 2, "backend": "python", "warn": False}
 STARTED = {"angle": 0.1, "velocity": 0.2, "omega0": 3.0, "time": 1.0}
 WORKING: Mapping[str, Mapping[str, Any]] = {
     "LabPendulumEnv.set_wrapper_attr": {"name": "mine", "value": 1.0},
@@ -147,6 +148,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "section": {"scene": "chaotic", "runs": 1, "points": 2, "transient": 0, "steps": 20, "backend": "python"},
     "basins": {"scene": "chaotic", "size": 1, "transient": 0, "steps": 20, "backend": "python"},
     "sweep": {"grid": {"angle": [0.1]}, "scene": "vacuum", "duration": 0.01},
+    "transfer": {"policy": lambda seen: np.zeros((len(seen), 1)), "nominal": SHORT, "real": SHORT, "episodes": 2},
     "integrators.solve": {"acceleration": lambda t, q, v: -q, "q": 1.0, "v": 0.0, "times": [0.0, 1.0], "h": 0.1},
     "integrators.from_step": {"step": lambda theta, omega, dt, a: (theta + omega * dt, omega + a(theta, omega) * dt)},
     "integrators.System": {"acceleration": lambda t, q, v: -q},

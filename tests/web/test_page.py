@@ -365,8 +365,8 @@ def test_the_page_fits_every_width(width: int, scheme: str, file: Path) -> None:
 
 @pytest.mark.slow
 def test_every_scene_with_every_method_has_pythons_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All programs that fit, 1002 steps each, in this browser; the whole page stays small."""
-    monkeypatch.setattr(document, "STEPS", 167)
+    """All programs that fit, 300 steps each, in this browser; the whole page stays small."""
+    monkeypatch.setattr(document, "STEPS", 50)
     file = write(tmp_path / "all.html", SCENES, integrators.METHODS)
     assert file.stat().st_size < 4_000_000
     count = sum(len(set(fitting(scene)) & set(integrators.METHODS)) for scene in SCENES.values())

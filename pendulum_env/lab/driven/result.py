@@ -18,11 +18,12 @@ from pendulum_env.lab.driven.fitting import BOUNDS, DrivenSolution
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
 from pendulum_env.lab.fitting.grade import Fault, Grade
-from pendulum_env.lab.fitting.intervals import Interval
+from pendulum_env.lab.fitting.intervals import Interval, Scatter
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import BearingFriction, CoulombFriction, Gravity, Motor
 from pendulum_env.physics.scene import Run, Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, nearest, number, shown, whole_number
 
 Array = NDArray[np.float64]
@@ -37,6 +38,10 @@ WEAK = 3.0
 """A drive whose effect is below this number of standard errors does not visibly move the pendulum."""
 MOST_LOST = 0.3
 """Largest share of the logs' duration that may be left out of a usable fit."""
+FINEST = 16
+"""Most integration steps in a control step of an environment with the fitted delay."""
+DRAWS = 1000
+"""Draws from which the parameters of episodes are taken."""
 TRIALS = 100
 """Draws from the normal distribution for every sample, until all are within their bounds."""
 
@@ -216,9 +221,32 @@ class DrivenFit:
 
     @property
     def environment(self) -> dict[str, Any]:
-        """Keywords for ``gym.make("LabPendulum-v0", ...)``: the scene and, as control step, the time between readings.
+        """Keywords for ``gym.make("LabPendulum-v0", ...)``: the bench with its sensor and its delay.
+
+        The control step is the time between readings; there is one reading for each, so that the sensor has no rate of
+        its own. The observation is "encoder", with a velocity from readings. The delay of an action is rounded to whole
+        integration steps, of which there are as many as make the rounding smaller than a quarter of the delay's error,
+        at most 16.
         """
-        return {"scene": self.scene, "dt": self.scene.run.dt}
+        settings, dt = self.settings, self.scene.run.dt
+        delay = max(settings["action_delay"], 0.0)
+        error = self.parameters["delay"].error if "delay" in self.names else 0.0
+        late = {n: round(delay * n / dt) * dt / n for n in range(1, FINEST + 1)}
+        substeps = next((n for n in late if abs(late[n] - delay) <= 0.25 * error), FINEST if delay else 1)
+        sensor = Sensor(**{**settings["sensor"], "rate": None})
+        return {"scene": self.scene, "dt": dt, "substeps": substeps, "observation": "encoder", "sensor": sensor,
+                "action_delay": late[substeps]}
+
+    @cached_property
+    def scatter(self) -> Scatter:
+        """Distribution of the scene's parameters for ``gym.make(..., scene=found.scene, randomize=found)``: a draw is
+        one of 1000 of :meth:`sample`. Raises RecordingError if hardly any draw is within the bounds.
+        """
+        columns = {name: values for name, values in self.sample(DRAWS).items() if name != "scene" and np.ptp(values)}
+        rows = np.stack([*columns.values()], axis=1)
+        own = self._scene_values(self.solution.rates)
+        return Scatter(tuple(columns), np.array([own[name] for name in columns]), np.atleast_2d(np.cov(rows.T)),
+                       np.full(len(columns), -math.inf), rows)
 
     @cached_property
     def scene(self) -> Scene:
