@@ -173,7 +173,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
     def initial(self, rng: Any, params: EnvParams | None = None) -> EnvState:
         """Return the state at the start of an episode, drawn by a key as the task says."""
-        drawing, starting = jax.random.split(rng)
+        drawing, starting = jax.random.split(rng) if self.ranges else (None, rng)
         own = self._drawn(drawing) if self.ranges else None
         used = own or self._of(None, params)
         angle: Any
@@ -332,9 +332,8 @@ class Gymnax:
 
     def step(self, key: Any, state: EnvState, action: Any, params: EnvParams | None = None) -> tuple[Any, ...]:
         """Return observation, state, reward, done (or terminated and truncated) and info of a control step."""
-        stepping, resetting = jax.random.split(key)
-        seen, after, reward, terminated, truncated = self.step_env(stepping, state, action, params)
-        first, new = self.reset(resetting, params)
+        seen, after, reward, terminated, truncated = self.step_env(key, state, action, params)
+        first, new = self.reset(key, params)  # the step itself draws nothing
         done = terminated | truncated
         state = jax.tree.map(lambda one, other: jnp.where(done, one, other), new, after)
         truncated = truncated & ~terminated

@@ -21,6 +21,7 @@ import pendulum_env.jax as twin
 from integrators import MethodError
 from pendulum_env import SCENES, rollout
 from pendulum_env.physics.units import SceneError
+from pendulum_env.truth.chaos import EXPONENTS, PERIOD
 
 jax.config.update("jax_enable_x64", True)
 
@@ -63,6 +64,23 @@ def test_work_heat_and_residual_have_derivatives() -> None:
         assert abs(heat) > 1e-9
         assert change - work + heat == pytest.approx(residual, abs=1e-13)
         assert abs(residual) < 1e-6 * abs(heat)
+
+
+def test_derivatives_of_chaotic_runs_grow_as_the_lyapunov_exponent_says() -> None:
+    """Of 64 runs of 60 periods of the drive after 10: the mean growth of the derivative by the start."""
+    truth, scatter = EXPONENTS[1.5]
+    runs, before, periods, steps = 64, 10, 60, 100
+
+    def motion(angle: Any) -> Any:
+        run = twin.rollout("chaotic", angle=angle, velocity=0.0, dt=PERIOD / steps, steps=(before + periods) * steps,
+                           every=before * steps)
+        return run.angle, run.velocity
+
+    angles = jnp.linspace(-1.0, 1.0, runs)
+    _, slopes = jax.jvp(motion, (angles,), (jnp.ones(runs),))
+    size = np.log(np.hypot(*map(np.asarray, slopes)))
+    exponent = float(np.mean(size[:, -1] - size[:, 1])) / (periods * PERIOD)
+    assert exponent == pytest.approx(truth, abs=5.0 * scatter * math.sqrt(39_500 / (runs * periods)))
 
 
 # --- derivatives of second order --------------------------------------------------------------------------------------
