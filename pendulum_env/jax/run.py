@@ -34,6 +34,15 @@ LONG = 1000
 """Number of steps from which a run keeps only some of its states for a derivative, and computes the others anew."""
 
 
+REFUSED: Mapping[str, str] = {
+    "compensated": "whose compiler may contract and reorder sums",
+    **dict.fromkeys(("rtol", "atol"), "where the number of steps must be known beforehand"),
+    **dict.fromkeys(("events", "dense", "estimate_error", "file", "backend", "num_threads", "progress"),
+                    "where a run is one pure function of arrays"),
+}
+"""Keyword of :func:`pendulum_env.rollout` that :func:`rollout` does not take -> the reason."""
+
+
 # --- what cannot be done ----------------------------------------------------------------------------------------------
 
 
@@ -242,9 +251,9 @@ def rollout(
     Python.
     """
     given = {**(parameters or {}), **more}
-    if "compensated" in given:
-        raise MethodError("Compensated sums have no twin in JAX, whose compiler may reorder sums; leave compensated "
-                          "out, or use pendulum_env.rollout.")
+    for name, why in REFUSED.items():
+        if name in given:
+            raise MethodError(f"{name} has no twin in JAX, {why}; leave it out, or use pendulum_env.rollout.")
     place = with_parameters(build_scene(scene, damping, {}), given)
     method = find_method(integrator, place)
     kind = kind_of(dtype)

@@ -204,8 +204,9 @@ def kinked(theta: Any, omega: Any, dt: Any, acceleration: Callable[..., Any]) ->
 @pytest.mark.parametrize(("words", "scene", "keywords"), [
     ("coulomb_friction has no twin in JAX: .* have no derivative; leave it out, as with damping='linear'",
      "sticky_bearing", {}),
-    ("Compensated sums have no twin in JAX, .*; leave compensated out, or use pendulum_env.rollout",
+    ("compensated has no twin in JAX, whose compiler may .* sums; leave it out, or use pendulum_env.rollout",
      "lab", {"compensated": True}),
+    ("rtol has no twin in JAX, where the number of steps must be known", "lab", {"rtol": 1e-9}),
     ("no parameter 'lenght'; did you mean length", "lab", {"lenght": jnp.array(1.0)}),
     ("no parameter 'lenght'; did you mean length", "lab", {"lenght": 1.0}),
     ("mass must be a finite number above 0", "lab", {"mass": jnp.array(-1.0)}),

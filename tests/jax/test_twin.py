@@ -15,7 +15,7 @@ from readme_code import READMES, ROOT
 WITH_JAX = ("jax>=0.4.35",)
 CHECKS = sorted(path.name for path in Path(__file__).parent.glob("*_checks.py"))
 BLOCKS = [code for page in READMES.values()
-          for code in re.findall(r"<!-- needs jax -->\n```python\n(.*?)```", page, flags=re.S)]
+          for code in re.findall(r"<!-- needs the extra jax -->\n```python\n(.*?)```", page, flags=re.S)]
 """Code of READMEs that uses the twin."""
 UNJOINED = "--xla_disable_hlo_passes=fusion"
 """Option of JAX's compiler: it does not join operations, and compiles long steps several times faster."""
