@@ -124,10 +124,9 @@ def _value(name: str, array: Any, scene: Scene, usual: Mapping[str, Any]) -> Any
     """Return the value of a parameter at which conditions are decided, as an array of numbers."""
     if not isinstance(array, jax.core.Tracer):
         return np.ravel(np.asarray(array, dtype=np.float64))
-    value = usual.get(name)
-    if name not in usual:
-        scene.replace(**{name: 0.0})  # raises the error for an unknown name
-        value = next((usual[full] for full in usual if full.rpartition(".")[2] == name), None)
+    value = usual.get(name, usual.get(name.rpartition(".")[2]))
+    if value is None and name not in usual:
+        scene.replace(**{name: NEAR_ZERO})  # raises the error for an unknown name
     if not isinstance(value, float):
         raise SceneError(f"The parameter {name} of the scene '{scene.name}' is {shown(value)}, and JAX needs a number "
                          f"at which to trace; give the scene one first, as in rollout(scene.replace({name}=...)).")

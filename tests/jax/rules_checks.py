@@ -239,6 +239,16 @@ def test_a_parameter_without_a_number_is_refused_while_tracing() -> None:
         jax.grad(last)(0.1)
 
 
+def test_a_parameter_has_its_full_name_too() -> None:
+    def last(length: Any, name: str) -> Any:
+        return twin.rollout("lab", steps=10, **{name: length}).angle[-1]
+
+    short, full = (float(jax.grad(last)(0.4, name)) for name in ("length", "body.length"))
+    assert short == full
+    with pytest.raises(SceneError, match="no parameter 'body.lenght'; did you mean body.length"):
+        jax.grad(last)(0.4, "body.lenght")
+
+
 @pytest.mark.parametrize("name", ["lag", "ramp", "dead_zone"])
 def test_a_parameter_that_zero_turns_off_is_refused_while_tracing(name: str) -> None:
     """A motor with no lag has another program than one that lags: a derivative at 0 would be that of nothing."""
