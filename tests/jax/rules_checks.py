@@ -6,8 +6,11 @@ Run by test_twin.py in an environment that has JAX.
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -15,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from readme_code import block, method_of_readme
 
 import integrators
 import pendulum_env.jax as twin
@@ -192,6 +196,38 @@ def test_nonsense_diverges() -> None:
     assert twin.rollout("lab", integrator="forward_euler", dt=5.0, steps=400).stop_reason == "diverged"
 
 
+# --- one entry is one entry -------------------------------------------------------------------------------------------
+
+
+def test_a_new_effect_and_a_new_method_need_no_edit(tmp_path: Path) -> None:
+    """The README's eddy brake and its method of third order, which the twin has never seen, with their derivatives."""
+    found = re.search(r"(from dataclasses.*?)\n\nscene = ", block("adding an effect"), flags=re.S)
+    assert found
+    path = tmp_path / "brake.py"
+    path.write_text(found[1].replace("import gymnasium as gym, pendulum_env\n", ""), encoding="utf-8")
+    names: dict[str, Any] = {"__name__": "brake"}
+    exec(compile(path.read_text(encoding="utf-8"), str(path), "exec", dont_inherit=True), names)
+    brake = names["EddyBrake"]()
+    scene = SCENES["vacuum"].with_effects([*SCENES["vacuum"].effects, brake])
+    parameter = next(one.name for one in fields(brake) if isinstance(getattr(brake, one.name), float))
+    given: dict[str, Any] = {"integrator": method_of_readme(), "angle": 1.0, "velocity": 0.3, "dt": 0.01}
+    true = rollout(scene, duration=2.0, backend="python", **given)
+    ours = twin.rollout(scene, steps=200, **given)
+    assert np.asarray(ours.angle) == pytest.approx(true.angle, rel=1e-12, abs=1e-12)
+    assert np.asarray(ours.heat) == pytest.approx(true.ledger.heat, rel=1e-12, abs=1e-15)
+    assert true.ledger.heat[-1] > 0.0
+
+    def last(value: Any) -> Any:
+        return twin.rollout(scene, steps=200, every=200, **given, parameters={parameter: value}).angle[-1]
+
+    value = getattr(brake, parameter)
+    slope = jax.grad(last)(value)
+    d = 1e-3 * value
+    sides = [rollout(scene.replace(**{parameter: value + sign * d}), duration=2.0, backend="python", **given).angle[-1]
+             for sign in (1.0, -1.0)]
+    assert float(slope) == pytest.approx((sides[0] - sides[1]) / (2.0 * d), rel=1e-6)
+
+
 # --- refusals ---------------------------------------------------------------------------------------------------------
 
 
@@ -245,7 +281,7 @@ def test_a_parameter_has_its_full_name_too() -> None:
 
     short, full = (float(jax.grad(last)(0.4, name)) for name in ("length", "body.length"))
     assert short == full
-    with pytest.raises(SceneError, match="no parameter 'body.lenght'; did you mean body.length"):
+    with pytest.raises(SceneError, match=r"no parameter .body\.lenght.; did you mean body\.length"):
         jax.grad(last)(0.4, "body.lenght")
 
 

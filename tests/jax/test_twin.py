@@ -12,7 +12,9 @@ import pytest
 from beside import environment
 from readme_code import READMES, ROOT
 
-WITH_JAX = ("jax>=0.4.35",)
+WITH_JAX = ("jax>=0.4.35", "optax>=0.2.3")
+"""Packages of the environment "jax"; optax is for the examples."""
+EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if "pendulum_env.jax" in path.read_text("utf-8"))
 CHECKS = sorted(path.name for path in Path(__file__).parent.glob("*_checks.py"))
 BLOCKS = [code for page in READMES.values()
           for code in re.findall(r"<!-- needs the extra jax -->\n```python\n(.*?)```", page, flags=re.S)]
@@ -49,6 +51,14 @@ def test_the_readmes_code_runs_where_jax_is(with_jax: Path, tmp_path: Path) -> N
         done = run(with_jax, "-c", code, folder=tmp_path)
         assert done.returncode == 0, done.stderr
         assert done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_where_jax_is(with_jax: Path, path: Path, tmp_path: Path) -> None:
+    done = run(with_jax, "-W", "error", path, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert any(character.isdigit() for character in done.stdout)
 
 
 @pytest.mark.slow
