@@ -1,7 +1,7 @@
 """Learn a swing-up by gradients through the simulation (analytic policy gradient), in rk4 and in forward Euler.
 
-Needs ``pip install ".[jax]" optax``. The policy is a small network; the gradient of the task's mean reward over 4 s comes
-through 200 control steps of 64 episodes at once. What was learnt in either method is judged in rk4.
+Needs ``pip install ".[jax]" optax``. The policy is a small network; the gradient of the task's mean reward over 4 s
+comes through 200 control steps of 64 episodes at once. What was learnt in either method is judged in rk4.
 """
 
 import time
