@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from beside import environment
@@ -29,17 +30,18 @@ def with_jax(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return environment(tmp_path_factory, "jax", *WITH_JAX)
 
 
-def run(python: Path | str, *words: str | Path, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
+def run(python: Path | str, *words: str | Path, folder: Path = ROOT, flags: str = "") -> Any:
     support = os.pathsep.join(map(str, (ROOT / "tests" / "support", Path(__file__).parent)))
     settings = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "JAX_"))}
     return subprocess.run([python, *words], cwd=folder, capture_output=True, text=True, check=False,
-                          env={**settings, "XLA_FLAGS": UNJOINED, "PYTHONPATH": support})
+                          env={**settings, "XLA_FLAGS": flags, "PYTHONPATH": support})
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("checks", CHECKS)
 def test_checks_pass_where_jax_is(with_jax: Path, checks: str) -> None:
-    done = run(with_jax, "-m", "pytest", "-q", "-p", "no:cacheprovider", Path(__file__).with_name(checks))
+    path = Path(__file__).with_name(checks)
+    done = run(with_jax, "-m", "pytest", "-q", "-p", "no:cacheprovider", path, flags=UNJOINED)
     assert done.returncode == 0, done.stdout[-20_000:] + done.stderr[-5_000:]
     assert re.search(r"^\d+ passed", done.stdout, flags=re.M), done.stdout
 
