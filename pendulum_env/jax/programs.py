@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import ast
 import operator
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -38,8 +39,16 @@ STEPS = 2
 ROUNDED = 2.0**51
 """Smallest constant whose addition and subtraction round: 1.5 * 2**52 rounds to integers, its double to even ones."""
 WHOLE = 1.5 * 2.0**52
-MASKS: list[Any] = []
-"""Conditions under which the present expression is chosen, from the outermost to the innermost."""
+
+
+class _Conditions(threading.local):
+    """Conditions under which the present expression of a thread is chosen, from the outermost to the innermost."""
+
+    def __init__(self) -> None:
+        self.all: list[Any] = []
+
+
+CHOSEN = _Conditions()
 
 OPERATORS: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Lt: operator.lt, ast.LtE: operator.le,
@@ -99,16 +108,16 @@ def negated(condition: Any) -> Any:
 @contextmanager
 def under(condition: Any) -> Iterator[None]:
     """Take a condition as one under which expressions are chosen."""
-    MASKS.append(condition)
+    CHOSEN.all.append(condition)
     try:
         yield
     finally:
-        MASKS.pop()
+        CHOSEN.all.pop()
 
 
 def quotient(one: Any, other: Any) -> Any:
     """Return ``one / other``; where the result is not chosen, ``one / 1``."""
-    if fixed(other) or not (masks := [mask for mask in MASKS if not fixed(mask)]):
+    if fixed(other) or not (masks := [mask for mask in CHOSEN.all if not fixed(mask)]):
         return one / other
     return one / jnp.where(reduce(operator.and_, masks), other, 1.0)
 
@@ -165,6 +174,13 @@ class Functions:
             if isinstance(node, ast.Assign):
                 self._assign(node.targets[0], self._value(node.value, {}), names)
         return names
+
+    def entries_read(self, name: str, array: str) -> frozenset[int]:
+        """Return the indices of the entries that a function reads of an array, by constants."""
+        return frozenset(
+            node.slice.value for node in ast.walk(self.named[name])
+            if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Load) and isinstance(node.value, ast.Name)
+            and node.value.id == array and isinstance(node.slice, ast.Constant) and isinstance(node.slice.value, int))
 
     @cached_property
     def looping(self) -> frozenset[str]:
@@ -316,7 +332,7 @@ class Functions:
         kept = [name for name in assigned(node.body) if name in names]
         single = exits.value is not None and not isinstance(exits.value, tuple)
         value = () if exits.value is None else (exits.value,) if single else exits.value
-        masks = [mask for mask in MASKS if not fixed(mask)]
+        masks = [mask for mask in CHOSEN.all if not fixed(mask)]
         start = alike([*(names[name] for name in kept), *value])
         size = len(kept)
         shape = jnp.broadcast_shapes(*(jnp.shape(one) for one in start))

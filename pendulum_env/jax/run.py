@@ -92,6 +92,11 @@ class Twin:
         """Return the number of a state's entries that are carried from step to step, before the reported ones."""
         return self.program.shape.phi
 
+    @property
+    def read(self) -> frozenset[int]:
+        """Return the indices of the entries of a state from which the next step starts; the others are left at 0."""
+        return functions(self.program.text).entries_read("run", "state")
+
     def start(self, angle: Any, velocity: Any, parameters: Any, drawn: Mapping[str, float], kind: Any) -> Any:
         """Return the state at the start, a tuple of arrays."""
         shape = self.program.shape
@@ -126,7 +131,8 @@ class Twin:
                 "run", held, list(parameters), control, h, steps, 1, speed_limit, [], seen)
         like = state[1]
         after = [jnp.broadcast_to(jnp.asarray(bare(value), like.dtype), like.shape) for value in (stop, *held, *seen)]
-        stop, values = after[0], after[1: 1 + self.size]
+        stop, read = after[0], self.read
+        values = [value if i in read else jnp.zeros_like(value) for i, value in enumerate(after[1: 1 + self.size])]
         reports = dict(zip((*self.names[self.size:], *SEEN), after[1 + self.size:], strict=True)) if report else {}
         return stop, tuple(values), reports
 
