@@ -20,12 +20,13 @@ def is_driven_fit(files: Sequence[Path], columns: Mapping[str, str | None]) -> b
 
 def fit_logs(
     files: Sequence[Path], columns: Mapping[str, str | None], read: Sequence[str], unit: str | None,
-    given: Mapping[str, Any], settings: Sequence[str] | None, out: Path,
+    given: Mapping[str, Any], settings: Sequence[str] | None, out: Path, svg: bool,
 ) -> None:
-    """Fit logs of driven runs together, print the result, and write parameters, residuals, settings and the scene.
+    """Fit logs of driven runs together, print the result, and write parameters, residuals, figure, settings and scene.
 
     ``columns`` are the names of the drive's column by kind, ``read`` further keywords of ``DrivenLog.read`` as texts;
-    ``given`` and, as texts, ``settings`` are keywords of ``fit_driven``.
+    ``given`` and, as texts, ``settings`` are keywords of ``fit_driven``; with ``svg``, the figure is written as
+    SVG, too.
     """
     from inspect import signature
 
@@ -35,6 +36,8 @@ def fit_logs(
     from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.physics.damping import parse_settings, typed_values
     from pendulum_env.physics.units import SceneError, nearest, shown
+    from pendulum_env.plots.driven import driven
+    from pendulum_env.plots.style import save_all
 
     if not files:
         raise SceneError("A drive's column needs a log of a driven run; give its file.")
@@ -78,4 +81,5 @@ def fit_logs(
     with replacing(paths[2]) as temporary:
         temporary.write_text(json.dumps({**found.to_dict(), "provenance": origin}, indent=2) + "\n", encoding="utf-8")
     found.scene.save(paths[3], provenance=origin)
-    print_files(paths)
+    title = {**origin, "Title": f"fit of {', '.join(log.source for log in logs)}"}
+    print_files([*paths, *save_all(driven(found), folder / "fit", title, svg)])

@@ -112,7 +112,7 @@ def fit(
         if unused := [f"--{name}" for name, value in free_swing.items() if value is not None]:
             raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
                              "leaves out what comes later, and --set inertia=0.1 sets what is known.")
-        fit_logs(files or (), drive, read or (), unit, {"mass": mass}, settings, out)
+        fit_logs(files or (), drive, read or (), unit, {"mass": mass}, settings, out, svg)
         return
     if files is not None and len(files) > 1:
         raise SceneError("Several files are fitted together only if they are logs of driven runs; give one recording.")

@@ -115,8 +115,6 @@ def felt(
         if distance is None or not sways:
             raise
         return _across_alone(time, across, "the force across the rod", distance)
-    if sways and float(across[:count] @ np.sin(angle[:count])) * (1.0 - ratio) < 0.0:
-        angle = -angle
     where = ("across it, the phone feels a swing, too, as it is not at the bob: the tilt of the axis is fitted" if sways
              else "across it, the phone feels hardly anything, as it is close to the bob")
     return Felt(along[:count], Mount(0.0, ratio, distance, sways), angle[:count],

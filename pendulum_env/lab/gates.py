@@ -150,7 +150,7 @@ def _of_states(name: str, time: FloatArray, state: FloatArray) -> GateSheet:
     first = np.flatnonzero(~blocked[:-1] & blocked[1:]) + 1
     if len(first) != len(starts) or not (first == starts).all():  # a row for each reading, not for each change
         begins = np.array([time[max(first[first <= end], default=end)] for end in starts])
-        middles, spans = 0.5 * (begins + time[starts]), time[starts] - begins
+        middles, spans = 0.5 * (begins + time[starts]), time[starts + 1] - begins
     return _of_passages(name, middles, spans)
 
 

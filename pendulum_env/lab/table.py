@@ -246,7 +246,7 @@ class TextTable:
         if not keep:
             return 0
         last = self.rows[keep - 1][1]
-        keep -= self.width > 2 and len(last) < self.width and len(self.rows[keep - 2][1]) == self.width
+        keep -= len(last) < self.width and len(self.rows[keep - 2][1]) == self.width
         cut = len(self.rows) - keep
         if 2 * cut > len(self.rows):
             return 0

@@ -251,6 +251,14 @@ def fit(one: Any) -> Iterator[str]:
     yield html.words(goodness(one) if one.comparison is None else f"{goodness(one)}\n{one.comparison.text}")
 
 
+def driven_fit(one: Any) -> Iterator[str]:
+    """Yield the parts of a DrivenFit's card."""
+    yield f"Fit of {', '.join(log.source for log in one.logs)}, driven by the {one.kind}"
+    yield equation(one.scene)
+    yield html.table(one.table.head, one.table.rows, most=None)
+    yield html.words(one.summary)
+
+
 def posterior(one: Any) -> Iterator[str]:
     """Yield the parts of a Posterior's card."""
     yield f"Posterior of {one.fit.recording.source}, {one.fit.model.title} damping"
@@ -278,6 +286,6 @@ CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "Comparison": comparison, "CostStudy": cost, "Growth": growth, "Audit": audit, "Simplification": simplification,
     "Simplified": simplified,
     "Matrix": matrix, "Sweep": sweep, "Section": section, "Basins": basins, "LabSheet": sheet, "Fit": fit,
-    "Posterior": posterior, "Transfer": transfer, "Recording": recording,
+    "DrivenFit": driven_fit, "Posterior": posterior, "Transfer": transfer, "Recording": recording,
 }
 """Class -> function that yields its title and the parts of its HTML, which the usual figure follows."""

@@ -51,6 +51,7 @@ FIGURES: Mapping[str, Mapping[str, Draw]] = {
     "Section": {"section": of("section", "draw")},
     "Basins": {"basins": of("section", "draw")},
     "Fit": {"fit": of("recorded", "recorded")},
+    "DrivenFit": {"logs": of("driven", "driven")},
     "Posterior": {"corner": of("corner", "corner")},
     "Transfer": {"costs": of("transfer", "draw")},
     "LabSheet": {"swing": of("swing", "measured")},

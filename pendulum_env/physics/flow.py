@@ -112,11 +112,11 @@ def swing_loss(effect: Loss, scene: Surroundings, amplitude: float) -> float:
         return math.inf
     if effect.dry:
         return 2.0 * values[effect.dry] / (omega * omega) / size
-    total = 0.0
+    total, torque = 0.0, _still(effect, values)
     for i in range(PHASES):
         phase = math.pi * (i + 0.5) / PHASES
         angle, velocity = size * math.cos(phase), -size * omega * math.sin(phase)
-        total -= still_torque(effect, values, angle, velocity) / size * (velocity / size)
+        total -= torque(angle, velocity) / size * (velocity / size)
     return total * math.pi / PHASES / omega**3
 
 
@@ -125,13 +125,24 @@ def still_torque(effect: Loss, values: Mapping[str, float], angle: float, veloci
 
     Of a motor it is the torque without control.
     """
-    if effect.torque is None:
-        return -math.copysign(values[effect.dry], velocity)
-    known = {
-        "time": 0.0, "angle": angle, "tilt": angle, "side": 1.0, "velocity": velocity, "slip": velocity,
-        "speed": abs(velocity), "control": 0.0, **dict.fromkeys(effect.memory, 0.0), **values,
-    }
-    return effect.torque(*(known[name] for name in _parameters(effect.torque)))
+    return _still(effect, values)(angle, velocity)
+
+
+def _still(effect: Loss, values: Mapping[str, float]) -> Callable[[float, float], float]:
+    """Return a dissipative effect's torque of :func:`still_torque` as a function of angle and velocity."""
+    own = effect.torque
+    if own is None:
+        dry = values[effect.dry]
+        return lambda _angle, velocity: -math.copysign(dry, velocity)
+    known: dict[str, float] = {"time": 0.0, "side": 1.0, "control": 0.0, **dict.fromkeys(effect.memory, 0.0), **values}
+    names = _parameters(own)
+    moving = {name for name in ("angle", "tilt", "velocity", "slip", "speed") if name not in values}
+
+    def torque(angle: float, velocity: float) -> float:
+        motion = {"angle": angle, "tilt": angle, "velocity": velocity, "slip": velocity, "speed": abs(velocity)}
+        return own(*[motion[name] if name in moving else known[name] for name in names])
+
+    return torque
 
 
 @cache

@@ -7,6 +7,7 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +17,8 @@ import pytest
 from bench_files import BENCH_FILES, BenchFile
 from command_line import Here
 from driven_truth import LAYOUTS, by_scipy, drawn, expected, fine_steps, motion, recorded, steps, text_of
+from PIL import Image
+from small_driven_fit import BENCH, log_of, small_driven_fit
 
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv
 from pendulum_env.lab import DrivenFit, DrivenLog, RecordingError, fit_driven
@@ -26,18 +29,10 @@ from pendulum_env.physics.units import SceneError
 
 REAL = os.environ.get("LAB_PENDULUM_DATA")
 NAMES = ("driven_bench_planned.csv", "driven_bench_energy_shaping.csv")
-BENCH = {"stiffness": 20.0, "viscous": 0.2, "dry": 0.4, "drive": 12.0, "lag": 0.05, "delay": 0.02, "zero": 0.03,
-         "mass": 0.3, "quantum": math.tau / 4096, "noise": 0.001, "rate": 50.0, "duration": 8.0, "torque_noise": 0.0}
 
 
-def log_of(truth: dict[str, float], seed: int = 0, kind: str = "action") -> DrivenLog:
-    found = recorded(truth, seed, kind)
-    return DrivenLog(found["time"], found["angle"], found["drive"], kind, f"log {seed}")
-
-
-@lru_cache
 def small() -> DrivenFit:
-    return fit_driven([log_of(BENCH), log_of(BENCH, 1)], mass=BENCH["mass"])
+    return small_driven_fit("log 0", "log 1")
 
 
 # --- the simulation -------------------------------------------------------------------------------------------------
@@ -330,6 +325,39 @@ def test_bad_arguments_of_a_fit_are_refused() -> None:
         fit_driven(log.between(0.0, 1.0))
 
 
+# --- how it is shown --------------------------------------------------------------------------------------------------
+
+
+def test_the_figure_has_recordings_models_residuals_and_drives() -> None:
+    found = small()
+    drawn = found.plot()
+    assert len(drawn.axes) == 3 * len(found.logs)
+    wanted = math.hypot(BENCH["noise"], BENCH["quantum"] / math.sqrt(12.0))  # without torques missing from the logs
+    for log, (angle, residual, drive) in zip(found.logs, np.reshape(np.array(drawn.axes), (-1, 3)), strict=True):
+        seen, model = angle.lines
+        np.testing.assert_allclose(np.radians(seen.get_ydata()), log.angle, rtol=1e-15)
+        np.testing.assert_array_equal(seen.get_xdata(), log.time)
+        place = np.isfinite(model.get_xdata())
+        at = np.searchsorted(log.time, model.get_xdata()[place])
+        assert len(at) > 0.9 * len(log.time)
+        rest = residual.lines[0].get_ydata()[place]
+        np.testing.assert_allclose(seen.get_ydata()[at] - model.get_ydata()[place], rest, atol=1e-9)
+        assert math.radians(np.std(rest)) == pytest.approx(wanted, rel=0.1)
+        np.testing.assert_array_equal(drive.lines[0].get_ydata(), log.drive)
+        assert (drive.get_ylabel(), drive.lines[0].get_drawstyle()) == ("action [1]", "steps-post")
+        assert angle.get_xlim() == residual.get_xlim() == drive.get_xlim() == (log.time[0], log.time[-1])
+
+
+def test_the_figure_shades_what_is_left_out() -> None:
+    found = small()
+    lost = replace(found, solution=replace(found.solution, lost=((1, 2.0, 2.5), (1, 4.0, 4.2))))
+    first, _, _, second, below, drive = lost.plot().axes
+    assert not [patch for patch in first.patches if patch.get_label() == "left out"]
+    for panel in (second, below, drive):
+        spans = [patch.get_extents().transformed(panel.transData.inverted()).intervalx for patch in panel.patches[-2:]]
+        np.testing.assert_allclose(spans, ((2.0, 2.5), (4.0, 4.2)))
+
+
 # --- command line ---------------------------------------------------------------------------------------------------
 
 
@@ -343,6 +371,8 @@ def test_the_command_fits_several_logs(tmp_path: Path) -> None:
     written = json.loads((tmp_path / "o" / "bench.json").read_text())
     assert written["parameters"]["length"]["value"] == pytest.approx(9.81 / BENCH["stiffness"], rel=1e-3)
     assert set(written["sensor"]) == {"quantum", "noise", "offset", "scale", "rate"}
+    with Image.open(tmp_path / "o" / "fit.png") as image:
+        assert image.info["recording"] == '["0.csv", "1.csv"]'
     env = LabPendulumEnv(str(tmp_path / "o" / "scene.json"))
     assert env.scene.omega0 == pytest.approx(math.sqrt(BENCH["stiffness"]), rel=1e-3)
 

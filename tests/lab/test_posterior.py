@@ -8,6 +8,7 @@ import json
 import math
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -423,6 +424,43 @@ def test_saved_files_have_the_samples_and_their_origin(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"'\.txt'.*\.npz"):
         found.save(tmp_path / "one.txt")
     assert {path.name for path in tmp_path.iterdir()} == {"one.npz", "one.csv"}
+
+
+def test_a_saved_posterior_is_loaded_again(tmp_path: Path) -> None:
+    """With priors of all kinds, all that it says and draws is as before."""
+    given = {"angle": (0.4, 0.6), "velocity": ("normal", 0.05, 0.01), "zero": ("log", 0.01, 0.03)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        kept = harmonic().posterior(walkers=8, steps=60, seed=5, priors=given)
+    found = Posterior.load(kept.save(tmp_path / "one.npz"), harmonic())
+    assert (found.text, found.table, found.priors, found.problem) == (kept.text, kept.table, kept.priors, kept.problem)
+    assert (found.seed, found.asked, found.warm) == (5, 60, 12)
+    np.testing.assert_array_equal(found.samples, kept.samples)
+    np.testing.assert_array_equal(found.log_density, kept.log_density)
+    assert str(found.sample(3, seed=2)) == str(kept.sample(3, seed=2))
+
+
+def test_what_is_no_saved_posterior_of_the_fit_is_not_loaded(tmp_path: Path) -> None:
+    saved = linear_posterior().save(tmp_path / "one.npz")
+    seen = harmonic().recording
+    other = fit(replace(seen, angle=1.01 * seen.angle), "none", scene="textbook", free=())
+    with pytest.raises(RecordingError, match="is of a fit with angle "):
+        Posterior.load(saved, other)
+    more = fit(seen, "none", scene="textbook", free=("length",))
+    with pytest.raises(RecordingError, match="parameters angle, velocity, zero, the fit angle, velocity, zero, length"):
+        Posterior.load(saved, more)
+    (tmp_path / "text.npz").write_text("no archive")
+    np.savez(tmp_path / "other.npz", chain=np.zeros(3))
+    np.savez(tmp_path / "objects.npz", chain=np.array([tmp_path], dtype=object))
+    for name, why in (("text", "expected a file that Posterior.save wrote"), ("none", "can be read: no such file"),
+                      ("objects", "expected a file that Posterior.save wrote, Object arrays cannot be loaded"),
+                      ("other", "expected a file that Posterior.save wrote, .*log_density")):
+        with pytest.raises(RecordingError, match=why):
+            Posterior.load(tmp_path / f"{name}.npz", harmonic())
+    with pytest.raises(SceneError, match=r"'\.csv'.*\.npz"):
+        Posterior.load(tmp_path / "one.csv", harmonic())
+    with pytest.raises(SceneError, match="fit must be the fit of which"):
+        Posterior.load(saved, seen)  # type: ignore[arg-type]
 
 
 def test_drawn_scenes_are_samples() -> None:

@@ -21,6 +21,7 @@ import pytest
 from matplotlib._pylab_helpers import Gcf
 from matplotlib.figure import Figure
 from normal_posterior import normal_posterior
+from small_driven_fit import small_driven_fit
 
 import integrators
 from pendulum_env import (
@@ -89,6 +90,7 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "Basins": (lambda: basins(size=3, transient=2, steps=20, backend="python"), "attractor"),
     "LabSheet": (lambda: measure(swing()), "period at small amplitude"),
     "Fit": (lambda: fit(swing(), "linear", mass=0.1), "linear_drag.gamma"),
+    "DrivenFit": (lambda: small_driven_fit(EVIL), "max_torque"),
     "Posterior": (lambda: normal_posterior(fit(swing(), "linear", mass=0.1)), "Priors"),
     "Transfer": (lambda: transfer(lambda seen: seen[:, 2:] * 0.0, PUSHED, {**PUSHED, "gravity": 5.0}, episodes=2),
                  "gravity"),

@@ -25,6 +25,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from normal_posterior import normal_posterior
 from PIL import Image
+from small_driven_fit import small_driven_fit
 from stored import stored
 from typer.testing import CliRunner
 
@@ -162,6 +163,7 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.motion.phase": lambda: (runs(),),
     "plots.motion.portraits": lambda: (runs(),),
     "plots.recorded.recorded": lambda: (fitted(),),
+    "plots.driven.driven": lambda: (small_driven_fit("run.csv", "run2.csv"),),
     "plots.corner.corner": lambda: (normal_posterior(fitted()),),
     "plots.swing.measured": lambda: (measure(swing()),),
     "plots.swing.readings": lambda: (swing(),),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.common.shown import one_line
+from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.lab.checked import RecordingError, one_number
 from pendulum_env.lab.driven.fitting import BOUNDS, DrivenSolution
@@ -76,7 +76,7 @@ class DrivenPrediction:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DrivenFit:
+class DrivenFit(Plotted):
     """Fit of one pendulum and motor to logs of driven runs.
 
     Attributes:
@@ -399,7 +399,12 @@ class DrivenFit:
 
     @property
     def text(self) -> str:
-        """Sentences on the fit: windows and residual, sensor, scene, limits of the logs, and grade."""
+        """Sentences on the fit: windows and residual, sensor, limits of the logs, grade, and the scene's equation."""
+        return f"{self.summary}\nScene: {self.scene.equation()}"
+
+    @property
+    def summary(self) -> str:
+        """Sentences on the fit: windows and residual, sensor, limits of the logs, and grade."""
         windows, sensor = self.solution.windows, self.settings["sensor"]
         return "\n".join((
             f"{len(windows.places)} windows of about {windows.h * windows.steps:.3g} s: residual "
@@ -407,8 +412,7 @@ class DrivenFit:
             f"{math.degrees(float(np.median(self.solution.sigma))):.2g}°.",
             f"Sensor: quantum {math.degrees(sensor['quantum']):.4g}°, noise {math.degrees(sensor['noise']):.2g}°, zero "
             f"{math.degrees(sensor['offset']):.3g}°, {sensor['rate']:g} readings per second.",
-            f"Scene: {self.scene.equation()}",
-            self.limits,
+            *([self.limits] if self.limits else []),
             self.grade.text))
 
     def __str__(self) -> str:

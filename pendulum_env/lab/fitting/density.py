@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.fitting.curves import hermite
 from pendulum_env.lab.fitting.intervals import Fitted
 from pendulum_env.lab.fitting.priors import Prior
 from pendulum_env.physics.units import SceneError
@@ -96,7 +97,7 @@ class _Sums:
         at = fit.model.time
         cell = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
         self.last = int(cell[-1]) + 2
-        basis = _hermite((at - time[cell]) / step, step, fit.model.rate)
+        basis = hermite((at - time[cell]) / step, step, int(fit.model.rate))
         ends = np.stack([self.value[cell], self.slope[cell], self.value[cell + 1], self.slope[cell + 1]])
         off = fit.recording.readings - np.einsum("ij,ij->j", basis, ends)
 
@@ -118,15 +119,3 @@ class _Sums:
             for (one, other), weights in zip(pairs, self.across, strict=True):
                 rise = rise + (one * other) @ weights
             return np.asarray(rise + x @ self.linear[0] + y @ self.linear[1])
-
-
-def _hermite(x: Array, step: float, rate: bool) -> Array:
-    """Return the cubic Hermite basis at ``x`` (0 to 1) between two steps, or its derivative in time, shape ``(4, x)``.
-
-    The four belong to the value and the slope at the first and the second step.
-    """
-    if rate:
-        down = (6.0 * x * x - 6.0 * x) / step
-        return np.stack([down, 3.0 * x * x - 4.0 * x + 1.0, -down, 3.0 * x * x - 2.0 * x])
-    up = x * x * (3.0 - 2.0 * x)
-    return np.stack([1.0 - up, step * x * (1.0 - x) ** 2, up, step * x * x * (x - 1.0)])

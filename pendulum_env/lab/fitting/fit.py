@@ -111,8 +111,9 @@ def fit(
         if steady:
             swing = pulled(max(models, key=lambda model: len(model.numbers)), swing, telling)
             sigma = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings)))
-        solutions = solve_all(models, swing, sigma, telling)
-    rest, measured = float(free_swing.time[-1] - swing.time[-1]), Measured.of(swing)
+        measured = Measured.of(swing)
+        solutions = solve_all(models, swing, measured, sigma, telling)
+    rest = float(free_swing.time[-1] - swing.time[-1])
     damped = not place.medium.empty and any(wanted)
     faults = tuple(of_swings(measured.points, math.tau / measured.period, damped))
     fits = [Fit(swing, solution, sigma, rest=rest, faults=faults) for solution in solutions]

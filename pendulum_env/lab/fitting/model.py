@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.engine.rollout import rollout
 from pendulum_env.lab.accelerations import Mount
+from pendulum_env.lab.fitting.curves import between, spline_slopes
 from pendulum_env.physics.damping import NONE, with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.scene import Scene
@@ -46,6 +47,9 @@ are less accurate."""
 DECOY = 1e-3
 """Relative change of the parameters in an extra first run, so that no parameter is equal in all runs of a batch and the
 compiled program takes all of them as arguments."""
+LANES = 8
+"""A batch has a multiple of this number of runs: compiled programs without dry friction advance so many at once, in the
+time that a single one takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,33 +133,35 @@ class Model:
         They are angles [rad], angular velocities [rad/s] of a gyroscope, or specific forces [m/s²] of an accelerometer,
         and nan after a run stopped early.
         """
-        return self._seen(values, 0)
+        return self._seen(values, (0,))[0]
 
     def motion(self, values: Array) -> tuple[Array, Array]:
         """Return the sensor's readings and the derivatives in time of the motion they show, both ``(runs, times)``."""
-        rows = np.atleast_2d(values)
-        return self._seen(rows, 0), self._seen(rows, 1)
+        readings, rates = self._seen(values, (0, 1))
+        return readings, rates
 
-    def _seen(self, values: Array, derivative: int) -> Array:
-        """Interpolate readings (``derivative`` 0) or their rates (1) of simulated runs at the model's times."""
-        from scipy.interpolate import CubicHermiteSpline
-
+    def _seen(self, values: Array, derivatives: tuple[int, ...]) -> list[Array]:
+        """Simulate runs and interpolate readings (derivative 0) or their rates (1) at the model's times."""
         rows = np.atleast_2d(values)
-        run = self._runs(rows, self.step_for(rows[0]))
-        angle, velocity = run.angle[1:], run.velocity[1:]
+        step = self.step_for(rows[0])
+        time, angle, velocity = self._runs(rows, step)
         ended = ~(np.isfinite(angle) & np.isfinite(velocity))
-        angle, velocity = np.where(ended, 0.0, angle).T, np.where(ended, 0.0, velocity).T
+        curve, slope = np.where(ended, 0.0, angle).T, np.where(ended, 0.0, velocity).T
         if self.mount is not None:
-            curve = self._forces(self.mount, run.time, angle, velocity, rows, derivative)
-        else:
-            curve = CubicHermiteSpline(run.time, angle, velocity)(self.time, derivative + self.rate).T
-        if ended.any():
-            curve[ended[:, np.searchsorted(run.time, self.time, side="right").clip(max=len(run.time) - 1)]] = math.nan
-        if derivative:
-            return np.asarray(curve)
-        if SCALE in self.names:
-            curve *= rows[:, self.names.index(SCALE), None]
-        return np.asarray(curve + rows[:, self.names.index(ZERO), None])
+            curve = self._forces(self.mount, curve, slope, step, rows)
+            slope = spline_slopes(curve, step)
+        ends = np.concatenate([curve, slope])
+        last = np.searchsorted(time, self.time, side="right").clip(max=len(time) - 1) if ended.any() else None
+        found = []
+        for derivative in derivatives:
+            seen = np.ascontiguousarray((between(self.time, step, len(time), derivative + self.rate) @ ends).T)
+            if last is not None:
+                seen[ended[:, last]] = math.nan
+            if not derivative:
+                seen *= rows[:, self.names.index(SCALE), None] if SCALE in self.names else 1.0
+                seen += rows[:, self.names.index(ZERO), None]
+            found.append(seen)
+        return found
 
     def step_for(self, values: Array) -> float:
         """Return the step of a simulation with the given parameter values [s]."""
@@ -173,28 +179,22 @@ class Model:
         Values and slopes have the shape ``(runs, steps)``; they are nan after a run stopped early.
         """
         rows = np.atleast_2d(values)
-        run = self._runs(rows, step)
+        time, angle, velocity = self._runs(rows, step)
         scale = rows[:, self.names.index(SCALE), None] if SCALE in self.names else 1.0
         zero = rows[:, self.names.index(ZERO), None]
-        value, slope = scale * run.angle[1:], scale * run.velocity[1:]
+        value, slope = scale * angle, scale * velocity
         if self.rate:
-            return run.time, value + zero * run.time, slope + zero
-        return run.time, value + zero, slope
+            return time, value + zero * time, slope + zero
+        return time, value + zero, slope
 
-    def _forces(
-        self, mount: Mount, time: Array, angle: Array, velocity: Array, rows: Array, derivative: int
-    ) -> Array:
-        """Return the specific forces (``derivative`` 0) of simulated runs at an accelerometer, or their rates (1).
+    def _forces(self, mount: Mount, angle: Array, velocity: Array, step: float, rows: Array) -> Array:
+        """Return the specific forces of simulated runs at an accelerometer after every step, ``(steps, runs)``.
 
-        ``angle`` and ``velocity`` have the shape ``(times of the run, runs)``. Accelerations are the slopes of a cubic
-        spline through the velocities, and the forces at the steps of the run are interpolated by another.
+        Accelerations are the slopes of a cubic spline through the velocities.
         """
-        from scipy.interpolate import CubicSpline
-
         known = {GRAVITY: self.scene.gravity, DISTANCE: mount.distance, TILT: mount.tilt}
         own = [rows[:, self.names.index(name)] if name in self.names else value for name, value in known.items()]
-        force = mount.force(angle, velocity, CubicSpline(time, velocity)(time, 1), *own)
-        return np.asarray(CubicSpline(time, force)(self.time, derivative).T)
+        return np.asarray(mount.force(angle, velocity, spline_slopes(velocity, step), *own))
 
     def rest(self, values: Array) -> float:
         """Return the reading of the sensor at the equilibrium, for given parameter values."""
@@ -202,22 +202,25 @@ class Model:
         force = 0.0 if self.mount is None else self.mount.rest * given.get(GRAVITY, self.scene.gravity)
         return float(given[ZERO] + given.get(SCALE, 1.0) * force)
 
-    def _runs(self, rows: Array, step: float) -> Rollout:
-        """Simulate a batch of runs, with an extra run in front whose parameters differ from all others.
+    def _runs(self, rows: Array, step: float) -> tuple[Array, Array, Array]:
+        """Simulate a batch of runs; return the times of the steps [s], and angles and velocities, ``(runs, steps)``.
 
         The engine compiles a parameter as a constant if it is equal in all runs, and would compile a new program for
-        every new set of constants. The extra run avoids equal parameters. It is the same in every call, because
-        programs are cached by the scene of the first run.
+        every new set of constants. An extra run in front, whose parameters differ from all others, avoids equal
+        parameters. It is the same in every call, because programs are cached by the scene of the first run. More of
+        them fill the batch up to whole LANES.
         """
         given = dict(zip(self.names, rows.T, strict=True))
-        start = [np.append(given[name][0], given[name]) for name in (ANGLE, VELOCITY)]
+        extra = 1 if self._dry or (len(rows) + 1) % LANES == 1 else 1 + -(len(rows) + 1) % LANES
+        start = [np.append(np.full(extra, given[name][0]), given[name]) for name in (ANGLE, VELOCITY)]
         numbers: dict[str, Any] = {
-            name: np.append(value * (1.0 + DECOY) + 1e-9, given.get(name, np.full(len(rows), value)))
+            name: np.append(np.full(extra, value * (1.0 + DECOY) + 1e-9), given.get(name, np.full(len(rows), value)))
             for name, value in self._varied.items()
         }
         duration = max(float(self.time[-1]), step) + step
-        return rollout(self._on_rod, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
-                       diagnostics=(), warn=False, num_threads=1, **numbers)
+        run = rollout(self._on_rod, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
+                      diagnostics=(), warn=False, num_threads=1, **numbers)
+        return run.time, run.angle[extra:], run.velocity[extra:]
 
     @cached_property
     def _varied(self) -> dict[str, float]:
@@ -231,6 +234,11 @@ class Model:
         varied = (self.scene.body.fitted, *self.free)
         values = {name: float(known[name] or 0.0) for name in varied if name not in SENSOR}
         return {**values, **{_fitted(effect.damping): float(getattr(effect, effect.fitted)) for effect in own}}
+
+    @cached_property
+    def _dry(self) -> bool:
+        """True if the compiled program has dry friction."""
+        return any(effect.dry for effect in self.scene.effects)
 
     @cached_property
     def _on_rod(self) -> Scene:

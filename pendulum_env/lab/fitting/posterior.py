@@ -10,6 +10,7 @@ from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ from pendulum_env.lab.fitting.model import ZERO, unit_of
 from pendulum_env.lab.fitting.priors import Prior, priors_of
 from pendulum_env.lab.fitting.statistics import integrated_time, split_r
 from pendulum_env.lab.measures import Measurement
-from pendulum_env.physics.units import SceneError, file_path, one_of, whole_number
+from pendulum_env.physics.units import SceneError, file_path, one_of, shown, whole_number
 
 Array = NDArray[np.float64]
 
@@ -62,6 +63,9 @@ RARE, CLOSER, TRIES = 1e-3, 0.7, 100
 closer to the fit by the factor CLOSER; at most TRIES rounds are drawn."""
 SKEWED = 1.3
 """A parameter counts as not Gaussian if one side of its 95 % interval is this many times longer than the other."""
+NEAR = 1e-3
+"""The fit of a loaded posterior is that of the saved one if its values differ by less than this share of their errors
+and of themselves."""
 LEVELS = (0.68, 0.95)
 """Levels of the intervals in tables."""
 
@@ -257,9 +261,11 @@ class Posterior(Plotted):
     def save(self, path: str | Path) -> Path:
         """Write the sample with its origin as ``.npz`` or as ``.csv``, depending on the file's ending; return the path.
 
-        The ``.npz`` file has the whole chain: "chain", "log_density", "acceptance", "names", "units", "discarded", and
-        "origin", a JSON text. The ``.csv`` file has the samples that are not discarded, one in every autocorrelation
-        time, with a column for every parameter and the logarithm of the density.
+        The ``.npz`` file, which :meth:`load` reads, has the whole chain: "chain", "log_density", "acceptance", "names",
+        "units", "discarded", "asked", "warm", "seed", the fitted values as "fit", the priors as "kinds" and "priors"
+        (low, high, mean and error of each), and "origin", a JSON text. The ``.csv`` file has the samples that are not
+        discarded, one in every autocorrelation time, with a column for every parameter and the logarithm of the
+        density.
 
         Raises SceneError for another ending, OutputError if the file cannot be written.
         """
@@ -276,11 +282,53 @@ class Posterior(Plotted):
             rows = np.concatenate([self.chain[kept], self.log_density[kept, :, None]], axis=2)
             write_csv(place, columns, rows.reshape(-1, len(columns)).tolist(), origin)
             return place
+        kinds = [one.kind for one in self.priors]
+        priors = [(one.low, one.high, one.mean, one.error) for one in self.priors]
         with replacing(place) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, chain=self.chain, log_density=self.log_density, acceptance=self.acceptance,
                                 names=np.array(self.names), units=np.array(self.units),
-                                discarded=np.array(self.discarded), origin=np.array(json.dumps(origin)))
+                                discarded=np.array(self.discarded), asked=np.array(self.asked),
+                                warm=np.array(self.warm), seed=np.array(self.seed), fit=self.fit.values,
+                                kinds=np.array(kinds), priors=np.array(priors), origin=np.array(json.dumps(origin)))
         return place
+
+    @classmethod
+    def load(cls, path: str | Path, fit: Fitted) -> Posterior:
+        """Return the sample in an ``.npz`` file that :meth:`save` wrote.
+
+        Args:
+            path: the file.
+            fit: the fit of which the sample was drawn; the file does not contain it. A fit of the same model to the
+                same recording gives it again.
+
+        Raises SceneError for another object than a fit and another ending of the file, and RecordingError for a file
+        that cannot be read or has no posterior, and for one of another fit.
+        """
+        place = file_path(path, "path")
+        one_of(place.suffix, "format of a posterior to load with the ending", (".npz",))
+        if not hasattr(fit, "solution") or not hasattr(fit, "recording"):
+            raise SceneError(f"fit must be the fit of which the posterior was sampled, not {shown(fit)}.")
+        try:
+            with np.load(place) as file:  # which refuses pickled objects
+                chain, log_density, acceptance, names, asked, warm, seed, fitted, kinds, priors = (
+                    file[name] for name in ("chain", "log_density", "acceptance", "names", "asked", "warm", "seed",
+                                            "fit", "kinds", "priors"))
+        except OSError as error:
+            raise RecordingError(f"{place}: expected a posterior that can be read: "
+                                 f"{(error.strerror or str(error)).lower()}") from error
+        except (KeyError, ValueError, BadZipFile) as error:
+            raise RecordingError(f"{place}: expected a file that Posterior.save wrote, {error}") from error
+        if tuple(names.tolist()) != tuple(fit.names):
+            raise RecordingError(f"{place}: the posterior has the parameters {', '.join(names.tolist())}, the fit "
+                                 f"{', '.join(fit.names)}")
+        away = np.abs(fit.values - fitted) > NEAR * np.sqrt(np.diag(fit.covariance)) + NEAR * np.abs(fitted)
+        if away.any():
+            at = int(np.argmax(away))
+            raise RecordingError(f"{place}: the posterior is of a fit with {fit.names[at]} {fitted[at]:.6g}, not "
+                                 f"{fit.values[at]:.6g}; give the fit of the same recording")
+        own = tuple(Prior(low, high, kind, mean, error)
+                    for kind, (low, high, mean, error) in zip(kinds.tolist(), priors.tolist(), strict=True))
+        return cls(fit, chain, log_density, acceptance, own, int(asked), int(warm), int(seed))
 
 
 def _bare(one: Measurement) -> str:

@@ -95,6 +95,7 @@ def solve(
     start: Array,
     progress: Progress | None = None,
     pause: int = 0,
+    every: int = 1,
 ) -> FitSolution:
     """Fit a model to readings: minimise ``sum(((angle - model) / sigma)**2)``, starting from the values ``start``.
 
@@ -109,8 +110,16 @@ def solve(
         progress: function that is called with the fraction done and a short text; None for none.
         pause: number of readings to fit before any later ones. After dry friction has stopped the bob, the angle of
             rest agrees with many separate values of the friction, so the swings must first decide which one is right.
+        every: n to use every n-th reading only; the solution has the residuals of all readings.
     """
-    tell, total = told_by(progress), len(model.time)
+    part = model if every == 1 else replace(model, time=model.time[::every])
+    values = _searched(part, angle[::every], sigma[::every], start, told_by(progress), pause // every)
+    return solution_at(model, values, angle, sigma)
+
+
+def _searched(model: Model, angle: Array, sigma: Array, start: Array, tell: Progress, pause: int) -> Array:
+    """Return the parameter values that :func:`solve` finds."""
+    total = len(model.time)
     values = np.maximum(start, model.least)
     period = math.tau / model.scene_with(values).omega0
     floor = max(int(np.searchsorted(model.time, FIRST * period)), 4 * len(model.names))
@@ -127,21 +136,22 @@ def solve(
             break
         done, floor, most = count, math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
     tell(1.0, model.title)
-    return solution_at(model, values, angle, sigma)
+    return values
 
 
 def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitSolution:
     """Return the solution for given parameter values: residual, derivatives, velocity and the time up to which the
     model follows the swings.
     """
-    angles, velocity = model.motion(values)
+    up, down = _beside(model, values)
+    angles, velocity = model.motion(np.concatenate([values[None], up, down]))
     residual = np.asarray(np.nan_to_num(angle - angles[0], nan=BEYOND))
     last = followed(model, values, angle, sigma, angles[0])
     if last < len(angle):  # readings may be worse at the end, where the model must then be off by more
         scatter = np.fmax(reading_error(model.time[last:], residual[last:]), sigma[last:])
         last = followed(model, values, angle, np.concatenate([sigma[:last], scatter]), angles[0])
     until = float(model.time[max(last - 1, 0)])
-    return FitSolution(model, values, residual, jacobian(model, values), np.nan_to_num(velocity[0]), until)
+    return FitSolution(model, values, residual, _central(angles[1:], up, down), np.nan_to_num(velocity[0]), until)
 
 
 def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: Mapping[str, Any]) -> Array:
@@ -151,19 +161,19 @@ def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: 
     """
     from scipy.optimize import least_squares
 
-    latest: dict[bytes, Array] = {}
+    latest: dict[bytes, tuple[Array, Array]] = {}
 
-    def angles(x: Array) -> Array:
+    def seen(x: Array) -> tuple[Array, Array]:
         if x.tobytes() not in latest:
             latest.clear()
-            latest[x.tobytes()] = model.angles(x)[0]
+            latest[x.tobytes()] = linearised(model, x)
         return latest[x.tobytes()]
 
     def misses(x: Array) -> Array:
-        return np.asarray(np.nan_to_num(angles(x) - angle, nan=BEYOND) / sigma)
+        return np.asarray(np.nan_to_num(seen(x)[0] - angle, nan=BEYOND) / sigma)
 
     def slopes(x: Array) -> Array:
-        return jacobian(model, x, angles(x)) / sigma[:, None]
+        return seen(x)[1] / sigma[:, None]
 
     result = least_squares(misses, start, slopes, bounds=(model.least, np.inf), x_scale=sizes(model, start),
                            method="dogbox", gtol=None, **how)
@@ -208,20 +218,34 @@ def sizes(model: Model, values: Array) -> Array:
     return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
 
-def jacobian(model: Model, values: Array, shown: Array | None = None) -> Array:
-    """Return the derivatives of a model's angles by its parameters, shape ``(times, names)``, by finite differences.
+def linearised(model: Model, values: Array) -> tuple[Array, Array]:
+    """Return a model's readings, and their derivatives by its parameters, shape ``(times, names)``, from one batch.
 
-    Differences are central, of second order, and one-sided next to a bound. If ``shown``, the angles for ``values``, is
-    given, all differences are one-sided, which takes half the simulations and is used within a search.
+    Differences are one-sided, which takes half the simulations of :func:`jacobian` and is used within a search.
     """
-    count, size = len(values), np.maximum(np.abs(values), sizes(model, values))
-    if shown is not None:
-        rows = model.angles(values + np.diag(ASIDE * size))
-        return np.nan_to_num((rows - shown).T / (ASIDE * size))
-    steps = np.diag(NUDGE * size)
-    up, down = values + steps, np.maximum(values - steps, model.least)
-    rows = model.angles(np.concatenate([up, down]))
-    return np.nan_to_num((rows[:count] - rows[count:]).T / np.diagonal(up - down))
+    steps = ASIDE * np.maximum(np.abs(values), sizes(model, values))
+    rows = model.angles(np.concatenate([values[None], values + np.diag(steps)]))
+    return rows[0], np.nan_to_num((rows[1:] - rows[0]).T / steps)
+
+
+def jacobian(model: Model, values: Array) -> Array:
+    """Return the derivatives of a model's readings by its parameters, shape ``(times, names)``, by finite differences.
+
+    Differences are central, of second order, and one-sided next to a bound.
+    """
+    up, down = _beside(model, values)
+    return _central(model.angles(np.concatenate([up, down])), up, down)
+
+
+def _beside(model: Model, values: Array) -> tuple[Array, Array]:
+    """Return parameters of which one is larger, and those of which one is smaller, both ``(names, names)``."""
+    steps = np.diag(NUDGE * np.maximum(np.abs(values), sizes(model, values)))
+    return values + steps, np.maximum(values - steps, model.least)
+
+
+def _central(rows: Array, up: Array, down: Array) -> Array:
+    """Return derivatives from the readings for the parameters ``up`` and then those for ``down``."""
+    return np.nan_to_num((rows[: len(up)] - rows[len(up):]).T / np.diagonal(up - down))
 
 
 # --- refits ----------------------------------------------------------------------------------------------------------
@@ -294,16 +318,18 @@ def _residual(model: Model, angle: Array, values: Array) -> Array:
 # --- several models --------------------------------------------------------------------------------------------------
 
 
-def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress: Progress) -> list[FitSolution]:
+def solve_all(
+    models: Sequence[Model], swing: Recording, measured: Measured, sigma: float, progress: Progress
+) -> list[FitSolution]:
     """Fit all models to a swing and return their solutions, in the order of the models.
 
-    In a long recording, the search takes every n-th reading only, and a refit from its solution takes all readings.
+    ``measured`` has the turning points and the period of the swing, and ``sigma`` is the error of a reading. In a long
+    recording, the search takes every n-th reading only, and a refit from its solution takes all readings.
 
     The model with the most dampings is fitted first, from measured starting values. The others take the start, the zero
     and the free parameters of the scene from its solution, and their damping from the envelope. A model that fits worse
     than a simpler model it contains is fitted again from the simpler model's solution.
     """
-    measured = Measured.of(swing)
     weights = np.full(len(swing.time), sigma)
     last = int(np.searchsorted(swing.time, measured.points.time[-1]))
     step = float(np.median(np.diff(swing.time)))
@@ -321,10 +347,7 @@ def solve_all(models: Sequence[Model], swing: Recording, sigma: float, progress:
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        pause = last // every if dry else 0
-        first = solve(replace(model, time=swing.time[::every]), swing.readings[::every], weights[::every], start, tell,
-                      pause=pause)
-        first = first if every == 1 else solution_at(model, first.values, swing.readings, weights)
+        first = solve(model, swing.readings, weights, start, tell, pause=last if dry else 0, every=every)
         solutions[i] = _settled(first, swing, weights)
         if leader is None and not solutions[i].lost:
             leader = solutions[i]
