@@ -116,7 +116,8 @@ class BackwardDifference(Started):
         ends = [step.end(y, term(1, f"{y}_gain")) for y in "qv"]
         zeros = ", ".join(["zero"] * (len(self.memory_with(notation.quadratures)) - 1))
         begin = ["zero = v - v", f"return h - h, {zeros}"]
-        return self.write_starter(notation) + one_stage(more) + self.define(begin, step, ends, kept, sums)
+        newton = one_stage(more, refines=notation.refines)
+        return self.write_starter(notation) + newton + self.define(begin, step, ends, kept, sums)
 
 
 def _backward(order: int, *alpha: str) -> BackwardDifference:

@@ -102,7 +102,7 @@ class DiscreteGradient(Method):
             middle = step.sum("q", term(HALF, "h", "w"))
             step.line(f"{', '.join(['_', *quadratures])} = rates(t + 0.5*h, {middle}, w{more})")
         ends = [step.end("q", term(1, "h", "w")), step.end("v", term(1, "h", "a"))]
-        return one_stage(more, mean=True) + step.source(
+        return one_stage(more, mean=True, refines=notation.refines) + step.source(
             self.title, ends, increments=[f"h*{name}" for name in quadratures])
 
 

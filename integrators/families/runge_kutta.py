@@ -237,7 +237,7 @@ class RungeKutta(Method):
                 q = step.sum("q", increment(self.a[i - 1], [f"v{j}" for j in stages]))
                 rates = ", ".join(["_", *(f"{name}{i}" for name in quadratures)])
                 step.line(f"{rates} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
-            return simultaneous(self.a, self.c, more, number)
+            return simultaneous(self.a, self.c, more, number, notation.refines)
         for i in stages:
             diagonal, t = self.a[i - 1][i - 1], time_at(self.c[i - 1], number)
             before = [j for j in stages if j < i]
@@ -253,7 +253,7 @@ class RungeKutta(Method):
                 step.line(f"{slopes} = {notation.slope}({t}, {step.sum('q', dq)}, v{i}{more})")
             if diagonal:
                 step.line(f"a{i} = k{i}")
-        return one_stage(more) if self.implicit else ""
+        return one_stage(more, refines=notation.refines) if self.implicit else ""
 
     def write_estimating_step(self, notation: Notation) -> str:
         quadratures, more, number = notation.quadratures, notation.more, notation.number

@@ -114,7 +114,7 @@ class SecondOrder(Started):
         means = ["u", *ago("u", range(1, len(self.alpha) - 2))]
         rates, increments = closed(step, self.past + 2)
         kept = ["a_new", *forces[:-1], *means[:-1], *rates]
-        newton = one_stage(notation.more, apart=True) if self.implicit else ""
+        newton = one_stage(notation.more, apart=True, refines=notation.refines) if self.implicit else ""
         begin = self.begin_backwards(notation, means=ago("u", range(self.past)) if several else ())
         return self.write_starter(notation) + newton + self.define(begin, step, ends, kept, increments)
 

@@ -142,7 +142,7 @@ class GeneralizedAlpha(Multistep):
         begin = [f"return {notation.slope}(t, q, v{notation.more})"]
         if len(kept) > 1:
             begin = [f"{slopes} = {notation.slope}(t, q, v{notation.more})", f"return a, {slopes}"]
-        return one_stage(notation.more, apart=True) + self.define(
+        return one_stage(notation.more, apart=True, refines=notation.refines) + self.define(
             begin, step, ["q_new", "v_new"], [*kept, *rates], increments)
 
 

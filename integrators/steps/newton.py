@@ -48,23 +48,45 @@ Newton's method within a bracket (Press et al. 2007, section 9.4), until its ste
 """
 
 
-def one_stage(more: str, mean: bool = False, apart: bool = False) -> str:
+SOLVING, REFINING = "solve_", "refine_"
+"""First letters of the names of functions that solve stages, and of those that take one step of Newton's method.
+
+``refine_stage`` takes the arguments of ``solve_stage`` and then its results, and returns results with a smaller error.
+From a root, its derivatives are those of the root by the implicit function theorem; two steps have them up to order 3.
+"""
+
+REFINE = '''def refine_stage(t, q, v, {lengths}{more}, k):
+    """One step of Newton's method for solve_stage, from k."""
+    w = v + d*k
+    p = q + {place}
+    by_q, by_v = {mean}jacobian(t, p, w{spread}{more})
+    residual = k - {mean}acceleration(t, p, w{spread}{more})
+    return k - residual/(1.0 - {slope})
+
+
+'''
+
+
+def one_stage(more: str, mean: bool = False, apart: bool = False, refines: bool = False) -> str:
     """Return the source of ``solve_stage(t, q, v, d)``, which solves ``k = a(t, q + d w, w)``, ``w = v + d k``.
 
     Args:
         more: the text of further arguments of the function, such as ``, p``.
         mean: True to average forces from the old to the new angle.
         apart: True for ``solve_stage(t, q, v, c, d)``, which solves ``k = a(t, q + c k, v + d k)``.
+        refines: True for the source of ``refine_stage``, too; see :data:`REFINING`.
     """
     words = {"lengths": "d", "way": "d w", "first": " + d*v", "place": "d*w", "slope": "d*(d*by_q + by_v)"}
     if mean:
         words |= {"mean": "mean_", "a": ", d w", "start": ", d*v", "spread": ", d*w"}
     if apart:
         words |= {"lengths": "c, d", "way": "c k", "first": "", "place": "c*k", "slope": "(c*by_q + d*by_v)"}
-    return re.sub(r"{(\w+)}", lambda word: {"more": more, **words}.get(word[1], ""), NEWTON)
+    template = NEWTON + (REFINE if refines else "")
+    return re.sub(r"{(\w+)}", lambda word: {"more": more, **words}.get(word[1], ""), template)
 
 
-def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], more: str, number: Number) -> str:
+def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], more: str, number: Number,
+                 refines: bool = False) -> str:
     """Return the source of ``solve_stages(t, q, v, h)``, which solves all stages of a coupled Runge-Kutta table.
 
     It returns the stages' accelerations ``k_i = a(t + c_i h, q_i, v_i)``, by Newton's method with the full Jacobian,
@@ -76,6 +98,7 @@ def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], mor
         a, nodes: the coefficients a_ij and nodes c_i of the Butcher table.
         more: the text of further arguments of the function, such as ``, p``.
         number: function that returns a coefficient as source text.
+        refines: True for the source of ``refine_stages``, too; see :data:`REFINING`.
     """
     stages = range(1, len(a) + 1)
     square = [[sum((x * row[j] for x, row in zip(line, a, strict=True)), Fraction(0)) for j in range(len(a))]
@@ -100,9 +123,10 @@ def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], mor
              "ds": ", ".join(ds), "sum_d": _sizes("d", stages), "sum_k": _sizes("k", stages),
              "ends": ", ".join(f"k{i} - d{i}" for i in stages),
              "trial": ", ".join(f"x{i} - share*d{i}" for i in stages)}
-    blocks = {"start": start, "sweep": sweep, "matrix": matrix, "solve": _elimination(len(ks), names["nan"])}
-    text = re.sub(r"^( *){(start|sweep|matrix|solve)}", lambda place: "\n".join(
-        place[1] + line for line in blocks[place[2]]), SIMULTANEOUS, flags=re.M)
+    blocks = {"start": start, "sweep": sweep, "matrix": matrix, "solve": _elimination(len(ks), names["nan"]),
+              "correct": _elimination(len(ks))}
+    text = re.sub(r"^( *){(start|sweep|matrix|solve|correct)}", lambda place: "\n".join(
+        place[1] + line for line in blocks[place[2]]), SIMULTANEOUS + (REFINES if refines else ""), flags=re.M)
     return re.sub(r"{(\w+)}", lambda word: names[word[1]], text)
 
 
@@ -125,10 +149,10 @@ def _entry(diagonal: bool, by_q: Fraction, by_v: Fraction, i: int, number: Numbe
     return text[3:] if text.startswith(" + ") else text.replace(" - ", "-", 1) if text.startswith(" - ") else text
 
 
-def _elimination(count: int, nan: str) -> list[str]:
+def _elimination(count: int, nan: str = "") -> list[str]:
     """Return source lines that solve the linear equations ``m d = r`` by Gaussian elimination with row exchange.
 
-    If the matrix is singular, these lines return the source text ``nan``.
+    If the matrix is singular, these lines return the source text ``nan``; with "" they divide by zero.
     """
     lines = []
     stages = range(1, count + 1)
@@ -137,7 +161,7 @@ def _elimination(count: int, nan: str) -> list[str]:
             ours, theirs = ([*(f"m{row}_{j}" for j in range(k, count + 1)), f"r{row}"] for row in (k, i))
             lines.append(f"if abs(m{i}_{k}) > abs(m{k}_{k}):")
             lines.append(f"    {', '.join([*ours, *theirs])} = {', '.join([*theirs, *ours])}")
-        lines += [f"if m{k}_{k} == 0.0:", f"    return {nan}"]
+        lines += [f"if m{k}_{k} == 0.0:", f"    return {nan}"] if nan else []
         for i in range(k + 1, count + 1):
             lines.append(f"f = m{i}_{k}/m{k}_{k}")
             lines += [f"m{i}_{j} = m{i}_{j} - f*m{k}_{j}" for j in range(k + 1, count + 1)]
@@ -183,3 +207,13 @@ SIMULTANEOUS = '''def solve_stages(t, q, v, h{more}):
 
 '''
 """Template of a function that solves coupled stages; :func:`simultaneous` replaces the words in braces."""
+
+REFINES = '''def refine_stages(t, q, v, h{more}, {ks}):
+    """One step of Newton's method for solve_stages, from {ks}."""
+    {sweep}
+    {matrix}
+    {correct}
+    return {ends}
+
+
+'''

@@ -132,6 +132,7 @@ class Notation:
         number: function that returns a coefficient as source text.
         exact_drag: True if two drag flows in a row equal one flow over both times.
         dense: True for a step that also returns its stages.
+        refines: True for the source of one step of Newton's method beside every function that solves a stage.
     """
 
     quadratures: tuple[str, ...] = ()
@@ -140,6 +141,7 @@ class Notation:
     number: Number = literal
     exact_drag: bool = True
     dense: bool = False
+    refines: bool = False
 
     @property
     def more(self) -> str:

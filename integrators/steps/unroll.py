@@ -41,6 +41,7 @@ def unroll(
     dense: bool = False,
     compensated: bool = False,
     glides: bool = False,
+    refines: bool = False,
 ) -> str:
     """Return the source of a method's ``step``, of the functions it needs, and of ``begin`` if the method has a memory.
 
@@ -61,6 +62,8 @@ def unroll(
         compensated: True for a step that also takes and returns the rounding errors of q and v; see
             :mod:`integrators.steps.compensated`.
         glides: True if the hooks ``kick`` and ``push`` do more than ``v + h a``, as under dry friction.
+        refines: True for the source, beside every function that solves a stage, of one step of Newton's method; see
+            :data:`integrators.steps.newton.REFINING`.
 
     Raises MethodError if the method's class writes no step, has no estimates, cannot be compensated, or adds nothing to
     the quadratures.
@@ -69,7 +72,8 @@ def unroll(
     if estimates:
         check_estimates(method)
         return method.write_estimating_step(Notation(*names, dense))
-    source = method.write_step(CompensatedNotation(*names, glides=glides) if compensated else Notation(*names, dense))
+    source = method.write_step(CompensatedNotation(*names, glides=glides) if compensated else
+                               Notation(*names, dense, refines))
     missing = [name for name in quadratures if name not in source]
     if missing:
         raise MethodError(f"{method.name}: its step does not integrate {', '.join(missing)}.")

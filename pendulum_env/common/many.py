@@ -36,10 +36,10 @@ def _both_ways(operation: Operator) -> tuple[Operator, Operator]:
     """
 
     def forward(one: Many, other: Any) -> Any:
-        return Many(operation(one.values, plain(other))) if isinstance(other, KINDS) else NotImplemented
+        return one.combined(operation, one, other) if isinstance(other, KINDS) else NotImplemented
 
     def backward(one: Many, other: Any) -> Any:
-        return Many(operation(other, one.values)) if isinstance(other, KINDS) else NotImplemented
+        return one.combined(operation, other, one) if isinstance(other, KINDS) else NotImplemented
 
     return forward, backward
 
@@ -56,14 +56,14 @@ def _compared(comparison: Operator) -> Operator:
     return compare
 
 
-def _quotient(one: Any, other: Any) -> Any:
+def quotient(one: Any, other: Any) -> Any:
     """Return ``one / other``; raises ZeroDivisionError if all values of ``other`` are 0, PartedError if some are."""
     if alike(np.equal(other, 0.0)):
         raise ZeroDivisionError("float division by zero")
     return one / other
 
 
-def _power(one: Any, other: Any) -> NDArray[np.float64]:
+def power(one: Any, other: Any) -> NDArray[np.float64]:
     """Return powers of Many's values, computed by Python, because numpy's may differ in the last bit."""
     if np.ndim(other) == 0:
         return np.array(list(map(pow, one.tolist(), repeat(float(other)))), dtype=np.float64)
@@ -87,16 +87,32 @@ class Many:
     __add__, __radd__ = _both_ways(operator.add)
     __sub__, __rsub__ = _both_ways(operator.sub)
     __mul__, __rmul__ = _both_ways(operator.mul)
-    __truediv__, __rtruediv__ = _both_ways(_quotient)
-    __pow__, __rpow__ = _both_ways(_power)
+    __truediv__, __rtruediv__ = _both_ways(quotient)
+    __pow__, __rpow__ = _both_ways(power)
     __lt__, __le__, __gt__, __ge__ = map(_compared, (operator.lt, operator.le, operator.gt, operator.ge))
     __eq__, __ne__ = map(_compared, (operator.eq, operator.ne))
 
+    def combined(self, operation: Operator, left: Any, right: Any) -> Many:
+        """Return the result of an operation of two numbers, of which at least one is this class's."""
+        return Many(operation(plain(left), plain(right)))
+
+    def mapped(self, function: np.ufunc) -> Many:
+        """Return a function of NumPy of this number, such as ``np.sqrt``."""
+        return Many(function(self.values))
+
+    def through(self, formula: Callable[..., Any], further: tuple[float, ...]) -> Any:
+        """Return a formula of this number and of further ones; see :func:`applied`."""
+        return formula(self, *further)
+
+    def refined(self, further: Any) -> Any:
+        """Return this result of an iteration; see :func:`settled`."""
+        return self
+
     def __neg__(self) -> Many:
-        return Many(-self.values)
+        return self.mapped(np.negative)
 
     def __abs__(self) -> Many:
-        return Many(np.abs(self.values))
+        return self.mapped(np.absolute)
 
     def __format__(self, form: str) -> str:
         return f"{self.values.min():{form}} to {self.values.max():{form}}"
@@ -128,7 +144,23 @@ def sqrt(number: float) -> float:
         return math.sqrt(number)
     if number < 0.0:
         raise ValueError("math domain error")
-    return Many(np.sqrt(number.values))
+    return number.mapped(np.sqrt)
+
+
+def applied(formula: Callable[..., float], number: float, *further: float) -> float:
+    """Return a formula of a number, and of further floats, that is or calls an elementary function of this package.
+
+    A class of numbers beside floats may compute it in its own way, by the method ``through`` of Many.
+    """
+    return number.through(formula, further) if isinstance(number, Many) else formula(number, *further)
+
+
+def settled(root: float, further: float) -> float:
+    """Return the result of an iteration that rounding keeps from falling, ``further`` being one more iterate.
+
+    A class of numbers that have derivatives takes ``further``, whose derivatives have the smaller error.
+    """
+    return root.refined(further) if isinstance(root, Many) else root
 
 
 def isfinite(number: float) -> bool:

@@ -67,10 +67,14 @@ class BatchProgram(Program):
 
 def program(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
-    compensated: bool = False,
+    compensated: bool = False, refines: bool = False,
 ) -> Program:
-    """Return the program for single runs of a scene with a method; values of parameters are arguments, not text."""
-    return _program(problem_of(scene, method, diagnostics, adaptive, compensated))
+    """Return the program for single runs of a scene with a method; values of parameters are arguments, not text.
+
+    With ``refines`` it also has, for every implicit stage, the function of one step of Newton's method; see
+    :data:`integrators.steps.newton.REFINING`.
+    """
+    return _program(problem_of(scene, method, diagnostics, adaptive, compensated, refines))
 
 
 def batch_program(
@@ -138,7 +142,7 @@ def _step(problem: Problem) -> list[str]:
     step = unroll(
         method, quadratures=shape.quadratures, extra=problem.shape.forces, hooks=hooks,
         exact_drag=len(problem.flows) < 2, estimates=shape.adaptive, compensated=shape.compensated,
-        glides=bool(shape.dry),
+        glides=bool(shape.dry), refines=problem.refines,
     )
     return [
         *(WRITTEN[name](problem) for name in called if name in WRITTEN),

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pendulum_env.engine.source import Plain, arguments
+from pendulum_env.engine.source import Plain, arguments, constants_of, copied, with_callees
 from pendulum_env.engine.translated import Piece, built
 from pendulum_env.engine.wrap import half_turns
 from pendulum_env.physics.elementary import cos, sin
@@ -150,10 +150,15 @@ def judge(goal: Goal, omega0: float, h: float) -> Judge:
     task is lost. ``omega0`` [1/s] and the integrator's step ``h`` [s] are constant.
     """
     taken = [f"{name} = before[{name!r}]" for name in goal.before]
-    lines = [*taken, *goal.aimed(), f"return {goal.call(goal.reward)}, {goal.call(goal.lost)}"]
-    text = "def judge(index, q, turns, v, phi, control, before):\n" + "".join(f"    {line}\n" for line in lines)
+    text = _judging(goal, "index, q, turns, v, phi, control, before", taken)
     made: Judge = _made(goal, text, omega0=omega0, h=h)["judge"]
     return made
+
+
+def _judging(goal: Goal, arguments: str, taken: Sequence[str] = ()) -> str:
+    """Write the source of ``judge``, which returns reward and loss; ``taken`` are its first lines."""
+    lines = [*taken, *goal.aimed(), f"return {goal.call(goal.reward)}, {goal.call(goal.lost)}"]
+    return f"def judge({arguments}):\n" + "".join(f"    {line}\n" for line in lines)
 
 
 def looking_ahead(goal: Goal, h: float, span: float) -> Callable[[float], tuple[float, ...]]:
@@ -161,10 +166,32 @@ def looking_ahead(goal: Goal, h: float, span: float) -> Callable[[float], tuple[
 
     ``h`` is the integrator's step, ``span`` the control step [s].
     """
-    lines = [*goal.aimed()[-1:], *goal.ahead(), f"return {', '.join(AHEAD)}"]
-    text = "def ahead(index):\n" + "".join(f"    {line}\n" for line in lines)
+    text = _looking(goal, "index")
     made: Callable[[float], tuple[float, ...]] = _made(goal, text, **{"h": h, SPAN: span})["ahead"]
     return made
+
+
+def _looking(goal: Goal, arguments: str) -> str:
+    """Write the source of ``ahead``, which returns the entries AHEAD of the observation."""
+    lines = [*goal.aimed()[-1:], *goal.ahead(), f"return {', '.join(AHEAD)}"]
+    return f"def ahead({arguments}):\n" + "".join(f"    {line}\n" for line in lines)
+
+
+MOTION = ("index", "q", "turns", "v", "phi", "control", "omega0", "h")
+"""Arguments of ``judge`` in the text of a goal; those BEFORE that it takes follow."""
+
+
+def goal_text(goal: Goal) -> str:
+    """Return the text of a program with the functions of a goal, and with two that call them.
+
+    ``judge(index, q, turns, v, phi, control, omega0, h, *before)`` returns reward and loss, where ``before`` are the
+    quantities ``goal.before``; with a reference, ``ahead(index, h, control_span)`` returns the entries AHEAD.
+    """
+    copies = with_callees([*goal.functions, sin, cos])
+    constants = "".join(f"{name} = {value!r}\n" for name, value in constants_of(copies).items())
+    further = [_looking(goal, f"index, h, {SPAN}")] if goal.reference else []
+    return "\n\n".join([constants, copied(copies).replace("@inline\n", ""),
+                        _judging(goal, ", ".join((*MOTION, *goal.before))), *further])
 
 
 def _rebuilt(named: Sequence[Any], upright: bool, pieces: tuple[Piece, ...]) -> Goal:

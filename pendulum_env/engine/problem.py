@@ -41,6 +41,7 @@ class Problem:
         torques: the effects that have a torque; ``drives`` and ``drags`` are the driving and the dissipative ones among
             them. Dry friction has no torque.
         heats: name of a dissipative effect -> name of the quadrature (integral along a step) of its heat.
+        refines: True for a program that also has one step of Newton's method for every implicit stage.
     """
 
     effects: tuple[Effect, ...] = field(compare=False)
@@ -53,6 +54,7 @@ class Problem:
     drives: list[Effect] = field(compare=False)
     drags: list[Effect] = field(compare=False)
     heats: dict[str, str] = field(compare=False)
+    refines: bool = False
 
     @property
     def dry(self) -> Effect | None:
@@ -112,7 +114,7 @@ class Problem:
 
 def problem_of(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
-    compensated: bool = False,
+    compensated: bool = False, refines: bool = False,
 ) -> Problem:
     """Return the Problem of a scene with a method, from which programs are generated.
 
@@ -158,7 +160,8 @@ def problem_of(
         clip=clip, drift=f"{method.last_drift!r}" if clip and method.last_drift else "",
         drawn=tuple(name for effect in effects if effect.draws for name in effect.memory[-effect.draws:]),
     )
-    return Problem(effects, program_parts(scene), method, diagnostics, shape, windy, torques, drives, drags, heats)
+    return Problem(effects, program_parts(scene), method, diagnostics, shape, windy, torques, drives, drags, heats,
+                   refines)
 
 
 def program_parts(scene: Scene) -> tuple[Any, ...]:

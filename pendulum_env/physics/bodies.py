@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import Any, ClassVar
 
-from pendulum_env.common.many import sqrt
+from pendulum_env.common.many import applied, sqrt
 from pendulum_env.physics.body import Body, Piece, RigidBody
 from pendulum_env.physics.elementary import power
 from pendulum_env.physics.units import SceneError, flag, nearest, one_of, shown, si
@@ -103,7 +103,7 @@ class Rod(RigidBody):
 
     def lever(self, exponent: float) -> float:
         """Return a power of the distance from the pivot, summed over both ends of the rod."""
-        return power(self.reach, exponent) + power(self.overhang, exponent)
+        return applied(power, self.reach, exponent) + applied(power, self.overhang, exponent)
 
     @property
     def even_lever(self) -> float:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+from pendulum_env.common.many import applied
 from pendulum_env.physics.elementary import power
 from pendulum_env.physics.units import Checked, SceneError, choice, si
 
@@ -212,7 +213,7 @@ class Body(RigidBody):
     @property
     def volume(self) -> float:
         """Return the volume of the bob [m³]."""
-        return 4.0 / 3.0 * math.pi * power(self.radius, 3.0)
+        return 4.0 / 3.0 * math.pi * applied(power, self.radius, 3.0)
 
     @property
     def frontal_area(self) -> float:
@@ -229,11 +230,11 @@ class Body(RigidBody):
 
     def drag_moment(self, pressure: float) -> float:
         """Return ``pressure pi a**2 L**3``; :meth:`RigidBody.drag_moment` explains it [kg m²]."""
-        return pressure * self.frontal_area * power(self.length, 3.0)
+        return pressure * self.frontal_area * applied(power, self.length, 3.0)
 
     def lever(self, exponent: float) -> float:
         """Return a power of the length."""
-        return power(self.length, exponent)
+        return applied(power, self.length, exponent)
 
     @property
     def even_lever(self) -> float:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from pendulum_env.common.many import applied
 from pendulum_env.physics.elementary import exp, log, power
 
 __all__ = ["LAWS", "DragLaw"]
@@ -157,7 +158,7 @@ class DragLaw:
         """Return C_d at a Reynolds number; ValueError for a Reynolds number outside the law's range."""
         if not 0.0 < reynolds <= self.most:
             raise ValueError(f"A sphere's drag coefficient is known for 0 < Re <= {self.most:g}, not {reynolds}.")
-        return 24.0 / reynolds * self.multiple(reynolds)
+        return 24.0 / reynolds * applied(self.multiple, reynolds)
 
 
 _ALL = (

@@ -41,6 +41,7 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.hard_cases": (*RUNS, "pendulum_env.plots"),
     "pendulum_env.plots": (*RUNS, "pendulum_env.render", "pendulum_env.lab", "pendulum_env.study",
                            "pendulum_env.hard_cases"),
+    "pendulum_env.jax": (*BASE, "pendulum_env.engine", "pendulum_env.tasks", "pendulum_env.envs"),
     "pendulum_env.testing": ("pendulum_env.common",),
     "pendulum_env.adapters": ("pendulum_env.common",),
     "pendulum_env.exercise": (*BASE, "pendulum_env.lab", "pendulum_env.render", "pendulum_env.plots"),

@@ -30,6 +30,8 @@ CLAIM = re.compile(r"\b[Rr]aises?\s((?:[^.`]|`[^`]*`|\.(?=\w))*)")
 ERROR = re.compile(r"\b[A-Z]\w+\b")
 FOREIGN = {name for kind in (dict, list, tuple, set, str, bytes, float, np.ndarray, re.Pattern) for name in dir(kind)}
 """Attributes that objects of Python and NumPy have, too: they lead nowhere."""
+ELSEWHERE = ("pendulum_env.adapters.", "pendulum_env.jax")
+"""Beginnings of the names of modules that need a program in an environment of its own."""
 Place = tuple[str, str]
 """A module and the qualified name of a function or a class in it."""
 Caught = tuple[type[BaseException], ...]
@@ -73,11 +75,11 @@ def _classes() -> tuple[type, ...]:
 
 @functools.cache
 def modules() -> dict[str, ModuleType]:
-    """Return every module of the package by name, but adapters, whose programs are in environments of their own."""
+    """Return every module of the package by name, but those whose programs are in environments of their own."""
     found = {}
     for package in (integrators, pendulum_env):
         for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if not one.name.endswith(("__main__", ".moved")) and not one.name.startswith("pendulum_env.adapters."):
+            if not one.name.endswith(("__main__", ".moved")) and not one.name.startswith(ELSEWHERE):
                 found[one.name] = import_module(one.name)
         found[package.__name__] = package
     return found

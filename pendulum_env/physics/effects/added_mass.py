@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pendulum_env.common.many import sqrt
+from pendulum_env.common.many import settled, sqrt
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter
 from pendulum_env.physics.surroundings import Surroundings
@@ -107,4 +107,5 @@ def own_frequency(torque: float, inertia: float, layer: float) -> float:
     while x < last:
         last = x
         x -= ((inertia * x + layer) * x * x * x - torque) / ((4.0 * inertia * x + 3.0 * layer) * x * x)
-    return last * last
+    root = settled(last, x)
+    return root * root

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from pendulum_env.common.many import applied
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
 from pendulum_env.physics.elementary import power
@@ -73,7 +74,7 @@ class WireDrag(Effect):
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         thickness, lever = scene.body.diameter, scene.body.lever
         density, viscosity = scene.medium.density, scene.medium.kinematic_viscosity
-        skin = 1.5 * density * thickness * power(viscosity / thickness, 2.0 / 3.0) * lever(10.0 / 3.0)
+        skin = 1.5 * density * thickness * applied(power, viscosity / thickness, 2.0 / 3.0) * lever(10.0 / 3.0)
         return {
             "wire_form_rate": 0.125 * density * thickness * lever(4.0) / scene.inertia,
             "wire_skin_rate": skin / scene.inertia,

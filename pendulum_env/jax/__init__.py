@@ -1,0 +1,15 @@
+"""The differentiable twin: the package's scenes and methods as pure functions of JAX arrays.
+
+``import pendulum_env.jax as twin``. It needs the extra ``jax``; importing it changes no setting of JAX.
+"""
+
+try:
+    import jax as _jax  # noqa: F401
+except ImportError as error:
+    raise ImportError(f"pendulum_env.jax needs JAX, but {error.name} is missing: pip install 'lab-pendulum[jax]'.",
+                      name=error.name) from None
+
+from pendulum_env.jax.env import EnvParams, EnvState, Gymnax, LabPendulum
+from pendulum_env.jax.run import Rollout, rollout
+
+__all__ = ["EnvParams", "EnvState", "Gymnax", "LabPendulum", "Rollout", "rollout"]

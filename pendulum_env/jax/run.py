@@ -1,0 +1,407 @@
+"""The function :func:`rollout`: runs of a scene that JAX can differentiate, compile, map and run on any device."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from integrators import Method, MethodError
+from pendulum_env.engine.generate import Program, program
+from pendulum_env.engine.machine import check_diagnostics, find_method
+from pendulum_env.engine.report import SEEN
+from pendulum_env.engine.shape import HOLD, SLACK, STOP_REASONS
+from pendulum_env.engine.starts import checked_control, checked_steps
+from pendulum_env.engine.streams import Streams
+from pendulum_env.jax.parameters import is_array, numbers, with_parameters
+from pendulum_env.jax.programs import Later, Unchanged, bare, functions
+from pendulum_env.physics import random
+from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, number, one_of, whole_number
+
+Turn = Callable[[Any, Any], Any]
+DTYPES = {"float32": np.float32, "float64": np.float64}
+"""Names of the types of numbers in a run."""
+LONG = 1000
+"""Number of steps from which a run keeps only some of its states for a derivative, and computes the others anew."""
+
+
+REFUSED: Mapping[str, str] = {
+    "compensated": "whose compiler may contract and reorder sums",
+    **dict.fromkeys(("rtol", "atol"), "where the number of steps must be known beforehand"),
+    **dict.fromkeys(("events", "dense", "estimate_error", "file", "backend", "num_threads", "progress"),
+                    "where a run is one pure function of arrays"),
+}
+"""Keyword of :func:`pendulum_env.rollout` that :func:`rollout` does not take -> the reason."""
+
+
+# --- what cannot be done ----------------------------------------------------------------------------------------------
+
+
+def check_fits(scene: Scene, method: Method, kind: Any) -> None:
+    """Raise SceneError or MethodError, with the reason and the nearest choice, for what has no twin in JAX."""
+    dry = next((effect for effect in scene.effects if effect.dry), None)
+    if dry is not None:
+        raise SceneError(
+            f"{dry.name} has no twin in JAX: whether the bob sticks is decided by searches within steps, which have no "
+            f"derivative; leave it out, as with damping='linear', or use pendulum_env.rollout."
+        )
+    if method.python_functions:
+        names = " and ".join(method.python_functions)
+        raise MethodError(f"{method.name} calls the Python function {names}, which JAX cannot trace; write its step "
+                          "without conditions on numbers, or use a method of the list, such as rk4.")
+    drawing = next((effect for effect in scene.effects if effect.draws), None)
+    if drawing is not None and kind != np.float64:
+        raise SceneError(f"The random numbers of {drawing.name} need float64; call "
+                         "jax.config.update('jax_enable_x64', True) first, or leave the effect out.")
+
+
+# --- one step ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Twin:
+    """The step of a scene with a method as a pure function on arrays.
+
+    Attributes:
+        program: the generated program; scenes that differ only in numbers share it.
+    """
+
+    program: Program
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of a state's entries."""
+        return self.program.shape.state
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Return the names of the numbers that a step takes as parameters, in their order."""
+        return self.program.shape.params
+
+    @property
+    def size(self) -> int:
+        """Return the number of a state's entries that are carried from step to step, before the reported ones."""
+        return self.program.shape.phi
+
+    @property
+    def read(self) -> frozenset[int]:
+        """Return the indices of the entries of a state from which the next step starts; the others are left at 0."""
+        return functions(self.program.text).entries_read("run", "state")
+
+    def start(self, angle: Any, velocity: Any, parameters: Any, drawn: Mapping[str, float], kind: Any) -> Any:
+        """Return the state at the start, a tuple of arrays."""
+        shape = self.program.shape
+        angle, velocity = (jnp.asarray(value, kind) for value in (angle, velocity))
+        turns = jnp.zeros((), kind)
+        if shape.periodic:
+            call = functions(self.program.text).call
+            halves = call("half_turns", angle)
+            angle, turns = call("without_half_turns", angle, halves), 0.5 * halves
+        form = jnp.broadcast_shapes(angle.shape, velocity.shape, *(jnp.shape(value) for value in parameters))
+        known = {"angle": angle, "turns": turns, "velocity": velocity, **drawn}
+        state = tuple(jnp.broadcast_to(jnp.asarray(known.get(name, 0.0), kind), form)
+                      for name in self.names[: self.size])
+        return self.run(state, parameters, 0.0, 1.0, steps=0)[1]
+
+    def run(self, state: Any, parameters: Any, control: Any, h: Any, speed_limit: Any = math.inf, steps: int = 1,
+            report: bool = False, known: bool = False) -> tuple[Any, Any, Any]:
+        """Return the stop code, the state and the reported values after ``steps`` steps, 0 or 1, of the program.
+
+        The reported values are the entries of ``info``, "phi" and the observation, by name; empty without ``report``.
+
+        ``known`` says that this is not the first step and that the control is that of the step before.
+        """
+        held = [*state, *[0.0] * (len(self.names) - len(state))]
+        seen = [0.0] * 3 if report else []
+        if known:
+            held[0], control = Later(held[0]), Unchanged(control)
+            if "held" in self.names:
+                held[self.names.index("held")] = control
+        with np.errstate(over="ignore"):  # bounds such as 1e150 are infinite in float32
+            stop = functions(self.program.text).call(
+                "run", held, list(parameters), control, h, steps, 1, speed_limit, [], seen)
+        like = state[1]
+        after = [jnp.broadcast_to(jnp.asarray(bare(value), like.dtype), like.shape) for value in (stop, *held, *seen)]
+        stop, read = after[0], self.read
+        values = [value if i in read else jnp.zeros_like(value) for i, value in enumerate(after[1: 1 + self.size])]
+        reports = dict(zip((*self.names[self.size:], *SEEN), after[1 + self.size:], strict=True)) if report else {}
+        return stop, tuple(values), reports
+
+    def step(self, carry: Any, parameters: Any, control: Any, h: Any, speed_limit: Any = math.inf,
+             known: bool = False) -> tuple[Any, Any]:
+        """Return the state and the stop code after one step from both; a run that has stopped keeps them."""
+        state, stop = carry
+        code, after, _ = self.run(state, parameters, control, h, speed_limit, known=known)
+        after = tuple(jnp.where(stop == 0.0, new, old) for new, old in zip(after, state, strict=True))
+        ended = (stop == 0.0) & (code == float(SLACK))
+        if self.program.shape.slack:
+            after = tuple(without_derivative(value, ended) for value in after)
+        return after, jnp.where(stop == 0.0, code, stop)
+
+
+@jax.custom_jvp  # type: ignore[untyped-decorator]
+def without_derivative(value: Any, where: Any) -> Any:
+    """Return a value, whose derivative is nan where a condition holds."""
+    return value
+
+
+@without_derivative.defjvp  # type: ignore[untyped-decorator]
+def _(primals: Any, tangents: Any) -> Any:
+    value, where = primals
+    return value, tangents[0] * jnp.where(where, jnp.nan, 1.0).astype(value.dtype)
+
+
+def twin(scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",)) -> Twin:
+    """Return the step of a scene with a method as a pure function on arrays."""
+    return Twin(program(scene, method, diagnostics, refines=True))
+
+
+# --- runs -------------------------------------------------------------------------------------------------------------
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Rollout:
+    """A run in JAX arrays; time is the last axis of the arrays of states.
+
+    Attributes:
+        time: times of the states [s].
+        angle: unwrapped angle [rad].
+        velocity: angular velocity [rad/s].
+        values: further reported quantities by name, such as "energy", "work", "heat" and "energy_residual" [J].
+        stop: code of the stop reason, 0 if the run did not stop; the states after a stop repeat the last one.
+        scene: name of the scene.
+        integrator: name of the method.
+        dtype: type of the numbers, "float32" or "float64".
+    """
+
+    time: Any
+    angle: Any
+    velocity: Any
+    values: dict[str, Any]
+    stop: Any
+    scene: str = field(metadata={"static": True})
+    integrator: str = field(metadata={"static": True})
+    dtype: str = field(metadata={"static": True})
+
+    def __getattr__(self, name: str) -> Any:
+        values = vars(self).get("values", {})
+        if isinstance(values, dict) and name in values:
+            return values[name]
+        raise AttributeError(f"A Rollout has no {name}; it has time, angle, velocity, {', '.join(values)}.")
+
+    @property
+    def stop_reason(self) -> Any:
+        """Return the stop reason, "" if the run did not stop; an array of texts for a batch. Not while JAX traces."""
+        names = np.array([STOP_REASONS.get(int(code), "") for code in np.ravel(self.stop)])
+        return str(names[0]) if np.ndim(self.stop) == 0 else names.reshape(np.shape(self.stop))
+
+
+def rollout(
+    scene: str | Scene | Mapping[str, object] = "lab",
+    *,
+    integrator: str | Method = "rk4",
+    damping: Damping = "scene",
+    angle: Any = None,
+    velocity: Any = None,
+    duration: float | None = None,
+    steps: int | None = None,
+    dt: Any = None,
+    every: int = 1,
+    control: Any = 0.0,
+    actions: Any = None,
+    substeps: int = 1,
+    diagnostics: Sequence[str] = ("energy",),
+    speed_limit: Any = math.inf,
+    seed: int = 0,
+    dtype: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    **more: Any,
+) -> Rollout:
+    """Simulate a scene in JAX: a pure function of start, parameters, actions and step.
+
+    ``jax.grad``, ``jax.jit`` and ``jax.vmap`` work on a function that calls it. Everything that may be an array of JAX
+    may also be an array of runs, which broadcast. The numbers are those of :func:`pendulum_env.rollout` up to rounding.
+
+    Args:
+        scene, integrator, damping, diagnostics: as in :func:`pendulum_env.rollout`.
+        angle, velocity: initial condition [rad, rad/s]; numbers or arrays.
+        duration: length of the run [s], rounded up to whole steps; or ``steps``, their number.
+        dt: the integrator's step [s]; a number or an array. With an array, give ``steps``.
+        every: record one state per this many steps.
+        control: constant motor torque, as a fraction of its largest torque; a number or an array.
+        actions: the fractions, one per control step, in place of ``control``: an array with time as its last axis.
+            Each acts for ``substeps`` steps; they give the length of the run.
+        substeps: steps per control step.
+        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
+        seed: seed of gusts.
+        dtype: "float32" or "float64"; by default float64 where JAX has it enabled. float64 needs
+            ``jax.config.update("jax_enable_x64", True)``.
+        parameters: parameters of the scene by name, such as ``{"length": x}``; numbers or arrays.
+        **more: the same by keyword, such as ``length=x``.
+
+    Returns a :class:`Rollout`. Runs of more than 1000 steps keep the states of some steps only and compute the others
+    again for a derivative, so that its memory grows with the square root of the number of steps. At a wire that goes
+    slack the derivative of the state is nan.
+
+    Raises SceneError or MethodError for invalid arguments, and for what has no twin: dry friction, steps that call
+    Python.
+    """
+    given = {**(parameters or {}), **more}
+    for name, why in REFUSED.items():
+        if name in given:
+            raise MethodError(f"{name} has no twin in JAX, {why}; leave it out, or use pendulum_env.rollout.")
+    place = with_parameters(build_scene(scene, damping, {}), given)
+    method = find_method(integrator, place)
+    kind = kind_of(dtype)
+    check_fits(place, method, kind)
+    usual = place.run
+    h = usual.dt if dt is None else dt if is_array(dt) else number(dt, "dt", above=0.0, unit="s")
+    hold = whole_number(substeps, "substeps")
+    count, controls = _length(usual.duration if duration is None else duration, duration, steps, h, actions, hold)
+    stride = min(whole_number(every, "every"), count)
+    if count % stride:
+        raise SceneError(f"every must divide the number of steps, {count}, in JAX, where all records are of one "
+                         f"length; {stride} does not.")
+    one = twin(place, method, check_diagnostics(diagnostics))
+    values = {HOLD[0]: float(hold), **numbers(place)}
+    arrays = tuple(jnp.asarray(values[name], kind) for name in one.parameters)
+    share = control if is_array(control) else checked_control(control)
+    start = tuple(usual_one if value is None else value for value, usual_one in
+                  ((angle, usual.angle), (velocity, usual.velocity)))
+    drawn = _drawn(one, seed)
+    forced = None if controls is None else jnp.asarray(controls, kind)
+    run: Rollout = _runner(one, count, stride, hold, place.name, method.name, kind)(
+        *(jnp.asarray(value, kind) for value in start), arrays, drawn, jnp.asarray(share, kind), forced,
+        jnp.asarray(h, kind), jnp.asarray(speed_limit, kind))
+    return run
+
+
+def kind_of(dtype: str | None) -> Any:
+    """Return the type of numbers; SceneError for float64 where JAX has it turned off."""
+    wide = bool(jax.config.jax_enable_x64)
+    name = ("float64" if wide else "float32") if dtype is None else one_of(dtype, "dtype", DTYPES)
+    if name == "float64" and not wide:
+        raise SceneError("JAX has float64 turned off; call jax.config.update('jax_enable_x64', True) first, or take "
+                         "dtype='float32'.")
+    return DTYPES[name]
+
+
+def _length(length: float, duration: float | None, steps: int | None, h: Any, actions: Any, hold: int,
+            ) -> tuple[int, Any]:
+    """Return the number of steps, and the actions if there are any."""
+    if actions is not None:
+        if steps is not None or duration is not None:
+            raise SceneError("actions give the length of the run; leave duration and steps out.")
+        if np.ndim(actions) < 1 or np.shape(actions)[-1] < 1:
+            raise SceneError("actions must be an array with one number per control step.")
+        return int(np.shape(actions)[-1]) * hold, actions
+    if steps is not None:
+        if duration is not None:
+            raise SceneError("Give duration or steps, not both.")
+        return whole_number(steps, "steps"), None
+    if is_array(h):
+        raise SceneError("With dt as an array, give steps, because the number of steps must be known.")
+    return checked_steps(number(length, "duration", above=0.0, unit="s"), h), None
+
+
+def _drawn(one: Twin, seed: int) -> dict[str, float]:
+    """Return the random start of effects such as gusts, equal to that of :func:`pendulum_env.rollout`."""
+    names = one.program.shape.drawn
+    if not names:
+        return {}
+    streams = Streams((whole_number(seed, "seed", least=0),))
+    return {name: float(random.started(float(streams.uniform(np.zeros(1, dtype=np.intp))[0]))) for name in names}
+
+
+@lru_cache(maxsize=128)
+def _runner(one: Twin, count: int, every: int, hold: int, scene: str, integrator: str, kind: Any) -> Callable[..., Any]:
+    """Return the compiled run of a number of steps, a function of start, numbers and controls."""
+    shape = one.program.shape
+
+    def run(angle: Any, velocity: Any, parameters: Any, drawn: Any, control: Any, actions: Any, h: Any,
+            speed_limit: Any) -> Rollout:
+        if actions is not None:
+            angle = jnp.broadcast_to(angle, jnp.broadcast_shapes(angle.shape, actions.shape[:-1]))
+        angle = angle + 0.0 * (control + h)
+        state = one.start(angle, velocity, parameters, drawn, kind)
+        start = carry = (state, jnp.zeros_like(state[1]))
+        by_step = None if actions is None else jnp.repeat(jnp.moveaxis(actions, -1, 0), hold, axis=0)
+        taken = int(by_step is None and bool(shape.memory) and not shape.remembered)
+        if taken:  # the first step computes the history; the others know it
+            carry = one.step(carry, parameters, control, h, speed_limit)
+
+        def turn(carry: Any, i: Any) -> Any:
+            acting = control if by_step is None else by_step[i]
+            known = not shape.remembered and (by_step is None or not shape.memory)
+            return one.step(carry, parameters, acting, h, speed_limit, known)
+
+        rows = _recorded(turn, carry, taken, count, every)
+        states, stops = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, rows)
+        judged, _, reports = one.run(tuple(states), parameters, control, h, report=True, steps=0)
+        ends = jnp.where(stops[-1] != 0.0, stops[-1], jnp.max(judged, axis=0))
+        series = {name: jnp.moveaxis(value, 0, -1) for name, value in reports.items()
+                  if name not in ("phi", *SEEN)}
+        turned = states[one.names.index("angle")] + 2.0 * math.pi * states[one.names.index("turns")]
+        time = series.pop("time", jnp.moveaxis(states[0] * h, 0, -1))
+        angles = series.pop("angle", jnp.moveaxis(turned, 0, -1))
+        velocities = series.pop("velocity", jnp.moveaxis(states[one.names.index("velocity")], 0, -1))
+        return Rollout(time, angles, velocities, series, ends, scene, integrator, np.dtype(kind).name)
+
+    return jax.jit(run)  # type: ignore[no-any-return]
+
+
+def _recorded(turn: Turn, carry: Any, taken: int, count: int, every: int) -> Any:
+    """Return the states and stop codes after every ``every`` steps, along a new first axis.
+
+    ``taken`` steps, 0 or 1, were taken before. Long runs are divided into parts, of which only the first state is
+    stored for a derivative.
+    """
+    part = math.isqrt(count) if count > LONG else count
+
+    def some(carry: Any, begin: Any, steps: int) -> Any:
+        """Take steps, with all that a derivative needs of them."""
+        return lax.scan(lambda carry, i: (turn(carry, i), None), carry, begin + jnp.arange(steps))[0]
+
+    def many(carry: Any, begin: Any, steps: int) -> Any:
+        """Take steps in parts, with only the first state of each."""
+        if steps <= part:
+            return turn(carry, begin) if steps == 1 else some(carry, begin, steps)
+
+        def next_part(carry: Any, i: Any) -> tuple[Any, None]:
+            return some(carry, begin + i * part, part), None
+
+        whole, rest = divmod(steps, part)
+        carry, _ = lax.scan(jax.checkpoint(next_part), carry, jnp.arange(whole))
+        return some(carry, begin + whole * part, rest) if rest else carry
+
+    def row(carry: Any, k: Any) -> tuple[Any, Any]:
+        after = many(carry, k * every, every)
+        return after, after
+
+    records, first = [], 0
+    if taken:
+        carry = many(carry, jnp.asarray(taken), every - taken) if every > taken else carry
+        records.append(jax.tree.map(lambda value: value[None], carry))
+        first = 1
+    rows = count // every - first
+    block = max(1, part // every)
+    whole, rest = divmod(rows, block) if rows > block else (0, rows)
+    if whole:
+        def block_of(carry: Any, i: Any) -> tuple[Any, Any]:
+            return lax.scan(row, carry, first + i * block + jnp.arange(block))  # type: ignore[no-any-return]
+
+        carry, blocks = lax.scan(jax.checkpoint(block_of), carry, jnp.arange(whole))
+        records.append(jax.tree.map(lambda value: value.reshape((-1, *value.shape[2:])), blocks))
+    if rest:
+        records.append(lax.scan(row, carry, first + whole * block + jnp.arange(rest))[1])
+    return jax.tree.map(lambda *parts: jnp.concatenate(parts), *records)

@@ -1,0 +1,83 @@
+"""The differentiable twin in JAX: its checks run in an environment that has JAX, the rest of the package without it."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from beside import environment
+from readme_code import READMES, ROOT
+
+WITH_JAX = ("jax>=0.4.35", "optax>=0.2.3")
+"""Packages of the environment "jax"; optax is for the examples."""
+EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if "pendulum_env.jax" in path.read_text("utf-8"))
+CHECKS = sorted(path.name for path in Path(__file__).parent.glob("*_checks.py"))
+BLOCKS = [code for page in READMES.values()
+          for code in re.findall(r"<!-- needs the extra jax -->\n```python\n(.*?)```", page, flags=re.S)]
+"""Code of READMEs that uses the twin."""
+UNJOINED = "--xla_disable_hlo_passes=fusion"
+"""Option of JAX's compiler: it does not join operations, and compiles long steps several times faster."""
+
+
+@pytest.fixture(scope="session")
+def with_jax(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Python of an environment with the package and JAX."""
+    return environment(tmp_path_factory, "jax", *WITH_JAX)
+
+
+def run(python: Path | str, *words: str | Path, folder: Path = ROOT, flags: str = "") -> Any:
+    support = os.pathsep.join(map(str, (ROOT / "tests" / "support", Path(__file__).parent)))
+    settings = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "JAX_"))}
+    return subprocess.run([python, *words], cwd=folder, capture_output=True, text=True, check=False,
+                          env={**settings, "XLA_FLAGS": flags, "PYTHONPATH": support})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("checks", CHECKS)
+def test_checks_pass_where_jax_is(with_jax: Path, checks: str) -> None:
+    path = Path(__file__).with_name(checks)
+    done = run(with_jax, "-m", "pytest", "-q", "-p", "no:cacheprovider", path, flags=UNJOINED)
+    assert done.returncode == 0, done.stdout[-20_000:] + done.stderr[-5_000:]
+    assert re.search(r"^\d+ passed", done.stdout, flags=re.M), done.stdout
+
+
+@pytest.mark.slow
+def test_the_readmes_code_runs_where_jax_is(with_jax: Path, tmp_path: Path) -> None:
+    assert BLOCKS
+    for code in BLOCKS:
+        done = run(with_jax, "-c", code, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_where_jax_is(with_jax: Path, path: Path, tmp_path: Path) -> None:
+    done = run(with_jax, "-W", "error", path, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert any(character.isdigit() for character in done.stdout)
+
+
+@pytest.mark.slow
+def test_importing_the_twin_changes_no_setting_of_jax(with_jax: Path) -> None:
+    code = ("import jax\nbefore = dict(jax.config.values)\nimport pendulum_env.jax\n"
+            "assert dict(jax.config.values) == before\nprint(jax.numpy.zeros(1).dtype)")
+    assert run(with_jax, "-c", code).stdout == "float32\n"
+
+
+def test_the_package_does_not_import_jax() -> None:
+    code = ("import sys, pendulum_env\npendulum_env.SCENES, pendulum_env.rollout, pendulum_env.LabPendulumEnv\n"
+            "print([name for name in sys.modules if name.partition('.')[0] in ('jax', 'jaxlib')])")
+    assert run(sys.executable, "-c", code).stdout == "[]\n"
+
+
+def test_without_jax_the_error_names_the_extra(tmp_path: Path) -> None:
+    (tmp_path / "jax.py").write_text("raise ModuleNotFoundError('none', name='jax')")  # even where it is installed
+    done = run(sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import pendulum_env.jax")
+    assert done.stderr.splitlines()[-1].startswith("ImportError: pendulum_env.jax needs JAX, but ")
+    assert "'lab-pendulum[jax]'" in done.stderr.splitlines()[-1]
