@@ -10,7 +10,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+from sensing_pairs import PAIRS
 from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.env_checker import check_env
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import (
@@ -22,7 +24,7 @@ from stable_baselines3.common.vec_env import (
     VecNormalize,
 )
 
-from pendulum_env import SceneError
+from pendulum_env import LabPendulumEnv, SceneError
 from pendulum_env.adapters.sb3 import LabPendulumVecEnv
 from pendulum_env.tasks.action import ActionError
 
@@ -42,6 +44,13 @@ def theirs(**options: Any) -> Any:
         return lambda: gym.make("LabPendulum-v0", **own)
 
     return DummyVecEnv([one(place) for place in range(SIZE)])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("case", PAIRS)
+def test_their_checker_passes_over_every_pair_of_options(case: str) -> None:
+    """Check settings of sensors, delays, drawn parameters, tasks and motors, with warnings as errors."""
+    check_env(LabPendulumEnv(**PAIRS[case]), warn=True, skip_render_check=True)
 
 
 @pytest.mark.parametrize("options", [

@@ -7,7 +7,6 @@ import itertools
 import math
 import pickle
 from functools import partial
-from itertools import combinations
 from typing import Any
 
 import gymnasium as gym
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from scipy import stats
+from sensing_pairs import PAIRS, ROUGH
 from vector_steps import MODES, same, side_by_side, vector
 
 from pendulum_env import (
@@ -33,7 +33,6 @@ from pendulum_env.testing import check_vector_env
 
 DT, PARTS = 0.03125, 4
 STEP = DT / PARTS
-ROUGH = Sensor(quantum=0.005, noise=0.01, dropout=0.2, window=3, zero="at_start", scale=1.1, offset=0.1)
 
 CASES: dict[str, dict[str, Any]] = {
     "action": {"action_delay": 0.02}, "action in a step": {"action_delay": 0.012, "substeps": 5},
@@ -346,42 +345,13 @@ def test_gymnasiums_checker_passes(options: dict[str, Any], shape: tuple[int, ..
     check_env(env, skip_render_check=True)
 
 
-# check_vector_env tries all autoreset modes itself
-AXES = (
-    ["full", "angle", "encoder", "history"],
-    [None, {"quantum": 0.01}, ROUGH, Sensor(rate=100.0, noise=0.01), Sensor(rate=25.0, corner=5.0)],
-    [0.0, 0.02, 0.01, (0.0, 0.03)], [0.0, 0.04, 0.01, (0.01, 0.03)], [None, {"length": (0.3, 0.4)}],
-    ["swing_up", "balance", "track"], [0.0, 0.05],
-)
-NAMES = ("observation", "sensor", "observation_delay", "action_delay", "randomize", "task", "lag")
-
-
-def every_pair() -> list[tuple[int, ...]]:
-    """Return combinations of places in AXES that hold every pair of values, chosen greedily among random ones."""
-    source, sizes = np.random.default_rng(0), [len(axis) for axis in AXES]
-    places = [*combinations(range(len(AXES)), 2)]
-    left = {(i, j, a, b) for i, j in places for a in range(sizes[i]) for b in range(sizes[j])}
-    found = []
-    while left:
-        tries = [tuple(map(int, row)) for row in source.integers(0, sizes, (200, len(sizes)))]
-        news = [{(i, j, row[i], row[j]) for i, j in places} & left for row in tries]
-        best = max(range(len(tries)), key=lambda k: len(news[k]))
-        found += [tries[best]] if news[best] else []
-        left -= news[best]
-    return found
-
-
-PAIRS = every_pair()
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("places", PAIRS, ids=lambda places: "-".join(map(str, places)))
-def test_checkers_pass_over_every_pair_of_options(places: tuple[int, ...]) -> None:
+@pytest.mark.parametrize("case", PAIRS)
+def test_checkers_pass_over_every_pair_of_options(case: str) -> None:
     """Check Gymnasium's checker, with warnings as errors, and this package's for vectors, which compares with singles.
     """
-    case = [axis[place] for axis, place in zip(AXES, places, strict=True)]
-    options = {**dict(zip(NAMES, case, strict=True)), "substeps": 2, "velocity_bound": 50.0, "backend": "python"}
+    options = PAIRS[case]
     check_env(LabPendulumEnv(**options), skip_render_check=True)
     made = {"max_episode_steps": 13, **options}
     check_vector_env(partial(gym.make_vec, "LabPendulum-v0", **made), partial(gym.make, "LabPendulum-v0", **made),
