@@ -181,7 +181,7 @@ def transfer(
         raise SceneError(f"episodes must be 2 or more, for a standard error, not {count}.")
     first = whole_number(seed, "seed", MOST_SEED, least=0)
     sides = checked(nominal, "nominal"), checked(real, "real")
-    comparable(*sides)
+    sides = comparable(*sides, count)
     changes = [*different(*sides)]
     tell, done, total = told_by(progress), 0, 2 + 2 * len(changes)
 
@@ -256,22 +256,27 @@ def checked(given: Any, label: str) -> Keywords:
     return {**given, "scene": find_scene(given.get("scene", "lab"))}
 
 
-def comparable(nominal: Keywords, real: Keywords) -> None:
-    """Raise SceneError if returns in the two environments do not mean the same, or if a policy for one of them cannot
+def comparable(nominal: Keywords, real: Keywords, count: int) -> tuple[Keywords, Keywords]:
+    """Return the keywords, with the integrator and dt that the environments have.
+
+    Raises SceneError if returns in the two environments do not mean the same, or if a policy for one of them cannot
     read the observations of the other.
     """
     for name in ALIKE:
         if not equal(nominal.get(name), real.get(name)):
             raise SceneError(f"nominal and real must have one {name}, because returns can only be compared in the same "
                              f"episodes of the same task, not {shown(nominal.get(name))} and {shown(real.get(name))}.")
+    one, other = (made(side, count) for side in (nominal, real))
     rate = nominal.get("reward_rate") and nominal.get("duration") is not None
-    if not (rate or equal(nominal.get("dt"), real.get("dt"))):
-        raise SceneError("nominal and real have different dt, so that their episodes have different lengths and "
-                         "rewards; give both reward_rate=True and one duration.")
-    shapes = [made(side, 1).single_observation_space.shape for side in (nominal, real)]
+    if not rate and one.dt != other.dt:
+        raise SceneError(f"nominal and real have different dt, {one.dt:g} and {other.dt:g} s, so that their episodes "
+                         "have different lengths and rewards; give both reward_rate=True and one duration, or one dt.")
+    shapes = [env.single_observation_space.shape for env in (one, other)]
     if shapes[0] != shapes[1]:
         raise SceneError(f"nominal and real must have observations of one shape, for one policy, not {shapes[0]} and "
                          f"{shapes[1]}.")
+    first, second = ({"integrator": str(env.integrator), "dt": env.dt} for env in (one, other))
+    return {**first, **nominal}, {**second, **real}
 
 
 def made(keywords: Keywords, count: int) -> LabPendulumVectorEnv:

@@ -63,7 +63,7 @@ def test_returns_are_those_of_single_environments() -> None:
 
 @pytest.mark.parametrize(("real", "name", "values"), [
     ({"gravity": 1.6}, "gravity", ("usual", "1.6")),
-    ({"integrator": "symplectic_euler", "substeps": 2}, "integrator", ("usual", "symplectic_euler, substeps 2")),
+    ({"integrator": "symplectic_euler", "substeps": 2}, "integrator", ("rk4", "symplectic_euler, substeps 2")),
     ({"scene": SCENES["lab"].replace(mass=0.05)}, "body.mass", ("0.04", "0.05")),
     ({"scene": SCENES["lab"].replace(gravity=9.0)}, "gravity", ("9.81", "9")),
     ({"scene": SCENES["lab"].with_effects((*SCENES["lab"].effects, CoulombFriction(friction_torque=0.002)))},
@@ -146,6 +146,24 @@ def test_the_table_says_both_values_and_both_changes() -> None:
     assert found.table.head == ("difference", "nominal", "real", "change alone", "change beside the others")
     (row,) = found.table.rows
     assert row == ("gravity", "usual", "5", str(found.gap), str(found.gap))
+
+
+def test_usual_methods_and_steps_of_scenes_are_differences_too() -> None:
+    """The scene gymnasium has its own method and step: both are named, and the step is refused without rates."""
+    task = {"task": "swing_up"}
+    with pytest.raises(SceneError, match=r"different dt, 0\.02 and 0\.05 s"):
+        compared({"scene": "gymnasium", **task}, **task)
+    found = compared({"scene": "gymnasium", "dt": 0.02, **task}, **task)
+    values = {one.name: one.values for one in found.differences}
+    assert values["integrator"] == ("rk4", "symplectic_euler")
+    assert values["body"][0].startswith("Body(")
+    assert "dt" not in values
+
+
+def test_a_value_for_each_episode() -> None:
+    found = compared({"length": [0.3, 0.4, 0.5]}, length=np.array([0.3, 0.4, 0.4]))
+    assert (found.nominal[:2] == found.real[:2]).all()
+    assert found.nominal[2] != found.real[2]
 
 
 @pytest.mark.parametrize(("given", "words"), [
