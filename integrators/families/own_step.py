@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 from integrators.method import Method, System
 from integrators.steps.straight_line import ATOM, Record, StraightLine
 from integrators.steps.terms import Notation, definition
-from integrators.steps.tracing import Traced
+from integrators.steps.tracing import Symbol
 
 StepFunction = Callable[[Any, Any, Any, Callable[..., Any]], Any]
 """``step(theta, omega, dt, acceleration) -> (theta, omega)``."""
@@ -163,7 +163,7 @@ def recorded_lines(function: StepFunction, notation: Notation) -> list[str]:
     trace = Record()
     t, q, v, h = (trace.leaf(name) for name in "tqvh")
 
-    def acceleration(theta: Any, omega: Any = v, after: Any = 0) -> Traced:
+    def acceleration(theta: Any, omega: Any = v, after: Any = 0) -> Symbol:
         time = t if isinstance(after, (int, float)) and after == 0 else t + after
         return trace.apply("acceleration", *(_lifted(trace, x) for x in (time, theta, omega)))
 
@@ -186,7 +186,7 @@ def recorded_lines(function: StepFunction, notation: Notation) -> list[str]:
     return [f"{name} = {text}" for name, text in assignments]
 
 
-def _lifted(trace: Record, value: Any) -> Traced:
+def _lifted(trace: Record, value: Any) -> Symbol:
     """Return a number as a recorded one; UnrecordableError if it is not a number."""
     if getattr(value, "shape", None) == () and hasattr(value, "item"):
         value = value.item()

@@ -20,7 +20,7 @@ import numpy as np
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.recurrences import Writer
 from integrators.steps.terms import Notation, StepLines, Terms, definition, term, text_of, times_step
-from integrators.steps.tracing import LEAST_FUNCTIONS, Trace, Traced, cos, exp, log, power, sin, sqrt
+from integrators.steps.tracing import LEAST_FUNCTIONS, Symbol, Trace, cos, exp, log, power, sin, sqrt
 
 LOWEST, HIGHEST, USUAL = 2, 30, 12
 """The lowest, the highest and the usual order of Taylor series.
@@ -215,7 +215,7 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
     return series
 
 
-def _numbers(values: list[Traced], shape: tuple[int, ...]) -> Any:
+def _numbers(values: list[Symbol], shape: tuple[int, ...]) -> Any:
     """Return recorded numbers as an object array of this shape; for the shape () the only number itself."""
     if not shape:
         return values[0]
@@ -229,7 +229,7 @@ def add_twins(trace: Trace) -> None:
     for operation in list(trace.operations):
         for one, other in (("sin", "cos"), ("cos", "sin")):
             if operation.name == one:
-                trace.apply(other, Traced(trace, operation.operands[0]))
+                trace.apply(other, Symbol(trace, operation.operands[0]))
 
 
 __all__ = ["TAYLOR", "Taylor", "coefficients", "cos", "exp", "log", "named_order", "of_order", "sin", "sqrt"]

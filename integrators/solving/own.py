@@ -134,7 +134,7 @@ def _written(text: str) -> Any:
 
 
 @dataclass(frozen=True)
-class Case:
+class StepCase:
     """A pendulum on which steps are tried; ``words`` say where a statement on it holds."""
 
     words: str
@@ -154,10 +154,10 @@ class Case:
                       jacobian=lambda t, q, v: (-math.cos(q), -gamma))
 
 
-PLAIN = Case("without damping and drive")
-DAMPED = Case("with damping", GAMMA)
-DRIVEN = Case("with a drive", 0.0, FORCE)
-BOTH = Case("with damping and drive", GAMMA, FORCE)
+PLAIN = StepCase("without damping and drive")
+DAMPED = StepCase("with damping", GAMMA)
+DRIVEN = StepCase("with a drive", 0.0, FORCE)
+BOTH = StepCase("with damping and drive", GAMMA, FORCE)
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def _usage(function: StepFunction) -> Usage:
     return Usage(len(calls), any(len(call) > 1 for call in calls), any(len(call) > 2 for call in calls))
 
 
-def _observed_order(function: StepFunction, case: Case) -> float:
+def _observed_order(function: StepFunction, case: StepCase) -> float:
     """Return the slope of log error against log step, at the shortest steps above rounding; 0 if steps diverge."""
     step, true_step = _stepper(function, case.system), stepper(METHODS["dop853"], case.system)[0]
     ends = [_end(step, count) for count in COUNTS]
@@ -282,7 +282,7 @@ def _near(one: Sequence[float], other: Sequence[float]) -> bool:
     return all(abs(x - y) <= EQUAL * (1.0 + abs(y)) for x, y in zip(one, other, strict=True))
 
 
-def _equal_methods(function: StepFunction, case: Case, order: int) -> Iterator[Method]:
+def _equal_methods(function: StepFunction, case: StepCase, order: int) -> Iterator[Method]:
     """Yield the one-step methods of an order that give the same single steps as the function."""
     system = case.system
     mine = _steps(_stepper(function, system))

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from integrators.steps.tracing import Trace, Traced
+from integrators.steps.tracing import Symbol, Trace
 
 CALLS: Mapping[str, str] = {
     **{name: f"{name}({{}})" for name in ("sin", "cos", "exp", "log", "sqrt")}, "power": "power({}, {})"
@@ -57,7 +57,7 @@ class Writer:
     """
 
     def __init__(
-        self, trace: Trace, accelerations: Sequence[Traced], steady: Name, calls: Mapping[str, str] = CALLS,
+        self, trace: Trace, accelerations: Sequence[Symbol], steady: Name, calls: Mapping[str, str] = CALLS,
         over: Over = divided,
     ) -> None:
         self.trace, self.accelerations, self.steady, self.calls, self.over = trace, accelerations, steady, calls, over
@@ -89,7 +89,7 @@ class Writer:
                 if k + 2 <= highest:
                     self._divide("q", i, k + 2, self._v(i, k + 1))
 
-    def coefficient(self, number: Traced, k: int) -> str:
+    def coefficient(self, number: Symbol, k: int) -> str:
         """Return the name of the Taylor coefficient of order k of a recorded number; "0" if it vanishes."""
         return self.known.get((number.place, k), "0")
 

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
-from integrators.steps.tracing import Trace, Traced
+from integrators.steps.tracing import Symbol, Trace
 
 SUM, PRODUCT, POWER, ATOM = range(4)
 """Binding strength of an expression's outermost operation, the weakest first."""
@@ -29,9 +29,9 @@ class Record(Trace):
 
     def __init__(self) -> None:
         super().__init__()
-        self._constants: dict[Any, Traced] = {}
+        self._constants: dict[Any, Symbol] = {}
 
-    def leaf(self, name: str, value: Any = None) -> Traced:
+    def leaf(self, name: str, value: Any = None) -> Symbol:
         if name != "steady":
             return super().leaf(name, value)
         if value not in self._constants:
@@ -62,7 +62,7 @@ class StraightLine:
         self.value, self.forms, self.bases = value, forms or {}, bases or {}
         self._names: dict[int, str] = {}
 
-    def assignments(self, ends: Mapping[str, Traced]) -> list[tuple[str, str]]:
+    def assignments(self, ends: Mapping[str, Symbol]) -> list[tuple[str, str]]:
         """Return the names and sources of the values after which the variables ``ends`` hold their recorded values.
 
         Operations on which no end depends are left out.
@@ -73,7 +73,7 @@ class StraightLine:
         moved = {name: text for name, text in moved.items() if name != text}
         return [*lines, *([(", ".join(moved), ", ".join(moved.values()))] if moved else [])]
 
-    def result(self, value: Traced) -> tuple[list[tuple[str, str]], str]:
+    def result(self, value: Symbol) -> tuple[list[tuple[str, str]], str]:
         """Return the names and sources of the values that a recorded value needs, and its own source."""
         lines = self._write([value.place], {})
         return lines, self._text(value.place)[0]

@@ -1,6 +1,6 @@
 """Recording of a plain function's arithmetic as a list of elementary operations, for Taylor series.
 
-The function is called with :class:`Traced` numbers, which stand for values that are known later. They support
+The function is called with :class:`Symbol` numbers, which stand for values that are known later. They support
 ``+ - * /``, powers with fixed exponents, ``abs``, and the functions :func:`sin`, :func:`cos`, :func:`exp`, :func:`log`
 and :func:`sqrt` of this module; NumPy's functions of these names work too. Operations that need the value at once, such
 as a comparison, raise :class:`TraceError`.
@@ -49,22 +49,22 @@ class Trace:
     operations: list[Operation] = field(default_factory=list)
     places: dict[tuple[str, tuple[int, ...]], int] = field(default_factory=dict)
 
-    def leaf(self, name: str, value: Any = None) -> Traced:
+    def leaf(self, name: str, value: Any = None) -> Symbol:
         """Append a given number (a leaf) to the recorded operations and return it as a traced number.
 
         ``name`` is "t", "q" or "v" with the index of a component as ``value``, or "steady" with a constant.
         """
         self.operations.append(Operation(name, (), name == "steady", value))
-        return Traced(self, len(self.operations) - 1)
+        return Symbol(self, len(self.operations) - 1)
 
-    def lift(self, value: Any) -> Traced | None:
+    def lift(self, value: Any) -> Symbol | None:
         """Return a constant or a traced number as a traced number of this trace; None if it is not a number."""
-        if isinstance(value, Traced):
+        if isinstance(value, Symbol):
             return value
         scalar = isinstance(value, numbers.Number) or (hasattr(value, "__sub__") and not hasattr(value, "__len__"))
         return self.leaf("steady", value) if scalar else None
 
-    def apply(self, name: str, *operands: Traced) -> Traced:
+    def apply(self, name: str, *operands: Symbol) -> Symbol:
         """Return an operation's result as a traced number; equal operations are recorded only once."""
         places = tuple(operand.place for operand in operands)
         key = (name, places)
@@ -72,13 +72,13 @@ class Trace:
             steady = all(self.operations[place].steady for place in places)
             self.operations.append(Operation(name, places, steady))
             self.places[key] = len(self.operations) - 1
-        return Traced(self, self.places[key])
+        return Symbol(self, self.places[key])
 
 
-def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
-    """Return a method of :class:`Traced`, such as ``__add__``, that records an operation of two numbers."""
+def _binary(name: str, swapped: bool = False) -> Callable[[Symbol, Any], Any]:
+    """Return a method of :class:`Symbol`, such as ``__add__``, that records an operation of two numbers."""
 
-    def operator(self: Traced, other: Any) -> Any:
+    def operator(self: Symbol, other: Any) -> Any:
         lifted = self.trace.lift(other)
         if lifted is None:
             return NotImplemented
@@ -87,21 +87,21 @@ def _binary(name: str, swapped: bool = False) -> Callable[[Traced, Any], Any]:
     return operator
 
 
-def _unary(name: str) -> Callable[[Traced], Traced]:
-    """Return a method of :class:`Traced`, such as ``__abs__``, that records an operation of one number."""
+def _unary(name: str) -> Callable[[Symbol], Symbol]:
+    """Return a method of :class:`Symbol`, such as ``__abs__``, that records an operation of one number."""
     return lambda self: self.trace.apply(name, self)
 
 
 def _refused(operation: str) -> Callable[..., Any]:
-    """Return a method of :class:`Traced` that raises TraceError, for an operation that cannot be recorded."""
+    """Return a method of :class:`Symbol` that raises TraceError, for an operation that cannot be recorded."""
 
-    def operator(self: Traced, *others: Any) -> Any:
+    def operator(self: Symbol, *others: Any) -> Any:
         raise TraceError(f"{operation} cannot be recorded")
 
     return operator
 
 
-class Traced:
+class Symbol:
     """A number whose value is known later; operations on it are recorded in a list, for Taylor series."""
 
     __slots__ = ("place", "trace")
@@ -121,10 +121,10 @@ class Traced:
     __float__ = __int__ = _refused("a function that wants a value, such as one of math,")
     __hash__ = None  # type: ignore[assignment]
 
-    def __pos__(self) -> Traced:
+    def __pos__(self) -> Symbol:
         return self
 
-    def __pow__(self, exponent: Any) -> Traced:
+    def __pow__(self, exponent: Any) -> Symbol:
         if not isinstance(exponent, (int, float)) or not math.isfinite(exponent):
             raise TraceError("a power whose exponent is not a fixed number cannot be recorded")
         if isinstance(exponent, int) and abs(exponent) <= 32:
@@ -133,12 +133,12 @@ class Traced:
                 return self.trace.apply("div", one, self.__pow__(-exponent)) if exponent < 0 else one
             if exponent == 1:
                 return self
-            half: Traced = self.__pow__(exponent // 2)
+            half: Symbol = self.__pow__(exponent // 2)
             square = self.trace.apply("mul", half, half)
             return self.trace.apply("mul", square, self) if exponent % 2 else square
         if exponent == 0.5:
             return self.trace.apply("sqrt", self)
-        result: Traced = power(self, exponent)
+        result: Symbol = power(self, exponent)
         return result
 
     __rpow__ = _refused("a power whose exponent is not a fixed number")
@@ -146,7 +146,7 @@ class Traced:
 
 def power(x: Any, y: Any) -> Any:
     """Record ``x**y`` for x > 0 and an exponent y that does not change along the motion; return the result."""
-    if not isinstance(x, Traced):
+    if not isinstance(x, Symbol):
         return x**y
     exponent = x.trace.lift(y)
     if exponent is None or not x.trace.operations[exponent.place].steady:
@@ -158,7 +158,7 @@ def _function(name: str, doc: str) -> Callable[[Any], Any]:
     """Return an elementary function such as ``sin`` for recorded numbers, floats and mpmath's numbers."""
 
     def function(x: Any) -> Any:
-        return getattr(x, name)() if isinstance(x, Traced) else _known(name, x)
+        return getattr(x, name)() if isinstance(x, Symbol) else _known(name, x)
 
     function.__name__ = function.__qualname__ = name
     function.__doc__ = f"{doc} of a traced number, of a float or of a number of mpmath."

@@ -18,7 +18,7 @@ from integrators.analysis import leading_error
 from integrators.steps import tracing
 from integrators.steps.straight_line import ATOM, PRODUCT, Record, StraightLine
 from integrators.steps.terms import literal
-from integrators.steps.tracing import Trace, Traced
+from integrators.steps.tracing import Symbol, Trace
 from integrators.steps.unroll import unroll
 from pendulum_env.engine.problem import by_flow, moving, slipping
 from pendulum_env.engine.series import TorqueTracer
@@ -217,26 +217,26 @@ class _Functions:
         self.timed = False
         self._copied: set[str] = set()
 
-    def acceleration(self, trace: Record) -> Callable[..., Traced]:
+    def acceleration(self, trace: Record) -> Callable[..., Symbol]:
         """Return the recording function ``acceleration(t, q, v)`` of all torques."""
         return self._called(trace, "acceleration", lambda: self.scene.effects)
 
-    def force(self, trace: Record) -> Callable[..., Traced]:
+    def force(self, trace: Record) -> Callable[..., Symbol]:
         """Return the recording function ``force(t, q)`` of the torques, without drags, on a bob at rest."""
         return self._called(trace, "force", lambda: [e for e in self.scene.effects if e.kind != "dissipative"])
 
-    def jacobian(self, trace: Record) -> Callable[..., tuple[Traced, None]]:
+    def jacobian(self, trace: Record) -> Callable[..., tuple[Symbol, None]]:
         """Return the recording function ``jacobian(t, q, v)``, whose first result is the slope by the angle."""
         slope = self._called(trace, "slope", lambda: self.scene.effects, "by_angle")
         return lambda t, q, v: (slope(t, q, v), None)
 
-    def drag(self, trace: Record) -> Callable[..., Traced]:
+    def drag(self, trace: Record) -> Callable[..., Symbol]:
         """Return the recording function ``drag(t, q, v, h)``: the exact solution for the drags alone.
 
         Several drags are composed symmetrically, as in :func:`pendulum_env.engine.subflows.drag`.
         """
 
-        def call(t: Traced, q: Traced, v: Traced, h: Traced) -> Traced:
+        def call(t: Symbol, q: Symbol, v: Symbol, h: Symbol) -> Symbol:
             if "drag" not in self.signatures:
                 self._write_drag()
             return trace.apply("drag", v, h)
@@ -245,10 +245,10 @@ class _Functions:
 
     def _called(
         self, trace: Record, name: str, effects: Callable[[], Iterable[Effect]], role: str = "torque"
-    ) -> Callable[..., Traced]:
+    ) -> Callable[..., Symbol]:
         """Return a recording function that writes a sum over effects when it is first called."""
 
-        def call(*values: Traced) -> Traced:
+        def call(*values: Symbol) -> Symbol:
             if name not in self.signatures:
                 self._write_sum(name, effects(), role)
             given = dict(zip(STATE, values, strict=False))
@@ -307,7 +307,7 @@ class _Functions:
         tracer.named["velocity"] = start
         self._define("drag", "drag", tracer, v, "  # the exact solution for the drag alone", h)
 
-    def _recorded(self, tracer: TorqueTracer, function: Plain) -> Traced:
+    def _recorded(self, tracer: TorqueTracer, function: Plain) -> Symbol:
         """Return the recorded result of an effect's function, or its recorded call if it cannot be recorded."""
         try:
             return tracer.call(function)
@@ -327,7 +327,7 @@ class _Functions:
             self.lines += [*text_of(each).rstrip().split("\n"), ""]
 
     def _define(
-        self, name: str, label: str, tracer: TorqueTracer, value: Traced, comment: str, h: Traced | None = None
+        self, name: str, label: str, tracer: TorqueTracer, value: Symbol, comment: str, h: Symbol | None = None
     ) -> None:
         """Append to the program the source of a function that computes a value by the operations of a tracer."""
         leaves = {"t": tracer.get("time"), "theta": tracer.get("tilt"), "omega": tracer.get("velocity")}
@@ -352,7 +352,7 @@ class _Functions:
         ]
 
 
-def _used(trace: Trace, value: Traced) -> list[int]:
+def _used(trace: Trace, value: Symbol) -> list[int]:
     """Return the places of all operations and leaves on which a recorded value depends, in their order."""
     seen, open_ = {value.place}, [value.place]
     while open_:

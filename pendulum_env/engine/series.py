@@ -15,7 +15,7 @@ from typing import Any
 
 from integrators.families.taylor import add_twins, results_of_series
 from integrators.steps.recurrences import CALLS, Writer, times_reciprocal
-from integrators.steps.tracing import Trace, Traced, TraceError, cos, exp, log, power, sin
+from integrators.steps.tracing import Symbol, Trace, TraceError, cos, exp, log, power, sin
 from pendulum_env.engine.problem import Problem, moving, slipping
 from pendulum_env.engine.source import Plain, arguments
 from pendulum_env.physics import elementary
@@ -42,9 +42,9 @@ class TorqueTracer:
         self.trace = Trace() if trace is None else trace
         self.periodic = periodic
         q, v = (self.trace.leaf("steady", name) if still else self.trace.leaf(name, 0) for name in "qv")
-        self.named: dict[str, Traced] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v, "slip": v}
+        self.named: dict[str, Symbol] = {"time": self.trace.leaf("t"), "tilt": q, "velocity": v, "slip": v}
 
-    def get(self, name: str) -> Traced:
+    def get(self, name: str) -> Symbol:
         """Return the recording argument that stands for a torque function's parameter ``name``.
 
         The parameter "angle" is the angle from the bottom.
@@ -60,7 +60,7 @@ class TorqueTracer:
                 self.named[name] = self.trace.leaf("steady", "1.0" if fixed else name)
         return self.named[name]
 
-    def call(self, function: Plain) -> Traced:
+    def call(self, function: Plain) -> Symbol:
         """Return the recorded result of a torque function. Raises TypeError if an operation cannot be recorded."""
         result = self.trace.lift(_recording(function)(*(self.get(name) for name in arguments(function))))
         if result is None:
@@ -156,12 +156,12 @@ def series(problem: Problem) -> str:
     return problem.define("series", "t, q, v", lines, problem.shape.forces)
 
 
-def _rates(problem: Problem, tracer: TorqueTracer, torques: Mapping[str, Traced]) -> dict[str, Traced]:
+def _rates(problem: Problem, tracer: TorqueTracer, torques: Mapping[str, Symbol]) -> dict[str, Symbol]:
     """Return the rates of the quadratures: for work the power of the drives, for heat minus the power of the drags.
 
     The powers are torque times velocity, as recorded expressions by name of the quadrature.
     """
-    rates: dict[str, Traced] = {}
+    rates: dict[str, Symbol] = {}
     for name in problem.shape.quadratures:
         work = name == "work"
         chosen = problem.drives if work else [effect for effect in problem.drags if problem.heat_of(effect) == name]

@@ -234,7 +234,7 @@ def acting(policy: Any) -> Callable[[Any], Any]:
 # --- what is different ----------------------------------------------------------------------------------------------
 
 
-class Change(NamedTuple):
+class Swap(NamedTuple):
     """A difference between two environments: its name, both values as text, and a function that applies it.
 
     ``apply(to, source)`` returns the keywords ``to`` with this one difference taken from ``source``.
@@ -284,7 +284,7 @@ def made(keywords: Keywords, count: int) -> LabPendulumVectorEnv:
     return LabPendulumVectorEnv(count, **{"max_episode_steps": REGISTERED, "diagnostics": (), **keywords})
 
 
-def different(nominal: Keywords, real: Keywords) -> Iterator[Change]:
+def different(nominal: Keywords, real: Keywords) -> Iterator[Swap]:
     """Yield the differences of the scenes, and of all other keywords that can change a return."""
     yield from scene_changes(nominal["scene"], real["scene"])
     names = [name for name in dict.fromkeys((*nominal, *real)) if name not in (*ALIKE, *SILENT, *NUMERICS, "scene")]
@@ -292,7 +292,7 @@ def different(nominal: Keywords, real: Keywords) -> Iterator[Change]:
         if any(not equal(nominal.get(name), real.get(name)) for name in group):
             one, other = (", ".join(f"{name} {side[name]}" if name in NUMERICS[1:] else value_text(side[name])
                                     for name in group if name in side) or "usual" for side in (nominal, real))
-            yield Change(group[0], (one, other), keywords_from(group))
+            yield Swap(group[0], (one, other), keywords_from(group))
 
 
 def keywords_from(names: tuple[str, ...]) -> Callable[[Keywords, Keywords], Keywords]:
@@ -312,7 +312,7 @@ def parts_of(scene: Scene) -> dict[str, Any]:
     return {**{name: getattr(scene, name) for name in PARTS}, **{kind_of(effect): effect for effect in scene.effects}}
 
 
-def scene_changes(nominal: Scene, real: Scene) -> Iterator[Change]:
+def scene_changes(nominal: Scene, real: Scene) -> Iterator[Swap]:
     """Yield the differences of two scenes: single parameters where both have them, else whole parts and effects."""
     ours, theirs = parts_of(nominal), parts_of(real)
     for part in dict.fromkeys((*ours, *theirs)):
@@ -324,10 +324,10 @@ def scene_changes(nominal: Scene, real: Scene) -> Iterator[Change]:
             for field in dataclasses.fields(one):  # type: ignore[arg-type]
                 values = getattr(one, field.name), getattr(other, field.name)
                 if values[0] != values[1]:
-                    yield Change(f"{owner}.{field.name}", (value_text(values[0]), value_text(values[1])),
+                    yield Swap(f"{owner}.{field.name}", (value_text(values[0]), value_text(values[1])),
                                  parameter_from(part, owner, field.name))
         else:
-            yield Change(part, (value_text(one), value_text(other)), part_from(part))
+            yield Swap(part, (value_text(one), value_text(other)), part_from(part))
 
 
 def parameter_from(part: str, owner: str, field: str) -> Callable[[Keywords, Keywords], Keywords]:
@@ -352,7 +352,7 @@ def part_from(part: str) -> Callable[[Keywords, Keywords], Keywords]:
 
 
 def tried(
-    change: Change, to: Keywords, source: Keywords, numerics: Change | None, returns: Callable[[Keywords], Array],
+    change: Swap, to: Keywords, source: Keywords, numerics: Swap | None, returns: Callable[[Keywords], Array],
 ) -> tuple[Array | None, str]:
     """Return the returns after one change, and a note.
 

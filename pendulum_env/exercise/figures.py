@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from pendulum_env.exercise.motion import OWN, Array, Motion
+from pendulum_env.exercise.motion import OWN, Array, ExerciseMotion
 from pendulum_env.exercise.recorded import FIRST_SWINGS
 from pendulum_env.exercise.small_angles import ANGLE
 from pendulum_env.exercise.worked import Worked
@@ -67,7 +67,7 @@ def colour(name: str) -> str:
     return OKABE_ITO["reddish_purple"] if name == OWN else looks_of({name: name})[name].colour
 
 
-def line(run: Motion, width: float = 1.3) -> dict[str, Any]:
+def line(run: ExerciseMotion, width: float = 1.3) -> dict[str, Any]:
     """Return the style of a run's curve."""
     return {"color": colour(run.method), "linewidth": width}
 
@@ -178,7 +178,7 @@ def forward_phase(worked: Worked, labels: Labels) -> Figure:
     return drawing
 
 
-def orbit(at: Axes, run: Motion, true: tuple[Array, Array], labels: Labels, width: float = 1.0) -> None:
+def orbit(at: Axes, run: ExerciseMotion, true: tuple[Array, Array], labels: Labels, width: float = 1.0) -> None:
     """Draw the phase plot of a run, with an exact orbit in degrees and rad/s."""
     at.plot(*true, label=labels["exact"], **{**EXACT, "linewidth": 4.0})
     at.plot(np.degrees(run.angle), run.velocity, label=labels[run.method], **line(run, width))
@@ -240,7 +240,7 @@ def eulers(worked: Worked, labels: Labels) -> Figure:
     return drawing
 
 
-def reach_of(axes: Iterable[Axes], runs: Sequence[Motion], omega: float) -> None:
+def reach_of(axes: Iterable[Axes], runs: Sequence[ExerciseMotion], omega: float) -> None:
     """Give phase plots at small angles equal axes that hold all runs or, if one is too large, the exact orbit WIDEST
     times.
     """
@@ -255,7 +255,7 @@ def large_strips(worked: Worked, labels: Labels) -> Figure:
     return run_in_strips(worked.large.run, worked.large.period, labels)
 
 
-def run_in_strips(run: Motion, period: float, labels: Labels) -> Figure:
+def run_in_strips(run: ExerciseMotion, period: float, labels: Labels) -> Figure:
     """Draw the angle of a run over time in strips; ``period`` is that of its swings [s]."""
     parts = spans(float(run.time[-1]), period)
     drawing, rows = strips(parts, math.degrees(np.max(np.abs(run.angle))), labels["time"], labels)
@@ -285,7 +285,7 @@ def damped_energy(worked: Worked, labels: Labels) -> Figure:
     return drawing
 
 
-def energy_and_phase(run: Motion, period: float, true: tuple[Array, Array], labels: Labels) -> Figure:
+def energy_and_phase(run: ExerciseMotion, period: float, true: tuple[Array, Array], labels: Labels) -> Figure:
     """Draw the energy of a run over its whole length and over its first swings, and the phase plot with an exact orbit.
 
     ``period`` is that of the swings [s].

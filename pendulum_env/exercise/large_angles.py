@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from integrators import Method, solve
-from pendulum_env.exercise.motion import LONGEST, STEP, SYMPLECTIC, Array, Motion, finite, large, times
+from pendulum_env.exercise.motion import LONGEST, STEP, SYMPLECTIC, Array, ExerciseMotion, finite, large, times
 from pendulum_env.lab.measures import period
 from pendulum_env.physics import exact
 
@@ -51,11 +51,11 @@ class LargeAngles:
     """
 
     omega: float
-    run: Motion
+    run: ExerciseMotion
     period: float
     exact: float
     periods: tuple[PeriodAt, ...]
-    own: Motion | None
+    own: ExerciseMotion | None
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ OWN = "own_step"
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ExerciseMotion:
     """A run: arrays of time [s], angle [rad] and velocity [rad/s], and of energy over the initial energy [1].
 
     ``method`` is the method's name and ``dt`` its step [s].
@@ -49,19 +49,19 @@ def times(duration: float, dt: float = STEP) -> Array:
     return dt * np.arange(math.ceil(duration / dt - 1e-9) + 1, dtype=np.float64)
 
 
-def small(omega: float, angle: float, method: str | Method, duration: float, dt: float = STEP) -> Motion:
+def small(omega: float, angle: float, method: str | Method, duration: float, dt: float = STEP) -> ExerciseMotion:
     """Run ``theta'' = -omega² theta`` from rest at ``angle`` [rad]."""
     square = omega * omega
     at = times(duration, dt)
     run = solve(lambda _t, q, _v: -square * q, angle, 0.0, list(at), method=method, h=LONGEST * dt)
     name = method if isinstance(method, str) else method.name
-    return Motion(name, dt, at, run.q, run.v, (run.v**2 + square * run.q**2) / (square * angle * angle))
+    return ExerciseMotion(name, dt, at, run.q, run.v, (run.v**2 + square * run.q**2) / (square * angle * angle))
 
 
 def large(
     omega: float, angle: float, duration: float, gamma: float = 0.0, method: str | Method = SYMPLECTIC,
     dt: float = STEP,
-) -> Motion:
+) -> ExerciseMotion:
     """Run ``theta'' = -omega² sin(theta) - gamma theta'`` from rest at ``angle`` [rad]."""
     square = omega * omega
     at = times(duration, dt)
@@ -75,11 +75,11 @@ def large(
     run = solve(damped if gamma else undamped, angle, 0.0, list(at), method=method, h=LONGEST * dt)
     height = 2.0 * np.sin(0.5 * run.q) ** 2
     name = method if isinstance(method, str) else method.name
-    return Motion(name, dt, at, run.q, run.v,
+    return ExerciseMotion(name, dt, at, run.q, run.v,
                   (0.5 * run.v**2 + square * height) / (2.0 * square * math.sin(0.5 * angle) ** 2))
 
 
-def finite(run: Callable[[], Motion], duration: float) -> Motion:
+def finite(run: Callable[[], ExerciseMotion], duration: float) -> ExerciseMotion:
     """Return a run of the student's own step; MethodError if its numbers do not stay finite."""
     try:
         with np.errstate(all="ignore"):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.exercise.given import Given
 from pendulum_env.exercise.large_angles import ANGLE, DURATION
-from pendulum_env.exercise.motion import STEP, Array, Motion, large
+from pendulum_env.exercise.motion import STEP, Array, ExerciseMotion, large
 from pendulum_env.exercise.small_angles import ANGLE as SMALL
 from pendulum_env.lab.losses import Losses
 from pendulum_env.lab.measures import Measurement, envelope_rate, period
@@ -82,7 +82,7 @@ class Compared:
     time: Array
     recorded: Array
     simulated: Array
-    model: Motion
+    model: ExerciseMotion
     start: float
     amplitudes: tuple[tuple[float, float, float], ...]
     cycles: int
@@ -134,8 +134,8 @@ class Recorded:
     early: Measurement
     late: Measurement
     losses: Losses | None
-    damped: Motion
-    fine: Motion
+    damped: ExerciseMotion
+    fine: ExerciseMotion
     compared: Compared
 
 
@@ -222,7 +222,7 @@ class Part:
     angle: Array
 
 
-def periods(time: Array, angle: Array, model: Motion) -> tuple[int, tuple[float, float]]:
+def periods(time: Array, angle: Array, model: ExerciseMotion) -> tuple[int, tuple[float, float]]:
     """Return the mean periods [s] of recording and simulation over the oscillations that both have, and their number.
     """
     whole = period(Part(time, angle))

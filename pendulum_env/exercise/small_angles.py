@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from integrators import Method, solve
-from pendulum_env.exercise.motion import OWN, STEP, Motion, finite, small
+from pendulum_env.exercise.motion import OWN, STEP, ExerciseMotion, finite, small
 from pendulum_env.physics import exact
 
 EULERS = ("forward_euler", "backward_euler", "symplectic_euler")
@@ -67,13 +67,13 @@ class SmallAngles:
     """
 
     omega: float
-    runs: dict[str, Motion]
+    runs: dict[str, ExerciseMotion]
     one_step: tuple[OneStep, ...]
     halved: tuple[Halved, ...]
-    halves: tuple[Motion, ...]
+    halves: tuple[ExerciseMotion, ...]
 
     @property
-    def forward(self) -> Motion:
+    def forward(self) -> ExerciseMotion:
         """The run of forward Euler."""
         return self.runs[EULERS[0]]
 
@@ -95,7 +95,7 @@ def small_angles(omega: float, own: Method | None = None) -> SmallAngles:
                        tuple(halved(omega, run) for run in halves), halves)
 
 
-def halved(omega: float, run: Motion) -> Halved:
+def halved(omega: float, run: ExerciseMotion) -> Halved:
     """Return the energy ratio of a run and its largest error within the first period [rad]."""
     first = run.time <= math.tau / omega
     true, _ = exact.linear(run.time[first], ANGLE, 0.0, omega)

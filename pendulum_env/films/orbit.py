@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Curves
+from pendulum_env.render import Orbits
 from pendulum_env.render.portrait import reach
 
 Points = NDArray[np.float64]
@@ -30,7 +30,7 @@ NOTES = {
 """Names of the orbit in several lengths, for scenes with or without (losses, drives)."""
 
 
-def curves(scene: Scene, energy: float) -> Curves:
+def curves(scene: Scene, energy: float) -> Orbits:
     """Return the curves behind a phase portrait: the orbit at an energy [J] without losses, and the separatrix.
 
     With gravity the orbit is v² / 2 + 2 omega0² sin²(theta / 2) = E / I. It is closed below the separatrix
@@ -42,7 +42,7 @@ def curves(scene: Scene, energy: float) -> Curves:
     rates = scene.coefficients
     held = scene.of_kind("conservative")
     if len(held) > 1 or any(effect.name not in KNOWN for effect in held):
-        return Curves(velocity_reach=reach(MARGIN * math.sqrt(2.0 * share)), periodic=scene.periodic)
+        return Orbits(velocity_reach=reach(MARGIN * math.sqrt(2.0 * share)), periodic=scene.periodic)
     driven = bool(scene.of_kind("drive") or scene.of_kind("medium"))
     notes = NOTES[bool(scene.of_kind("dissipative")), driven]
     if rates.get("gravity_rate", 0.0) > 0.0:
@@ -54,11 +54,11 @@ def curves(scene: Scene, energy: float) -> Curves:
         omega0, turn = math.sqrt(spring), np.linspace(0.0, 2.0 * math.pi, POINTS)
         unit, size = np.stack((np.cos(turn), omega0 * np.sin(turn)), axis=1), math.sqrt(2.0 * share) / omega0
         wide = math.radians(reach(math.degrees(MARGIN * size)))
-        return Curves((size * unit,), (), wide, reach(speed), periodic=False, notes=notes)
-    return Curves(velocity_reach=reach(speed), periodic=scene.periodic)
+        return Orbits((size * unit,), (), wide, reach(speed), periodic=False, notes=notes)
+    return Orbits(velocity_reach=reach(speed), periodic=scene.periodic)
 
 
-def _pendulum(omega0: float, k: float, notes: tuple[str, ...], near: bool) -> Curves:
+def _pendulum(omega0: float, k: float, notes: tuple[str, ...], near: bool) -> Orbits:
     """Return orbit and separatrix of an undamped pendulum with k² times the energy of the upright rest position.
 
     k = sin(amplitude / 2) for swings. ``near``: True limits the axes to the surroundings of a small swing.
@@ -73,6 +73,6 @@ def _pendulum(omega0: float, k: float, notes: tuple[str, ...], near: bool) -> Cu
     separatrix = np.stack((angles, top), axis=1), np.stack((angles, -top), axis=1)
     if near and 0.0 < k < math.sin(0.5 * CLOSE):
         wide = math.radians(reach(MARGIN * math.degrees(2.0 * math.asin(k))))
-        return Curves(orbit, separatrix, wide, reach(MARGIN * 2.0 * omega0 * k), notes=notes)
+        return Orbits(orbit, separatrix, wide, reach(MARGIN * 2.0 * omega0 * k), notes=notes)
     high = reach(MARGIN * 2.0 * omega0 * max(1.0, k))
-    return Curves(orbit if k else (), separatrix, velocity_reach=high, notes=notes if k else ())
+    return Orbits(orbit if k else (), separatrix, velocity_reach=high, notes=notes if k else ())

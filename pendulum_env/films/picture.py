@@ -14,7 +14,7 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, M
 from pendulum_env.films.orbit import curves
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View, frame
+from pendulum_env.render import Apparatus, FrameStyle, Orbits, PastSamples, View, frame
 
 TRAIL_SECONDS = 0.6
 """Time that a trail covers [s]."""
@@ -68,7 +68,7 @@ class Camera:
         self.machine, self.h, self.every, self.size, self.look = machine, h, every, size, look
         self.apparatus, self._initial = apparatus(machine.scene), machine.names.index("initial")
         self.facts = Facts.of(machine)
-        self._curves: tuple[float, Curves] | None = None
+        self._curves: tuple[float, Orbits] | None = None
 
     def frame(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> NDArray[np.uint8]:
         """Return the frame, an RGB picture (H, W, 3), of a state of the simulation.

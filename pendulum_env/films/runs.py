@@ -18,7 +18,7 @@ from pendulum_env.films.picture import apparatus, pivots, trail_length
 from pendulum_env.films.reel import kept
 from pendulum_env.physics.effects import Motor
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View
+from pendulum_env.render import Apparatus, FrameStyle, Orbits, PastSamples, View
 from pendulum_env.render.strip import WINDOW
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Track:
     accent: str | None = None
     energy_scale: float | None = None
     torque_share: float | None = None
-    curves: Curves | None = None
+    curves: Orbits | None = None
 
     def view(self, time: FloatArray, i: int, past: bool) -> View:
         """Return the view at the i-th instant of the film, or at the run's end if that is earlier.

@@ -10,6 +10,6 @@ except ImportError as error:
                       name=error.name) from None
 
 from pendulum_env.jax.env import EnvParams, EnvState, Gymnax, LabPendulum
-from pendulum_env.jax.run import Rollout, rollout
+from pendulum_env.jax.run import TwinRollout, rollout
 
-__all__ = ["EnvParams", "EnvState", "Gymnax", "LabPendulum", "Rollout", "rollout"]
+__all__ = ["EnvParams", "EnvState", "Gymnax", "LabPendulum", "TwinRollout", "rollout"]

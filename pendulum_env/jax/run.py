@@ -170,7 +170,7 @@ def twin(scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Rollout:
+class TwinRollout:
     """A run in JAX arrays; time is the last axis of the arrays of states.
 
     Attributes:
@@ -197,7 +197,7 @@ class Rollout:
         values = vars(self).get("values", {})
         if isinstance(values, dict) and name in values:
             return values[name]
-        raise AttributeError(f"A Rollout has no {name}; it has time, angle, velocity, {', '.join(values)}.")
+        raise AttributeError(f"A TwinRollout has no {name}; it has time, angle, velocity, {', '.join(values)}.")
 
     @property
     def stop_reason(self) -> Any:
@@ -226,7 +226,7 @@ def rollout(
     dtype: str | None = None,
     parameters: Mapping[str, Any] | None = None,
     **more: Any,
-) -> Rollout:
+) -> TwinRollout:
     """Simulate a scene in JAX: a pure function of start, parameters, actions and step.
 
     ``jax.grad``, ``jax.jit`` and ``jax.vmap`` work on a function that calls it. Everything that may be an array of JAX
@@ -249,9 +249,9 @@ def rollout(
         parameters: parameters of the scene by name, such as ``{"length": x}``; numbers or arrays.
         **more: the same by keyword, such as ``length=x``.
 
-    Returns a :class:`Rollout`. Runs of more than 1000 steps keep the states of some steps only and compute the others
-    again for a derivative, so that its memory grows with the square root of the number of steps. At a wire that goes
-    slack the derivative of the state is nan.
+    Returns a :class:`TwinRollout`. Runs of more than 1000 steps keep the states of some steps only and compute the
+    others again for a derivative, so that its memory grows with the square root of the number of steps. At a wire that
+    goes slack the derivative of the state is nan.
 
     Raises SceneError or MethodError for invalid arguments, and for what has no twin: dry friction, steps that call
     Python.
@@ -280,7 +280,7 @@ def rollout(
                   ((angle, usual.angle), (velocity, usual.velocity)))
     drawn = _drawn(one, seed)
     forced = None if controls is None else jnp.asarray(controls, kind)
-    run: Rollout = _runner(one, count, stride, hold, place.name, method.name, kind)(
+    run: TwinRollout = _runner(one, count, stride, hold, place.name, method.name, kind)(
         *(jnp.asarray(value, kind) for value in start), arrays, drawn, jnp.asarray(share, kind), forced,
         jnp.asarray(h, kind), jnp.asarray(speed_limit, kind))
     return run
@@ -329,7 +329,7 @@ def _runner(one: Twin, count: int, every: int, hold: int, scene: str, integrator
     shape = one.program.shape
 
     def run(angle: Any, velocity: Any, parameters: Any, drawn: Any, control: Any, actions: Any, h: Any,
-            speed_limit: Any) -> Rollout:
+            speed_limit: Any) -> TwinRollout:
         if actions is not None:
             angle = jnp.broadcast_to(angle, jnp.broadcast_shapes(angle.shape, actions.shape[:-1]))
         angle = angle + 0.0 * (control + h)
@@ -355,7 +355,7 @@ def _runner(one: Twin, count: int, every: int, hold: int, scene: str, integrator
         time = series.pop("time", jnp.moveaxis(states[0] * h, 0, -1))
         angles = series.pop("angle", jnp.moveaxis(turned, 0, -1))
         velocities = series.pop("velocity", jnp.moveaxis(states[one.names.index("velocity")], 0, -1))
-        return Rollout(time, angles, velocities, series, ends, scene, integrator, np.dtype(kind).name)
+        return TwinRollout(time, angles, velocities, series, ends, scene, integrator, np.dtype(kind).name)
 
     return jax.jit(run)  # type: ignore[no-any-return]
 

@@ -21,7 +21,7 @@ MOST_SEED = 2**64 - 1
 SIMULATED = "simulated: not a recording of a real pendulum"
 
 
-class Motion(Protocol):
+class Moving(Protocol):
     """A motion to record: ``time`` [s], ``angle`` [rad] and ``velocity`` [rad/s], arrays of one length."""
 
     @property
@@ -55,7 +55,7 @@ class VirtualSensor(Sensor):
             most = f"half a step, {0.5 / self.rate:g} s at {self.rate:g} Hz"
             raise SceneError(f"jitter must be below {most}, to keep readings in order, not {self.jitter!r}.")
 
-    def record(self, motion: Motion, seed: int = 0, hand: float = 0.0) -> Recording:
+    def record(self, motion: Moving, seed: int = 0, hand: float = 0.0) -> Recording:
         """Return a recording of a motion, with time 0 at the first reading.
 
         Args:
@@ -93,7 +93,7 @@ class VirtualSensor(Sensor):
     def write(
         self,
         path: str | os.PathLike[str],
-        motion: Motion,
+        motion: Moving,
         form: str = "sensor",
         *,
         seed: int = 0,

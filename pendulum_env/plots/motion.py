@@ -14,7 +14,7 @@ from pendulum_env.plots.series import (
     DENSE,
     ExactMotion,
     FloatArray,
-    Record,
+    ShownRecord,
     Span,
     bounds,
     check,
@@ -57,7 +57,7 @@ def angle(
     runs: Mapping[str, Rollout],
     *,
     exact: ExactMotion | None = None,
-    recording: Record | None = None,
+    recording: ShownRecord | None = None,
     span: Span | None = None,
     axes: Axes | None = None,
 ) -> Axes:
@@ -99,7 +99,7 @@ def _over_time(
     factor: float,
     label: str,
     exact: ExactMotion | None,
-    recording: Record | None,
+    recording: ShownRecord | None,
     span: Span | None,
     axes: Axes | None,
 ) -> Axes:
@@ -296,7 +296,7 @@ def _word(exact: ExactMotion) -> str:
     return "exact" if getattr(exact, "closed", True) else "reference"
 
 
-def _seen(recording: Record, span: Span, many: bool) -> tuple[FloatArray, FloatArray]:
+def _seen(recording: ShownRecord, span: Span, many: bool) -> tuple[FloatArray, FloatArray]:
     """Return times and angles of a recording in a span of time [s]; if swings are ``many``, only its turning points."""
     from pendulum_env.lab.turning import extremes
 

@@ -37,7 +37,7 @@ class ExactMotion(Protocol):
     def velocity(self) -> FloatArray: ...
 
 
-class Record(Protocol):
+class ShownRecord(Protocol):
     """A recording to draw: ``time`` [s], ``angle`` [rad], and ``source``, its name in the legend."""
 
     @property

@@ -16,10 +16,23 @@ from pendulum_env.render.palette import METHOD_COLOURS, colour
 from pendulum_env.render.panel import frame, side_by_side
 from pendulum_env.render.stage import PANELS, FrameStyle
 from pendulum_env.render.theme import THEMES, Theme
-from pendulum_env.render.view import Apparatus, Curves, PastSamples, View
+from pendulum_env.render.view import Apparatus, Orbits, PastSamples, View
 
-__all__ = ["METHOD_COLOURS", "PANELS", "THEMES", "Apparatus", "Curves", "FrameStyle", "PastSamples", "Theme", "View",
-           "colour", "frame", "side_by_side", "write_film"]
+__all__ = [
+           "METHOD_COLOURS",
+           "PANELS",
+           "THEMES",
+           "Apparatus",
+           "FrameStyle",
+           "Orbits",
+           "PastSamples",
+           "Theme",
+           "View",
+           "colour",
+           "frame",
+           "side_by_side",
+           "write_film",
+]
 
 Look, Past = FrameStyle, PastSamples
 """Names that FrameStyle and PastSamples had in version 0.1."""

@@ -16,7 +16,7 @@ from pendulum_env.render.palette import rgb
 from pendulum_env.render.strip import letters, round_up
 from pendulum_env.render.text import MINUS, measure, write
 from pendulum_env.render.theme import Theme
-from pendulum_env.render.view import Curves, View
+from pendulum_env.render.view import Orbits, View
 
 SHOWN = 3.0
 """Time before the shown instant that the portrait shows as a line [s]."""
@@ -94,7 +94,7 @@ class Portrait:
         if self.high:
             self._letters(image, curves)
 
-    def _letters(self, image: Image, curves: Curves) -> None:
+    def _letters(self, image: Image, curves: Orbits) -> None:
         """Write the names and limits of both axes of a phase portrait, and the name of the exact orbit."""
         theme, font, area = self.theme, self.font, self.area
         wide = math.degrees(curves.angle_reach)
@@ -124,7 +124,7 @@ def _row(image: Image, area: Box, y: float, font: int, theme: Theme, ends: tuple
             return
 
 
-def wide_enough(view: View) -> Curves:
+def wide_enough(view: View) -> Orbits:
     """Return a view's curves with limits of the axes large enough for the motion before and at the shown instant.
 
     The curves are the separatrix and the exact orbit of the phase portrait.
@@ -135,7 +135,7 @@ def wide_enough(view: View) -> Curves:
     if past is not None:
         speeds = max(speeds, float(np.abs(past.velocity).max(initial=0.0)))
     if curves is None:
-        return Curves(velocity_reach=reach(min(SPARE * speeds, MOST)))
+        return Orbits(velocity_reach=reach(min(SPARE * speeds, MOST)))
     if speeds > curves.velocity_reach:
         curves = replace(curves, velocity_reach=reach(min(SPARE * speeds, MOST)))
     if curves.periodic and curves.angle_reach >= math.pi:
@@ -147,7 +147,7 @@ def wide_enough(view: View) -> Curves:
     return curves
 
 
-def _places(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) -> NDArray[np.float64]:
+def _places(points: NDArray[np.float64], curves: Orbits, size: tuple[int, int]) -> NDArray[np.float64]:
     """Return the pixels (x, y) of states (angle, velocity) in a phase portrait of size (width, height) pixels."""
     angles = _wrapped(points[:, 0]) if curves.periodic else points[:, 0]
     x = (1 + angles / curves.angle_reach) * (size[0] / 2)
@@ -160,7 +160,7 @@ def _wrapped(angles: NDArray[np.float64]) -> NDArray[np.float64]:
     return (angles + math.pi) % (2 * math.pi) - math.pi
 
 
-def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curves, width: int) -> NDArray[np.float64]:
+def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Orbits, width: int) -> NDArray[np.float64]:
     """Return a path in a phase portrait with a gap where the angle passes from pi to -pi or back.
 
     There the path leaves the plot at one side and continues at the other. ``path`` has rows (x, y, opacity), ``points``
@@ -185,7 +185,7 @@ def _broken(path: NDArray[np.float64], points: NDArray[np.float64], curves: Curv
 
 
 @lru_cache(maxsize=16)
-def _layer(curves: Curves, wide: float, high: float, width: int, height: int, line: float, rule: int,
+def _layer(curves: Orbits, wide: float, high: float, width: int, height: int, line: float, rule: int,
            theme: Theme) -> Image:
     """Return the background of a phase portrait with separatrix and exact orbit, which do not change during a run."""
     curves = replace(curves, angle_reach=wide, velocity_reach=high)
@@ -201,7 +201,7 @@ def _layer(curves: Curves, wide: float, high: float, width: int, height: int, li
     return image
 
 
-def _places_plain(points: NDArray[np.float64], curves: Curves, size: tuple[int, int]) -> NDArray[np.float64]:
+def _places_plain(points: NDArray[np.float64], curves: Orbits, size: tuple[int, int]) -> NDArray[np.float64]:
     """Return the pixels (x, y) of points (angle, velocity) of a curve; angles may exceed a full turn."""
     x = (1 + points[:, 0] / curves.angle_reach) * (size[0] / 2)
     y = (1 - points[:, 1] / curves.velocity_reach) * (size[1] / 2)

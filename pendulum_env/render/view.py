@@ -114,7 +114,7 @@ Past = PastSamples
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class Orbits:
     """Curves behind a phase portrait, as arrays of shape (n, 2) of angles [rad] and velocities [rad/s].
 
     Attributes:
@@ -187,7 +187,7 @@ class View:
     pivot: tuple[float, float] = (0.0, 0.0)
     trail_pivots: tuple[tuple[float, float], ...] = ()
     past: PastSamples | None = None
-    curves: Curves | None = None
+    curves: Orbits | None = None
     residual_scale: float | None = None
 
     def __post_init__(self) -> None:

@@ -102,7 +102,7 @@ def _recording(symbol: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
 class RecordedNumber(float):
     """A number with its name, whose sums, differences, products and quotients are recorded in a list.
 
-    It has its value, unlike :class:`integrators.steps.tracing.Traced`, as the functions of bodies and effects compare
+    It has its value, unlike :class:`integrators.steps.tracing.Symbol`, as the functions of bodies and effects compare
     their numbers.
     """
 

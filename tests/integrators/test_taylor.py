@@ -92,7 +92,7 @@ def test_components_may_be_coupled_in_any_way() -> None:
 
 REFUSED = {
     "math": (lambda t, q, v: -math.sin(q), "a function that wants a value, such as one of math"),
-    "mpmath": (lambda t, q, v: -mpmath.sin(q), "Traced"),
+    "mpmath": (lambda t, q, v: -mpmath.sin(q), "Symbol"),
     "comparison": (lambda t, q, v: -q if q > 0 else q, "a comparison"),
     "maximum": (lambda t, q, v: -max(q, 0.0), "a comparison"),
     "remainder": (lambda t, q, v: -(q % 2.0), "a division with remainder"),

@@ -18,8 +18,8 @@ from pendulum_env.render import (
     PANELS,
     THEMES,
     Apparatus,
-    Curves,
     FrameStyle,
+    Orbits,
     PastSamples,
     View,
     bars,
@@ -47,11 +47,11 @@ def past(end: float = 12.0, dt: float = 0.02, amplitude: float = 0.8) -> PastSam
                 0.01 * np.sin(time), 1e-6 * np.sin(time))
 
 
-CURVES = Curves((np.array([[0.0, 1.0], [1.0, 0.0]]),), (np.array([[-3.0, 1.0], [3.0, 1.0]]),), velocity_reach=12.0)
+CURVES = Orbits((np.array([[0.0, 1.0], [1.0, 0.0]]),), (np.array([[-3.0, 1.0], [3.0, 1.0]]),), velocity_reach=12.0)
 BUSY = View(1234.56, -3.0, -88.88, 1.0, -0.888, 1e-9, 1e30, 0.5, -math.inf, (), "midpoint " * 6, 1.0, past=past(1234.5),
             curves=CURVES)
 
-WORDY = Curves((), (), 1.23e-7, 1.23e-12, periodic=False, notes=("orbit without losses and drives", "ideal orbit"))
+WORDY = Orbits((), (), 1.23e-7, 1.23e-12, periodic=False, notes=("orbit without losses and drives", "ideal orbit"))
 TINY: dict[str, Any] = {"angle": 0.0, "velocity": 0.0, "past": None}
 
 
@@ -67,7 +67,7 @@ def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monk
 @pytest.mark.parametrize("name", PANELS)
 @pytest.mark.parametrize("curves", [CURVES, WORDY])
 def test_texts_of_a_panel_of_any_area_neither_overlap_nor_leave_it(
-    name: str, curves: Curves, monkeypatch: pytest.MonkeyPatch
+    name: str, curves: Orbits, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     view = dataclasses.replace(BUSY, curves=curves, **(TINY if curves is WORDY else {}))
     for wide, high in itertools.product((30, 60, 90, 120, 150, 200, 300), (10, 30, 35, 40, 45, 50, 60, 80, 120, 200)):
@@ -240,7 +240,7 @@ def test_the_separatrix_is_the_orbit_of_the_energy_at_the_top() -> None:
 
 def dot(angle: float, velocity: float, **more: Any) -> Any:
     """Return the centre (x, y) of the blue dot that marks the shown instant in a phase portrait."""
-    image = frame(ROD, View(1.0, angle, velocity, curves=Curves(velocity_reach=10.0), **more), (440, 500),
+    image = frame(ROD, View(1.0, angle, velocity, curves=Orbits(velocity_reach=10.0), **more), (440, 500),
                   FrameStyle("light", ("phase",))).astype(float)
     weight = np.maximum(image[..., 2] - image[..., 0] - 60, 0)
     weight[:40] = 0

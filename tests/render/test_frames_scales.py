@@ -17,7 +17,7 @@ from pendulum_env.films import orbit, picture
 from pendulum_env.films.runs import track_of
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.units import si
-from pendulum_env.render import Apparatus, Curves, FrameStyle, PastSamples, View, frame
+from pendulum_env.render import Apparatus, FrameStyle, Orbits, PastSamples, View, frame
 from pendulum_env.render.layout import Box
 from pendulum_env.render.portrait import wide_enough
 from pendulum_env.render.strip import History
@@ -49,7 +49,7 @@ def blue(view: View) -> Any:
 def test_a_portrait_goes_as_far_as_the_run(
     angle: float, velocity: float, labels: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    curves = Curves(angle_reach=0.5 * math.pi, velocity_reach=10.0, periodic=False)
+    curves = Orbits(angle_reach=0.5 * math.pi, velocity_reach=10.0, periodic=False)
     view = View(1.0, angle, velocity, curves=curves)
     assert set(labels) <= set(texts(monkeypatch, view, "phase"))
     before = PastSamples(np.array([0.5]), np.array([angle]), np.array([velocity]))
@@ -57,7 +57,7 @@ def test_a_portrait_goes_as_far_as_the_run(
 
 
 def test_the_portraits_reaches_hold_what_was_and_what_is() -> None:
-    curves = Curves(angle_reach=0.1, velocity_reach=0.5)
+    curves = Orbits(angle_reach=0.1, velocity_reach=0.5)
     for angle, velocity in ((0.05, 0.2), (0.3, 9.0), (-3.1, 0.1), (2e9, -1e30)):
         widened = wide_enough(View(1.0, angle, velocity, curves=curves))
         assert widened.velocity_reach >= abs(velocity)
@@ -69,7 +69,7 @@ def test_the_line_goes_up_to_both_sides_where_it_goes_round(way: float) -> None:
     """A step from 150° to 210° is drawn at both sides of a portrait that ends at 180°, and nowhere between."""
     angles = way * np.array([math.radians(150.0), math.radians(210.0)])
     over = PastSamples(np.array([0.9]), angles[:1], np.array([8.0]))
-    _, columns = blue(View(1.0, angles[1], 8.0, past=over, curves=Curves(velocity_reach=10.0)))
+    _, columns = blue(View(1.0, angles[1], 8.0, past=over, curves=Orbits(velocity_reach=10.0)))
     left, right = columns.min(), columns.max()
     assert right - left > 410
     inside = (columns - left) / (right - left)
