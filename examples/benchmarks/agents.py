@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import json
 import time
@@ -14,6 +15,26 @@ import gymnasium as gym
 Policy = Callable[[Any], Any]
 
 EXAMPLE = Path(__file__).parent.parent / "11_train_swing_up.py"
+
+
+def parser_of(about: str | None, folder: str) -> argparse.ArgumentParser:
+    """Return the parser of a benchmark's options; ``folder`` is the usual one of its agents' results."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=5, help="agents trained for each row")
+    parser.add_argument("--only-seed", type=int, help="train only agents with this seed; others are read")
+    parser.add_argument("--share", type=float, default=1.0, help="fraction of the training steps to take")
+    parser.add_argument("--episodes", type=int, default=1000, help="episodes of each policy")
+    parser.add_argument("--rows", default="", help="rows with this text in their names")
+    parser.add_argument("--folder", type=Path, default=Path(folder), help="folder of the agents' results")
+    return parser
+
+
+def options_of(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """Return the options; fewer than two seeds or episodes, which have no standard deviation, end the program."""
+    options = parser.parse_args()
+    if options.seeds < 2 or options.episodes < 2:
+        parser.error("--seeds and --episodes must be 2 or more, for a standard deviation")
+    return options
 
 
 def can_train() -> bool:

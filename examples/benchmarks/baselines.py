@@ -24,15 +24,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from agents import Policy, can_train, kept, learnt, loaded, ppo
+from agents import Policy, can_train, kept, learnt, loaded, options_of, parser_of, ppo
 from machine import describe
 from scipy.stats import t as student
 
 from pendulum_env import LabPendulumVectorEnv
 from pendulum_env.controllers import RandomPolicy, swing_up
 
-EPISODES, FIRST = 1000, 10**6
-"""Number of the episodes, and the seed of the first one, which is never used in training."""
+FIRST = 10**6
+"""Seed of the first episode, which is never used in training."""
 ZOO = {"learning_rate": 1e-3, "n_steps": 1024, "gamma": 0.9, "gae_lambda": 0.95, "use_sde": True, "sde_sample_freq": 4}
 """Settings of PPO for Pendulum-v1 in the collection RL Baselines3 Zoo."""
 INTEGRATORS = ("forward_euler", "symplectic_euler", "velocity_verlet", "rk4")
@@ -160,17 +160,9 @@ def price(place: Place, options: argparse.Namespace) -> Iterator[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5, help="agents trained for each row")
-    parser.add_argument("--only-seed", type=int, help="train only agents with this seed; others are read")
-    parser.add_argument("--share", type=float, default=1.0, help="fraction of the training steps to take")
-    parser.add_argument("--episodes", type=int, default=EPISODES, help="episodes of each policy")
-    parser.add_argument("--rows", default="", help="rows with this text in their names; price: the second table")
-    parser.add_argument("--folder", type=Path, default=Path("out/baselines"), help="folder of the agents' results")
-    parser.add_argument("--list", action="store_true", help="print the names of the rows")
-    options = parser.parse_args()
-    if options.seeds < 2 or options.episodes < 2:
-        parser.error("--seeds and --episodes must be 2 or more, for a standard deviation")
+    parser = parser_of(__doc__, "out/baselines")
+    parser.add_argument("--list", action="store_true", help="print the names of the rows; price is the second table")
+    options = options_of(parser)
     chosen = [row for row in ROWS if options.rows in row.name]
     priced = options.rows in "price"
     if options.list or not (chosen or priced):

@@ -17,14 +17,13 @@ With LAB_PENDULUM_DATA the command first checks the bench: it replays the record
 
 from __future__ import annotations
 
-import argparse
 import os
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from agents import Policy, can_train, kept, learnt, ppo
+from agents import Policy, can_train, kept, learnt, options_of, parser_of, ppo
 from machine import describe
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, Sensor, transfer
@@ -32,8 +31,8 @@ from pendulum_env.controllers import RandomPolicy, swing_up
 from pendulum_env.envs.transfer import Transfer, mean
 from pendulum_env.lab import DrivenLog
 
-EPISODES, FIRST = 1000, 10**6
-"""Number of held-out benches, and the seed of the first one, which no training uses."""
+FIRST = 10**6
+"""Seed of the first held-out bench, which no training uses."""
 BUDGETS = {"PPO": 500_000, "SAC": 20_000}
 LOGS = ("driven_bench_planned.csv", "driven_bench_energy_shaping.csv")
 STARTS = (0.0, 1.0, 2.0, 3.0)
@@ -95,16 +94,7 @@ def replayed(folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5, help="agents trained for each row")
-    parser.add_argument("--only-seed", type=int, help="train only agents with this seed; others are read")
-    parser.add_argument("--share", type=float, default=1.0, help="fraction of the training steps to take")
-    parser.add_argument("--episodes", type=int, default=EPISODES, help="held-out benches")
-    parser.add_argument("--rows", default="", help="rows with this text in their names")
-    parser.add_argument("--folder", type=Path, default=Path("out/bench_policies"), help="folder of the results")
-    options = parser.parse_args()
-    if options.seeds < 2 or options.episodes < 2:
-        parser.error("--seeds and --episodes must be 2 or more, for a standard deviation")
+    options = options_of(parser_of(__doc__, "out/bench_policies"))
     print(describe(("gymnasium", "numpy", "numba", "scipy", *(("stable-baselines3", "torch") if can_train() else ()))))
     if folder := os.environ.get("LAB_PENDULUM_DATA"):
         replayed(Path(folder))

@@ -325,7 +325,7 @@ def scene_changes(nominal: Scene, real: Scene) -> Iterator[Swap]:
                 values = getattr(one, field.name), getattr(other, field.name)
                 if values[0] != values[1]:
                     yield Swap(f"{owner}.{field.name}", (value_text(values[0]), value_text(values[1])),
-                                 parameter_from(part, owner, field.name))
+                               parameter_from(part, owner, field.name))
         else:
             yield Swap(part, (value_text(one), value_text(other)), part_from(part))
 
