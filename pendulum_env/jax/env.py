@@ -332,12 +332,13 @@ class Gymnax:
 
     def step(self, key: Any, state: EnvState, action: Any, params: EnvParams | None = None) -> tuple[Any, ...]:
         """Return observation, state, reward, done (or terminated and truncated) and info of a control step."""
-        seen, after, reward, terminated, truncated = self.step_env(key, state, action, params)
-        first, new = self.reset(key, params)  # the step itself draws nothing
+        final, after, reward, terminated, truncated = self.step_env(key, state, action, params)
         done = terminated | truncated
+        new = self.env.initial(key, params)  # the step itself draws nothing
         state = jax.tree.map(lambda one, other: jnp.where(done, one, other), new, after)
+        seen = self.env.observation(state, None, params)  # of the chosen state: twice as fast as choosing of two
         truncated = truncated & ~terminated
         info = {"discount": jnp.where(terminated, 0.0, 1.0), "terminated": terminated, "truncated": truncated,
-                "final_observation": seen}
+                "final_observation": final}
         ends = (terminated, truncated) if self.split else (done,)
-        return (jnp.where(done, first, seen), state, reward, *ends, info)
+        return (seen, state, reward, *ends, info)

@@ -48,6 +48,16 @@ def test_a_fit_finds_the_truth() -> None:
     assert not found.solution.lost
 
 
+def test_a_fit_ends_at_the_minimum() -> None:
+    """To 3e-7 of the errors: the next Gauss-Newton step, from differences of a thousandth of each error."""
+    found = fit(plain(), "linear+quadratic", mass=MASS)
+    model, values = found.solution.model, found.solution.values
+    changes = 1e-3 * np.diag([one.error for one in found.parameters.values()])
+    slopes = (model.angles(values + changes) - model.angles(values - changes)).T / 2e-3  # by each error
+    step = np.linalg.lstsq(slopes, plain().angle - model.angles(values)[0], rcond=None)[0]
+    assert np.abs(step).max() < 3e-7
+
+
 def test_a_gap_does_no_harm() -> None:
     time = even(40.0, 50.0)
     time = time[((time < 6.0) | (time > 9.3)) & ((time < 20.0) | (time > 31.0))]
