@@ -33,6 +33,7 @@ from pendulum_env.physics.effects import (
     Effect,
     Gravity,
     QuadraticDrag,
+    SmoothFriction,
     SphereDrag,
 )
 from pendulum_env.study.audit.step_cost import step_times
@@ -45,6 +46,7 @@ BLOCKS = (15, 100)
 GIVEN: dict[str, Effect] = {
     "bearing_friction": BearingFriction(bearing_viscosity=1e-4),
     "coulomb_friction": CoulombFriction(friction_torque=5e-4),
+    "smooth_friction": SmoothFriction(friction_torque=5e-4),
 }
 """Effects that have no default parameters."""
 BASE = SCENES["lab"].with_effects((Gravity(),))

@@ -12,6 +12,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -65,6 +66,8 @@ PAGES = (
     "integrators.families.taylor",
 )
 """Modules that have a page, in the order of the index."""
+WITH_EXTRAS: Mapping[str, str] = {"pendulum_env.jax": "jax"}
+"""Further modules that have a page where a package of an extra is installed, and the package."""
 
 USAGE = "Name the folder for the pages, as in: python -m pendulum_env.cli.api_pages out/api"
 OF = r"(?:numpy\.|typing\.)?(\w+)"
@@ -78,10 +81,10 @@ EMPTY = '<main class="pdoc"></main>'
 """The middle of the first page as pdoc writes it."""
 
 
-def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
+def write_pages(folder: Path, pages: Sequence[str] | None = None) -> list[Path]:
     """Write the API's HTML pages and a search index; return the paths of the modules' pages.
 
-    There is one page for each module, and a first page.
+    There is one page for each module, by default all of PAGES and those of installed extras, and a first page.
 
     Raises SceneError where pdoc is not installed, OutputError where the folder cannot be written.
     """
@@ -93,6 +96,8 @@ def write_pages(folder: Path, pages: Sequence[str] = PAGES) -> list[Path]:
     except ImportError:
         raise SceneError("The pages are made by pdoc, which is missing: pip install 'lab-pendulum[docs]'.") from None
 
+    if pages is None:
+        pages = (*PAGES, *(name for name, package in WITH_EXTRAS.items() if find_spec(package)))
     place = output_folder(folder)
     pdoc.render.configure(docformat="google", footer_text=f"lab-pendulum {__version__}")
     modules = {name: pdoc.doc.Module(resolved(name)) for name in pages}

@@ -58,6 +58,11 @@ SLACK = 64.0
 ROUNDOFF = 2.0**-53
 """Unit roundoff of double precision."""
 
+def tilted(angle: Any) -> Any:
+    """Return the angle from the nearer of bottom and top [rad]."""
+    return without_half_turns(angle, half_turns(angle))
+
+
 ENDLESS = ("speed_limit", "scale", "swing_pull")
 """Limits that are inf in the run at half the step, so that only a non-finite state ends this run."""
 
@@ -86,25 +91,28 @@ class ErrorEstimator:
 
     @classmethod
     def of(
-        cls, scene: Scene, method: Method, h: float, numbers: Numbers, compensated: bool, adaptive: bool = False
+        cls, scene: Scene, method: Method, h: Any, numbers: Numbers, compensated: bool, adaptive: bool = False,
+        library: Any = np,
     ) -> ErrorEstimator:
         """Return the error estimator for a scene, a method and steps of ``h`` [s].
 
-        ``numbers`` holds the scene's coefficients and "omega0", as floats or as arrays with one entry per run.
+        ``numbers`` holds the scene's coefficients and "omega0", as floats or as arrays of a library with NumPy's
+        functions, one entry per run.
         """
         fastest = numbers["omega0"] if scene.omega0 else 0.0
         for effect in scene.effects:
             if effect.beat:
-                fastest = np.maximum(fastest, np.abs(numbers[effect.beat]))
-        resolved = adaptive | (np.asarray(fastest) * h <= math.pi)
-        most = np.where(resolved, MOST if scene.periodic else math.inf, -1.0)
+                fastest = library.maximum(fastest, abs(numbers[effect.beat]))
+        resolved = adaptive | (library.asarray(fastest) * h <= math.pi)
+        most = library.where(resolved, MOST if scene.periodic else math.inf, -1.0)
+        most = float(most) if library is np and not most.ndim else most
         gain = 1.0 if math.isinf(method.order) else 2.0**method.order / (2.0**method.order - 1.0)
-        return cls(h, numbers["omega0"], gain, most if most.ndim else float(most), scene.periodic, not compensated)
+        return cls(h, numbers["omega0"], gain, most, scene.periodic, not compensated)
 
     def __call__(
         self, index: Any, angles: tuple[Any, Any], velocities: tuple[Any, Any], span: Any, fastest: Any,
         smaller: Callable[[Any, Any], Any] = np.minimum, larger: Callable[[Any, Any], Any] = np.maximum,
-        root: Callable[[Any], Any] = np.sqrt,
+        root: Callable[[Any], Any] = np.sqrt, tilt_of: Callable[[Any], Any] = tilted,
     ) -> tuple[Any, Any, Any]:
         """Return error estimates of a run's angle [rad] and velocity [rad/s], and True where they can be trusted.
 
@@ -114,9 +122,10 @@ class ErrorEstimator:
             span, fastest: range of the run's angle so far [rad], and its largest |velocity| [rad/s].
             smaller, larger, root: functions for minimum, maximum and square root; Python's own are faster for floats
                 and give the same bits as numpy's.
+            tilt_of: function that returns the angle from the nearer of bottom and top.
         """
         angle, velocity = angles[0], velocities[0]
-        tilt = without_half_turns(angle, half_turns(angle)) if self.periodic else angle
+        tilt = tilt_of(angle) if self.periodic else angle
         reach = smaller(index * self.h, 1.0 / self.omega0)
         walk = (root(index) if self.walks else smaller(index, 1.0)) + self.omega0 * (index * self.h)
         least = ROUNDOFF * (abs(angle) + walk * (abs(tilt) + abs(velocity) * reach))

@@ -72,7 +72,7 @@ def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[
     Raises SceneError for values that are not finite numbers or exceed the limits LARGEST_ANGLE and LARGEST_VELOCITY,
     for shapes that do not fit together, and for an energy that is not finite.
     """
-    q0, v0 = _start(angle, "angle", "rad"), _start(velocity, "velocity", "rad/s")
+    q0, v0 = start_values(angle, "angle", "rad"), start_values(velocity, "velocity", "rad/s")
     try:
         q, v = np.broadcast_arrays(q0, v0)
     except ValueError:
@@ -174,10 +174,10 @@ def given_start(value: ArrayLike | None, name: str, unit: str, shape: tuple[int,
 
     Raises SceneError for values that are not finite numbers.
     """
-    return None if value is None else np.broadcast_to(_start(value, name, unit), shape).ravel()
+    return None if value is None else np.broadcast_to(start_values(value, name, unit), shape).ravel()
 
 
-def _start(value: ArrayLike, name: str, unit: str) -> Array:
+def start_values(value: ArrayLike, name: str, unit: str) -> Array:
     """Return initial angles or velocities as a float array; SceneError for values that are not finite numbers."""
     try:
         values = float_array(value)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import jax
@@ -14,18 +15,22 @@ import numpy as np
 from jax import lax
 
 from integrators import Method, MethodError
+from integrators.solving.solve import MOST_STEPS
+from pendulum_env.common.checks import truth
+from pendulum_env.engine.certificate import ESTIMATE, ErrorEstimator, endless
+from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.generate import Program, program
 from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import HOLD, SLACK, STOP_REASONS
-from pendulum_env.engine.starts import checked_control, checked_steps
-from pendulum_env.engine.streams import Streams
-from pendulum_env.jax.parameters import is_array, numbers, with_parameters
+from pendulum_env.engine.starts import checked_control, checked_steps, start_values
+from pendulum_env.engine.streams import MOST_SEED, Streams
+from pendulum_env.jax.parameters import is_array, numbers, traced, with_parameters
 from pendulum_env.jax.programs import Later, Unchanged, bare, functions
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, one_of, whole_number
+from pendulum_env.physics.units import SceneError, number, one_of, shown, whole_number
 
 Turn = Callable[[Any, Any], Any]
 DTYPES = {"float32": np.float32, "float64": np.float64}
@@ -37,7 +42,7 @@ LONG = 1000
 REFUSED: Mapping[str, str] = {
     "compensated": "whose compiler may contract and reorder sums",
     **dict.fromkeys(("rtol", "atol"), "where the number of steps must be known beforehand"),
-    **dict.fromkeys(("events", "dense", "estimate_error", "file", "backend", "num_threads", "progress"),
+    **dict.fromkeys(("events", "dense", "file", "backend", "num_threads", "progress"),
                     "where a run is one pure function of arrays"),
 }
 """Keyword of :func:`pendulum_env.rollout` that :func:`rollout` does not take -> the reason."""
@@ -52,7 +57,8 @@ def check_fits(scene: Scene, method: Method, kind: Any) -> None:
     if dry is not None:
         raise SceneError(
             f"{dry.name} has no twin in JAX: whether the bob sticks is decided by searches within steps, which have no "
-            f"derivative; leave it out, as with damping='linear', or use pendulum_env.rollout."
+            "derivative; smooth it, as with smooth=0.01 [rad/s], leave it out, as with damping='linear', or use "
+            "pendulum_env.rollout."
         )
     if method.python_functions:
         names = " and ".join(method.python_functions)
@@ -222,6 +228,8 @@ def rollout(
     substeps: int = 1,
     diagnostics: Sequence[str] = ("energy",),
     speed_limit: Any = math.inf,
+    estimate_error: bool = False,
+    smooth: float | None = None,
     seed: int = 0,
     dtype: str | None = None,
     parameters: Mapping[str, Any] | None = None,
@@ -243,6 +251,11 @@ def rollout(
             Each acts for ``substeps`` steps; they give the length of the run.
         substeps: steps per control step.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
+        estimate_error: True computes ``error_estimate`` [rad] from a second run with steps of half the length, as in
+            :func:`pendulum_env.rollout`: inf from where the motion cannot be predicted. A derivative means nothing from
+            there on, as in long chaotic runs, and a warning says so.
+        smooth: velocity [rad/s] over which dry friction is smoothed, so that it has derivatives; the bob then creeps
+            where it would stick (:class:`pendulum_env.physics.effects.SmoothFriction`).
         seed: seed of gusts.
         dtype: "float32" or "float64"; by default float64 where JAX has it enabled. float64 needs
             ``jax.config.update("jax_enable_x64", True)``.
@@ -253,20 +266,23 @@ def rollout(
     others again for a derivative, so that its memory grows with the square root of the number of steps. At a wire that
     goes slack the derivative of the state is nan.
 
-    Raises SceneError or MethodError for invalid arguments, and for what has no twin: dry friction, steps that call
-    Python.
+    Raises SceneError or MethodError for invalid arguments, and for what has no twin: dry friction without ``smooth``,
+    steps that call Python.
     """
+    if parameters is not None and not isinstance(parameters, Mapping):
+        raise SceneError(f"parameters must be a dict of values by name, not {shown(parameters)}.")
     given = {**(parameters or {}), **more}
     for name, why in REFUSED.items():
         if name in given:
             raise MethodError(f"{name} has no twin in JAX, {why}; leave it out, or use pendulum_env.rollout.")
-    place = with_parameters(build_scene(scene, damping, {}), given)
+    place = with_parameters(smoothed(build_scene(scene, damping, {}), smooth), given)
     method = find_method(integrator, place)
     kind = kind_of(dtype)
     check_fits(place, method, kind)
+    estimates = truth(estimate_error, "estimate_error")
     usual = place.run
     h = usual.dt if dt is None else dt if is_array(dt) else number(dt, "dt", above=0.0, unit="s")
-    hold = whole_number(substeps, "substeps")
+    hold = whole_number(substeps, "substeps", MOST_STEPS)
     count, controls = _length(usual.duration if duration is None else duration, duration, steps, h, actions, hold)
     stride = min(whole_number(every, "every"), count)
     if count % stride:
@@ -276,14 +292,66 @@ def rollout(
     values = {HOLD[0]: float(hold), **numbers(place)}
     arrays = tuple(jnp.asarray(values[name], kind) for name in one.parameters)
     share = control if is_array(control) else checked_control(control)
-    start = tuple(usual_one if value is None else value for value, usual_one in
-                  ((angle, usual.angle), (velocity, usual.velocity)))
-    drawn = _drawn(one, seed)
+    start = [value if is_array(value) else start_values(usual_one if value is None else value, name, unit)
+             for name, value, usual_one, unit in (
+                 ("angle", angle, usual.angle, "rad"), ("velocity", velocity, usual.velocity, "rad/s"))]
+    drawn = _drawn(one, whole_number(seed, "seed", MOST_SEED, 0))
+    most = speed_limit if is_array(speed_limit) else checked_limit(speed_limit)
     forced = None if controls is None else jnp.asarray(controls, kind)
+    start, share, limit = jax.tree.map(lambda value: jnp.asarray(value, kind), (start, share, most))
     run: TwinRollout = _runner(one, count, stride, hold, place.name, method.name, kind)(
-        *(jnp.asarray(value, kind) for value in start), arrays, drawn, jnp.asarray(share, kind), forced,
-        jnp.asarray(h, kind), jnp.asarray(speed_limit, kind))
-    return run
+        *start, arrays, drawn, share, forced, jnp.asarray(h, kind), limit)
+    if not estimates:
+        return run
+    values = endless({**values, HOLD[0]: 2.0 * hold})
+    arrays = tuple(jnp.asarray(values[name], kind) for name in one.parameters)
+    second = _runner(one, 2 * count, 2 * stride, 2 * hold, place.name, method.name, kind)(
+        *start, arrays, drawn, share, forced, jnp.asarray(0.5 * h, kind), jnp.asarray(math.inf, kind))
+    estimator = ErrorEstimator.of(place, method, h, {**numbers(place), "omega0": traced(frequency(place))}, False,
+                                  library=jnp)
+    estimate = lax.stop_gradient(_estimated(estimator, run, second, stride, functions(one.program.text)))
+    jax.debug.callback(partial(_warn, place.name), run.time, estimate)
+    return replace(run, values={**run.values, ESTIMATE: estimate})
+
+
+def smoothed(scene: Scene, width: float | None) -> Scene:
+    """Return a scene whose dry friction is smoothed over a width of velocities [rad/s], and any other unchanged.
+
+    Raises SceneError for a width that is not above 0, or in a scene without dry friction.
+    """
+    if width is None:
+        return scene
+    number(width, "smooth", above=0.0, unit="rad/s")
+    if not any(effect.dry for effect in scene.effects):
+        raise SceneError(f"smooth is for dry friction, which the scene '{scene.name}' does not have; leave it out.")
+    return scene.with_effects(effect.smoothed(width) for effect in scene.effects)
+
+
+def _estimated(estimator: ErrorEstimator, run: TwinRollout, second: TwinRollout, stride: int, program: Any) -> Any:
+    """Return the error estimates of a run's angles [rad], from a second run at half the step."""
+    angle, velocity, last = run.angle, run.velocity, run.angle.ndim - 1
+    low, high = lax.cummin(angle, axis=last), lax.cummax(angle, axis=last)
+    row = jnp.broadcast_to(jnp.arange(angle.shape[-1]), angle.shape)
+    each = {name: jnp.asarray(getattr(estimator, name))[..., None] for name in ("h", "omega0", "most")}
+
+    def tilted(q: Any) -> Any:
+        return program.call("without_half_turns", q, program.call("half_turns", q))
+
+    error, _, trusted = replace(estimator, **each)(
+        stride * row.astype(angle.dtype), (angle, second.angle), (velocity, second.velocity), high - low,
+        lax.cummax(abs(velocity), axis=last), jnp.minimum, jnp.maximum, jnp.sqrt, tilted)
+    whole = jnp.diff(run.time, axis=-1, prepend=-math.inf) > 0.9 * stride * each["h"]  # False from the end of a run
+    lost = lax.cummax(jnp.where(whole & ~trusted, 1, 0), axis=last)
+    error = jnp.where(lost, math.inf, error)
+    return jnp.take_along_axis(error, lax.cummax(jnp.where(whole, row, 0), axis=last), axis=-1)
+
+
+def _warn(name: str, time: Any, estimate: Any) -> None:
+    """Warn of derivatives from where error estimates are inf."""
+    lost = np.isinf(estimate)
+    if lost.any():
+        warnings.warn(f"Derivatives of a run of '{name}' mean nothing from t = {np.asarray(time)[lost].min():.4g} s, "
+                      "where its error_estimate is inf; take a shorter run or a shorter step.", stacklevel=2)
 
 
 def kind_of(dtype: str | None) -> Any:
@@ -302,13 +370,14 @@ def _length(length: float, duration: float | None, steps: int | None, h: Any, ac
     if actions is not None:
         if steps is not None or duration is not None:
             raise SceneError("actions give the length of the run; leave duration and steps out.")
-        if np.ndim(actions) < 1 or np.shape(actions)[-1] < 1:
+        forces = actions if is_array(actions) else start_values(actions, "actions", "1")
+        if forces.ndim < 1 or forces.shape[-1] < 1:
             raise SceneError("actions must be an array with one number per control step.")
-        return int(np.shape(actions)[-1]) * hold, actions
+        return int(forces.shape[-1]) * hold, forces
     if steps is not None:
         if duration is not None:
             raise SceneError("Give duration or steps, not both.")
-        return whole_number(steps, "steps"), None
+        return whole_number(steps, "steps", MOST_STEPS), None
     if is_array(h):
         raise SceneError("With dt as an array, give steps, because the number of steps must be known.")
     return checked_steps(number(length, "duration", above=0.0, unit="s"), h), None
@@ -319,7 +388,7 @@ def _drawn(one: Twin, seed: int) -> dict[str, float]:
     names = one.program.shape.drawn
     if not names:
         return {}
-    streams = Streams((whole_number(seed, "seed", least=0),))
+    streams = Streams((seed,))
     return {name: float(random.started(float(streams.uniform(np.zeros(1, dtype=np.intp))[0]))) for name in names}
 
 

@@ -87,6 +87,42 @@ def test_derivatives_of_chaotic_runs_grow_as_the_lyapunov_exponent_says() -> Non
     assert exponent == pytest.approx(truth, abs=5.0 * scatter * math.sqrt(39_500 / (runs * periods)))
 
 
+# --- where derivatives end -------------------------------------------------------------------------------------------
+
+
+def test_error_estimates_are_those_of_the_run_in_floats() -> None:
+    """To rounding; and inf from the same record on in a chaotic run, with a warning."""
+    given: dict[str, Any] = {"angle": 1.0, "velocity": 0.0, "dt": 0.05, "duration": 120.0, "every": 5}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        true = rollout("chaotic", integrator="rk4", backend="python", estimate_error=True, **given)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ours = twin.rollout("chaotic", estimate_error=True, **given)
+        jax.effects_barrier()
+    assert any(re.match(r"Derivatives of a run of 'chaotic' mean nothing from t = [\d.]+ s, where its error_estimate "
+                        "is inf", str(warning.message)) for warning in said)
+    assert true.error_estimate is not None
+    trusted = np.isfinite(true.error_estimate)
+    assert 20 < np.count_nonzero(trusted) < len(trusted)
+    assert np.isfinite(np.asarray(ours.error_estimate)).tolist() == trusted.tolist()
+    assert np.asarray(ours.error_estimate)[trusted] == pytest.approx(true.error_estimate[trusted], rel=1e-3, abs=1e-13)
+
+
+def test_an_error_estimate_holds_at_the_end_of_a_run_and_in_a_batch() -> None:
+    """After a stop it repeats that of the last whole step; members of a batch have their own."""
+    given: dict[str, Any] = {"angle": 3.0, "velocity": 0.0, "dt": 0.01, "speed_limit": 5.0}
+    true = rollout("vacuum", duration=3.0, backend="python", estimate_error=True, **given)
+    ours = twin.rollout("vacuum", steps=300, estimate_error=True, **given)
+    assert true.error_estimate is not None
+    assert len(true.angle) < 250
+    assert float(ours.error_estimate[-1]) == pytest.approx(true.error_estimate[-1], rel=1e-3)
+    single = [twin.rollout("lab", angle=angle, dt=0.02, steps=100, estimate_error=True).error_estimate
+              for angle in (0.1, 1.0)]
+    batch = twin.rollout("lab", angle=jnp.array([0.1, 1.0]), dt=0.02, steps=100, estimate_error=True)
+    assert np.asarray(batch.error_estimate) == pytest.approx(np.asarray(single), rel=1e-6, abs=1e-15)
+
+
 # --- derivatives of second order --------------------------------------------------------------------------------------
 
 
@@ -248,8 +284,11 @@ def kinked(theta: Any, omega: Any, dt: Any, acceleration: Callable[..., Any]) ->
 
 
 @pytest.mark.parametrize(("words", "scene", "keywords"), [
-    ("coulomb_friction has no twin in JAX: .* have no derivative; leave it out, as with damping='linear'",
+    ("coulomb_friction has no twin in JAX: .* have no derivative; smooth it, as with smooth=0.01 .rad/s., leave it out",
      "sticky_bearing", {}),
+    ("smooth is for dry friction, which the scene 'lab' does not have; leave it out", "lab", {"smooth": 0.01}),
+    ("smooth must be a finite number above 0 .rad/s., not 0", "sticky_bearing", {"smooth": 0.0}),
+    ("estimate_error must be True or False, not 1", "lab", {"estimate_error": 1}),
     ("compensated has no twin in JAX, whose compiler may .* sums; leave it out, or use pendulum_env.rollout",
      "lab", {"compensated": True}),
     ("rtol has no twin in JAX, where the number of steps must be known", "lab", {"rtol": 1e-9}),

@@ -13,10 +13,12 @@ import pytest
 from beside import environment
 from readme_code import READMES, ROOT
 
-WITH_JAX = ("jax>=0.4.35", "optax>=0.2.3")
-"""Packages of the environment "jax"; optax is for the examples."""
+WITH_JAX = ("jax>=0.4.35", "optax>=0.2.3", "pdoc>=15")
+"""Packages of the environment "jax"; optax is for the examples, pdoc for the API's pages."""
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if "pendulum_env.jax" in path.read_text("utf-8"))
-CHECKS = sorted(path.name for path in Path(__file__).parent.glob("*_checks.py"))
+CHECKS = [(path.name, words) for path in sorted(Path(__file__).parent.glob("*_checks.py"))
+          for words in (("values", "not values") if path.name == "twin_checks.py" else ("",))]
+"""Files of checks, and which of theirs one test runs: the longest file is divided between two."""
 BLOCKS = [code for page in READMES.values()
           for code in re.findall(r"<!-- needs the extra jax -->\n```python\n(.*?)```", page, flags=re.S)]
 """Code of READMEs that uses the twin."""
@@ -38,12 +40,14 @@ def run(python: Path | str, *words: str | Path, folder: Path = ROOT, flags: str 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("checks", CHECKS)
-def test_checks_pass_where_jax_is(with_jax: Path, checks: str) -> None:
+@pytest.mark.parametrize(("checks", "words"), CHECKS)
+def test_checks_pass_where_jax_is(with_jax: Path, checks: str, words: str) -> None:
+    """All of them: those that quick tests would leave out, too."""
     path = Path(__file__).with_name(checks)
-    done = run(with_jax, "-m", "pytest", "-q", "-p", "no:cacheprovider", path, flags=UNJOINED)
+    done = run(with_jax, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow", "-k", words, path,
+               flags=UNJOINED)
     assert done.returncode == 0, done.stdout[-20_000:] + done.stderr[-5_000:]
-    assert re.search(r"^\d+ passed", done.stdout, flags=re.M), done.stdout
+    assert re.search(r"^\d+ passed(, \d+ deselected)? in", done.stdout, flags=re.M), done.stdout
 
 
 @pytest.mark.slow
@@ -61,6 +65,18 @@ def test_an_example_runs_where_jax_is(with_jax: Path, path: Path, tmp_path: Path
     done = run(with_jax, "-W", "error", path, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert any(character.isdigit() for character in done.stdout)
+
+
+@pytest.mark.slow
+def test_the_twin_has_a_page_of_the_api_where_jax_is(with_jax: Path, tmp_path: Path) -> None:
+    words = ("-W", "error", "-W", "ignore::DeprecationWarning", "-m", "pendulum_env.cli.api_pages", "api")
+    done = run(with_jax, *words, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "api" / "pendulum_env" / "jax.html").read_text(encoding="utf-8")
+    shown = set(re.findall(r' id="([^"]+)"', page))
+    assert {"rollout", "LabPendulum", "TwinRollout.stop_reason", "LabPendulum.transition", "Gymnax.step"} <= shown
+    visible = re.sub(r"<[^>]+>", "", "".join(re.findall(r'<div class="docstring">(.*?)</div>', page, flags=re.S)))
+    assert not re.search(r":(func|class|data|mod|meth|attr|exc):|``", visible)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from choice import chosen, kind, rolled
+from choice import FULL, chosen, kind, rolled
 from mp_steps import Steps, derivative, slopes
 from mpmath import mpf
 
@@ -24,8 +24,8 @@ from pendulum_env import SCENES, Scene
 from pendulum_env.engine.machine import fitting, numbers_of
 
 jax.config.update("jax_enable_x64", True)
-SMOOTH = {name: scene for name, scene in SCENES.items() if not any(effect.dry for effect in scene.effects)}
-"""Scenes that have a twin."""
+PLACES = {name: scene.with_effects(effect.smoothed(0.1) for effect in scene.effects) for name, scene in SCENES.items()}
+"""All scenes, with dry friction smoothed over 0.1 rad/s."""
 STEPS, FEW = 200, 8
 NEAR = {"verner6": 1e-11, "verner8": 1e-12}
 """Method -> its bound on relative differences of values, where large coefficients of its table magnify rounding."""
@@ -41,25 +41,28 @@ def _forgetting() -> Iterator[None]:
 def pairs() -> Iterator[tuple[str, str]]:
     """Every method in a scene that its name chooses, and every scene with a method that its name chooses."""
     for method in integrators.METHODS:
-        yield chosen([name for name, scene in SMOOTH.items() if method in fitting(scene)], method), method
-    for name, scene in SMOOTH.items():
+        yield chosen([name for name, scene in PLACES.items() if method in fitting(scene)], method), method
+    for name, scene in PLACES.items():
         yield name, chosen(fitting(scene), name)
 
 
-PAIRS = list(dict.fromkeys(pairs()))
-KINDS = [(scene, method) for i, (scene, method) in enumerate(PAIRS) if i >= len(integrators.METHODS) or
-         kind(method) == method]
-"""Pairs for derivatives: every kind of method, and every scene."""
+ALL = [(name, method) for name, scene in PLACES.items() for method in fitting(scene)]
+PAIRS = ALL if FULL else list(dict.fromkeys(pairs()))
+"""Pairs for values; with LAB_PENDULUM_GRID=full, every scene with every method that fits."""
+KINDS = list(dict.fromkeys(
+    [*((scene, method) for scene, method in pairs() if kind(method) == method), *list(pairs())[-len(PLACES):]]))
+"""Pairs for derivatives: every kind of method, which are all methods with LAB_PENDULUM_GRID=full, and every scene."""
 
 
 @pytest.mark.parametrize(("scene", "method"), PAIRS)
 def test_values_are_those_of_the_run_in_floats(scene: str, method: str) -> None:
-    h = SCENES[scene].run.dt
-    share = 0.3 if any(effect.controlled for effect in SCENES[scene].effects) else 0.0
+    place = PLACES[scene]
+    h = place.run.dt
+    share = 0.3 if any(effect.controlled for effect in place.effects) else 0.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        run = rolled(scene, integrator=method, dt=h, duration=STEPS * h, control=share)
-    ours = twin.rollout(scene, integrator=method, dt=h, steps=STEPS, control=share)
+        run = rolled(place, integrator=method, dt=h, duration=STEPS * h, control=share)
+    ours = twin.rollout(place, integrator=method, dt=h, steps=STEPS, control=share)
     assert ours.dtype == "float64"
     assert ours.stop_reason == run.stop_reason
     taken, bound = len(run.angle), NEAR.get(method, 1e-12)
@@ -80,7 +83,7 @@ def calm(scene: Scene) -> Scene:
 @pytest.mark.parametrize(("scene", "method"), KINDS)
 def test_derivatives_are_those_of_forty_digits(scene: str, method: str) -> None:
     """By angle, velocity, step, every action and every parameter, of angle, velocity, work and heat after 8 steps."""
-    place, one = calm(SCENES[scene]), integrators.get(method)
+    place, one = calm(PLACES[scene]), integrators.get(method)
     h, start = place.run.dt, (place.run.angle, place.run.velocity + 0.3)
     actions = np.full(FEW, 0.25) if one.memory_with(()) else np.linspace(-0.4, 0.7, FEW)
     given = {name: float(value) for name, value in place.parameters().items() if isinstance(value, float) and value}

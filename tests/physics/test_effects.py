@@ -14,10 +14,11 @@ import pytest
 from effect_checks import SPEEDS, bound, called, close, slope
 from given_effects import scene_of
 
-from pendulum_env.physics import elementary
+from pendulum_env import rollout
+from pendulum_env.physics import elementary, exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.damping import with_damping
-from pendulum_env.physics.effects import EFFECTS, LinearDrag, QuadraticDrag
+from pendulum_env.physics.effects import EFFECTS, CoulombFriction, LinearDrag, QuadraticDrag, SmoothFriction
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.physics.flow import reynolds_number, sphere_drag_coefficient
 from pendulum_env.physics.medium import Medium
@@ -352,3 +353,32 @@ def test_functions_use_only_what_is_copied_into_a_program(name: str) -> None:
             more = called(function)
             assert set(function.__code__.co_names) <= {"abs", "sqrt", *elementary.__all__, *more}, role
             functions += more.values()
+
+
+# --- smoothed dry friction -------------------------------------------------------------------------------------------
+
+
+def test_smoothed_friction_is_that_of_coulomb_up_to_its_width() -> None:
+    """From 1 rad with a friction ratio of 0.3: the next turning points differ by less as the width is smaller."""
+    tau, scene = 0.05, SCENES["vacuum"]
+    true = exact.coulomb_turning_points(1.0, tau, 3)[1:]
+    torque = tau * scene.omega0**2 * scene.inertia
+    away = []
+    for width in (0.1, 0.01, 0.001):
+        place = with_damping(scene, {"smooth": {"friction_torque": torque, "friction_width": width}})
+        run = rollout(place, integrator="rk4", angle=1.0, velocity=0.0, dt=0.0005, duration=4.0, diagnostics=())
+        turns = run.angle[1:-1][run.velocity[1:-1] * run.velocity[2:] <= 0.0]
+        away.append(max(abs(one - other) for one, other in zip(turns, true, strict=False)))
+    assert away[0] > 5.0 * away[1] > 25.0 * away[2]
+    assert away[2] < 1e-5
+    assert len(true) == 3
+
+
+def test_a_held_bob_creeps_at_the_stated_speed() -> None:
+    """Against a torque of x tau, ``w x/sqrt(1 - x**2)``: the root of ``x tau = tau v/sqrt(v**2 + w**2)``."""
+    effect = SmoothFriction(friction_torque=0.003, friction_width=0.02)
+    limit = effect.coefficients(scene_of("smooth_friction"))["smooth_limit"]
+    for share in (0.1, 0.6, 0.99):
+        speed = 0.02 * share / math.sqrt(1.0 - share**2)
+        assert SmoothFriction.torque(speed, limit, 0.02) == pytest.approx(-share * limit, rel=1e-12)
+    assert CoulombFriction(friction_torque=0.003).smoothed(0.02) == effect

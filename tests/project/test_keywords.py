@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import inspect
 import re
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from folder_contents import contents
-from keyword_kinds import KIND_OF, KINDS, OWN, VALUES
+from keyword_kinds import KIND_OF, KINDS, OWN, VALUES, check_refusal, outcome
 from keyword_table import BESIDE_IT, SELF, TIME, UNSPOILT, WORKING, keywords, public
 
 from pendulum_env import compare
@@ -21,8 +20,6 @@ pytestmark = pytest.mark.usefixtures("all_interpreted")
 
 PUBLIC = dict(public())
 PAIRS = [(label, keyword.name) for label, function in PUBLIC.items() for keyword in keywords(function)]
-LONGEST = 3000
-"""Most characters of a message; those about methods name all there are."""
 STUDIES = (
     "audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit", "lab.fit_driven")
 
@@ -66,27 +63,6 @@ def arguments(label: str, name: str) -> dict[str, Any]:
     if label == "compare.write":
         found["comparison"] = compare("vacuum", "rk4", duration=0.05)
     return found
-
-
-def outcome(call: Callable[[], object]) -> Exception | None:
-    """The error that a call ends with, if it does."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        try:
-            call()
-        except Exception as error:
-            return error
-    return None
-
-
-def check_refusal(error: Exception | None, *words: str) -> None:
-    """AssertionError unless it is an error of the package's own, of one line with these words."""
-    assert error is not None, "it was taken"
-    said = str(error)
-    assert type(error).__module__.split(".")[0] in ("pendulum_env", "integrators"), repr(error)
-    assert "\n" not in said
-    assert 10 < len(said) < LONGEST
-    assert all(word in said for word in words), said
 
 
 def test_every_keyword_is_covered() -> None:

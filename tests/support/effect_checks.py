@@ -25,7 +25,7 @@ def called(function: FunctionType) -> dict[str, FunctionType]:
 def in_mpmath(function: Callable[..., float]) -> Callable[..., Any]:
     """The same code with mpmath's functions for those of physics.elementary, in what it calls too."""
     assert isinstance(function, FunctionType)
-    names = {**function.__globals__, **{name: getattr(mpmath, name) for name in elementary.__all__}}
+    names = {**function.__globals__, **{name: getattr(mpmath, name) for name in (*elementary.__all__, "sqrt")}}
     names |= {name: in_mpmath(f) for name, f in called(function).items()}
     return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
 

@@ -12,6 +12,7 @@ from pendulum_env.physics.effects import (
     Effect,
     HorizontalDrive,
     PeriodicTorque,
+    SmoothFriction,
     VerticalDrive,
 )
 from pendulum_env.physics.medium import air
@@ -20,6 +21,7 @@ from pendulum_env.physics.scene import Scene
 GIVEN: dict[str, Effect] = {
     "bearing_friction": BearingFriction(bearing_viscosity=0.004),
     "coulomb_friction": CoulombFriction(friction_torque=0.003),
+    "smooth_friction": SmoothFriction(friction_torque=0.003, friction_width=0.05),
     "periodic_torque": PeriodicTorque(drive_torque=0.02, drive_rate=4.5, drive_phase=0.4),
     "vertical_drive": VerticalDrive(vertical_amplitude=0.02, vertical_rate=40.0, vertical_phase=-1.1),
     "horizontal_drive": HorizontalDrive(horizontal_amplitude=0.03, horizontal_rate=7.0, horizontal_phase=2.0),

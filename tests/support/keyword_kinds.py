@@ -1,4 +1,4 @@
-"""The kind of value that each keyword takes, and the values that are tried for it.
+"""The kind of value that each keyword takes, the values that are tried for it, and what a refusal is.
 
 Kinds of the parameters of scenes, effects and sensors follow from their declarations (``si``, ``choice``, ``flag``), so
 that those of a new effect need no entry.
@@ -7,7 +7,8 @@ that those of a new effect need no entry.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import Field, fields
 from typing import Any
 
@@ -171,3 +172,26 @@ OWN: Mapping[str, str] = {
     "Medium.name": "line", "Scene.has.name": "text",
 }
 """The same for keywords that take something else in one function."""
+LONGEST = 3000
+"""Most characters of a message; those about methods name all there are."""
+
+
+def outcome(call: Callable[[], object]) -> Exception | None:
+    """The error that a call ends with, if it does."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            call()
+        except Exception as error:
+            return error
+    return None
+
+
+def check_refusal(error: Exception | None, *words: str) -> None:
+    """AssertionError unless it is an error of the package's own, of one line with these words."""
+    assert error is not None, "it was taken"
+    said = str(error)
+    assert type(error).__module__.split(".")[0] in ("pendulum_env", "integrators"), repr(error)
+    assert "\n" not in said
+    assert 10 < len(said) < LONGEST
+    assert all(word in said for word in words), said

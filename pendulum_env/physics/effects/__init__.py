@@ -20,6 +20,7 @@ from pendulum_env.physics.effects.motor import Motor
 from pendulum_env.physics.effects.periodic_torque import PeriodicTorque
 from pendulum_env.physics.effects.quadratic_drag import QuadraticDrag
 from pendulum_env.physics.effects.small_angle_gravity import SmallAngleGravity
+from pendulum_env.physics.effects.smooth_friction import SmoothFriction
 from pendulum_env.physics.effects.sphere_drag import SphereDrag
 from pendulum_env.physics.effects.wind import Gusts, Wind
 from pendulum_env.physics.effects.wire_drag import WireDrag
@@ -27,6 +28,7 @@ from pendulum_env.physics.effects.wire_drag import WireDrag
 _ALL: tuple[type[Effect], ...] = (
     Gravity, SmallAngleGravity, Fibre, FiniteBob, Suspension, Buoyancy, AddedMass,
     LinearDrag, QuadraticDrag, SphereDrag, WireDrag, BearingFriction, CoulombFriction,
+    SmoothFriction,
     Wind, Gusts,
     Motor, PeriodicTorque, VerticalDrive, HorizontalDrive,
     Clip,
@@ -57,6 +59,7 @@ __all__ = [
     "PeriodicTorque",
     "QuadraticDrag",
     "SmallAngleGravity",
+    "SmoothFriction",
     "SphereDrag",
     "Suspension",
     "VerticalDrive",

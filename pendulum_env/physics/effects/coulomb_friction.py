@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.effects.smooth_friction import SmoothFriction
 from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
 
@@ -64,6 +65,9 @@ class CoulombFriction(Effect):
                 "Coulomb friction cannot be derived from geometry and medium; give a number, as in "
                 "damping={'coulomb': {'friction_torque': 0.001}}."
             )
+
+    def smoothed(self, width: float) -> Effect:
+        return SmoothFriction(self.friction_torque, width)
 
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"dry_limit": (self.friction_torque or 0.0) / scene.inertia}

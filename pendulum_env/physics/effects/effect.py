@@ -137,6 +137,10 @@ class Effect(Checked):
         """
         return ""
 
+    def smoothed(self, width: float) -> Effect:
+        """Return the effect with derivatives everywhere: of dry friction, one smoothed over ``width`` [rad/s]."""
+        return self
+
     def general(self, mixed: Collection[str]) -> Effect:
         """Return this effect with functions that serve all members of a batch, by default the effect itself.
 
