@@ -309,8 +309,9 @@ def _newton(r: Array, target: Array, low: Array) -> Array:
     """Return the Gauss-Newton step: the x that minimises ``|r x - target|`` with no entry below ``low``."""
     from scipy.optimize import lsq_linear
 
-    method = "bvls" if np.isfinite(low).any() else "trf"
-    return np.asarray(lsq_linear(r, target, bounds=(low, np.inf), method=method).x)
+    if not np.isfinite(low).any():
+        return np.asarray(lsq_linear(r, target).x)
+    return np.asarray(lsq_linear(r, target, bounds=(low, np.inf), method="bvls").x)
 
 
 def _factors(slopes: Array) -> tuple[Array, Array, Array]:
