@@ -10,7 +10,7 @@ first reading in all slots.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +35,8 @@ SEEDS = ("a0", "a1", "a2", "b0", "b1", "b2")
 NUMBERS = ("scale", "offset", "noise", "quantum", "dropout", "gain", "between", "span")
 """Arguments of the programs: a sensor's numbers, the filter's gain, and the times between two readings and over the
 window of the velocity [s]."""
+TURNED = "q + 6.283185307179586*turns"
+"""Source of the unwrapped angle of the motion [rad]."""
 SCRATCH = ("x0", "y0", "w0", "x1", "y1", "w1", "x_old", "y_old", "cosine", "sine", "angle")
 """Names of the intermediate values of the programs."""
 
@@ -212,21 +214,55 @@ class Text:
         """Return the source of the unwrapped angle of a reading [rad]."""
         return f"{x} + 6.283185307179586*{y}" if self.plan.ideal else x
 
+    @property
+    def uniforms(self) -> tuple[str, ...]:
+        """Return the names of the uniform random numbers that a reading takes."""
+        return (*(("u1", "u2") if self.plan.noisy else ()), *(("u3",) if self.plan.dropping else ()))
+
+    @property
+    def windowed(self) -> tuple[str, ...]:
+        """Return the parts of the reading at the begin of the window that a new reading needs."""
+        return self.parts if self.plan.kind == "encoder" and not self.plan.filtered else ()
+
+    @property
+    def past(self) -> tuple[str, ...]:
+        """Return the rings of which a new reading needs the entry in the slot before."""
+        plan = self.plan
+        kept = plan.every > 1 or plan.dropping
+        slow = plan.every > 1 or (plan.dropping and plan.kind == "full")
+        return (*(self.parts if kept or plan.filtered else ()),
+                *(("w",) if plan.swift and (slow or plan.filtered) else ()))
+
+    @property
+    def counted(self) -> tuple[str, ...]:
+        """Return the name of the number of slots since the last reading, if not every slot has one."""
+        return ("count",) if self.plan.every > 1 else ()
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """Return the arguments of ``sampled``: the motion, and what a new reading needs beside it."""
+        return ("q", "turns", "v", *(("zero",) if self.plan.zeroed else ()), *self.uniforms,
+                *(f"{ring}0" for ring in self.past), *(f"{ring}_old" for ring in self.windowed), *self.counted,
+                *NUMBERS)
+
+    @property
+    def started(self) -> tuple[str, ...]:
+        """Return the results of ``first``: entries of the rings, and the sensor's zero."""
+        return (*(f"{ring}1" for ring in self.rings), *(("zero",) if self.plan.zeroed else ()))
+
+    @property
+    def written(self) -> tuple[str, ...]:
+        """Return the results of ``sampled``: entries of the rings, and the number of slots since the last reading."""
+        return (*(f"{ring}1" for ring in self.rings), *self.counted)
+
     def reading(self) -> list[str]:
         """Return the source lines that take a reading of the motion."""
-        plan, place = self.plan, self.place
-        lines = [f"{name} = s[i + U({field * place.width})]" for name, field in (
-            ("q", place.angle), ("turns", place.turns), ("v", place.velocity))]
-        if plan.ideal:
-            return [*lines, "x1 = q", "y1 = turns"]
-        zero = self.at("zero") if plan.zeroed else "0.0"
-        lines.append(f"x1 = taken(q + 6.283185307179586*turns, {zero}, scale, offset)")
-        if plan.draws:
-            lines += [f"{name} = {self.at(name)}" for name in SEEDS]
-            numbers = (*(("u1", "u2") if plan.noisy else ()), *(("u3",) if plan.dropping else ()))
-            lines += [f"{joined(SEEDS)}, {name} = next_uniform({joined(SEEDS)})" for name in numbers]
-        lines += ["x1 = x1 + noise*normal(u1, u2)"] if plan.noisy else []
-        return [*lines, *(["x1 = rounded(x1, quantum)"] if plan.rounding else [])]
+        if self.plan.ideal:
+            return ["x1 = q", "y1 = turns"]
+        zero = "zero" if self.plan.zeroed else "0.0"
+        return [f"x1 = taken({TURNED}, {zero}, scale, offset)",
+                *(["x1 = x1 + noise*normal(u1, u2)"] if self.plan.noisy else []),
+                *(["x1 = rounded(x1, quantum)"] if self.plan.rounding else [])]
 
     def speed(self) -> list[str]:
         """Return the source lines that compute the velocity ``w1`` of a new reading."""
@@ -237,31 +273,68 @@ class Text:
             return [f"w1 = w0 + gain*((({new}) - ({self.whole('x0', 'y0')}))/between - w0)"]
         return [f"w1 = (({new}) - ({self.whole('x_old', 'y_old')}))/span"]
 
-    def sample(self) -> str:
-        """Write the source of ``sample``: write the slot ``now`` of all environments of a range of blocks.
+    def rules(self) -> list[str]:
+        """Write the sources of the functions of one environment, without memory: ``first``, ``sampled``, ``shown``,
+        and ``bounded``.
 
-        ``before`` is the slot before it and ``old`` the one at the begin of the window. With random observation delays
-        only those environments are read that are due after this step of the control step. A lost reading is replaced by
+        ``first`` takes the first reading of an episode and ``sampled`` each other one. A lost reading is replaced by
         the one before, from which an encoder computes its velocity; a lost reading of the kind "full" loses the
-        velocity, too.
+        velocity, too. ``shown`` returns cosine, sine and angle of a reading, ``bounded`` its velocity as a float32.
         """
         plan = self.plan
+        first = [*([f"zero = {TURNED}"] if plan.zeroed else []), *self.reading(),
+                 *(["w1 = v" if plan.kind == "full" else "w1 = 0.0"] if plan.swift else [])]
         idle = ["count > 0.0"] if plan.every > 1 else []
         lost = ["u3 < dropout"] if plan.dropping else []
         kept = " or ".join([*idle, *lost])
         slow = " or ".join([*idle, *(lost if plan.kind == "full" else [])])
-        windowed = self.parts if plan.kind == "encoder" and not plan.filtered else ()
-        past = self.parts if kept or plan.filtered else ()
-        past = (*past, *(("w",) if plan.swift and (slow or plan.filtered) else ()))
-        lines = [*self.reading(), *(f"{ring}0 = {self.scratch(f'{ring}0')}" for ring in past),
-                 *(f"{ring}_old = {self.scratch(f'{ring}_old')}" for ring in windowed)]
+        lines = self.reading()
         if idle:
-            lines += [f"count = {self.at('count')} + 1.0", f"count = 0.0 if count >= {plan.every}.0 else count"]
+            lines += ["count = count + 1.0", f"count = 0.0 if count >= {plan.every}.0 else count"]
         lines += [f"{name}1 = {name}0 if {kept} else {name}1" for name in self.parts if kept]
         lines += self.speed() if plan.swift else []
         lines += [f"w1 = w0 if {slow} else w1"] if plan.swift and slow else []
+        if plan.ideal and self.place.periodic:
+            turned = ["tilt = x", "side = side_of(y)"]
+        else:
+            turned = ["halves = half_turns(x)",
+                      f"tilt = max(-{report.RESOLVED}, min({report.RESOLVED}, without_half_turns(x, halves)))",
+                      "side = side_of(0.5*halves)"]
+        turned += ["half = sin(0.5*tilt)"]
+        seen = f"side*(1.0 - 2.0*half*half), side*(2.0*half*cos(0.5*tilt)), {self.whole('x', 'y')}"
+        bounded = f"max(-{report.FASTEST}, min({report.FASTEST}, w))"
+        begun = ("q", "turns", "v", *self.uniforms, *NUMBERS)
+        return [_inlined("first", begun, first, joined(self.started)),
+                _inlined("sampled", self.needed, lines, joined(self.written)),
+                _inlined("shown", self.parts, turned, seen), _inlined("bounded", ("w",), [], bounded)]
+
+    def drawn(self) -> list[str]:
+        """Return the source lines that draw the random numbers of a reading from an environment's generator."""
+        if not self.plan.draws:
+            return []
+        return [*(f"{name} = {self.at(name)}" for name in SEEDS),
+                *(f"{joined(SEEDS)}, {name} = next_uniform({joined(SEEDS)})" for name in self.uniforms)]
+
+    def motion(self) -> list[str]:
+        """Return the source lines that name the motion of environment ``i``."""
+        place = self.place
+        return [f"{name} = s[i + U({field * place.width})]" for name, field in (
+            ("q", place.angle), ("turns", place.turns), ("v", place.velocity))]
+
+    def sample(self) -> str:
+        """Write the source of ``sample``: write the slot ``now`` of all environments of a range of blocks.
+
+        ``before`` is the slot before it and ``old`` the one at the begin of the window. With random observation delays
+        only those environments are read that are due after this step of the control step.
+        """
+        plan = self.plan
+        lines = [*self.motion(), *([f"zero = {self.at('zero')}"] if plan.zeroed else []), *self.drawn(),
+                 *(f"{ring}0 = {self.scratch(f'{ring}0')}" for ring in self.past),
+                 *(f"{ring}_old = {self.scratch(f'{ring}_old')}" for ring in self.windowed),
+                 *(f"{name} = {self.at(name)}" for name in self.counted),
+                 f"{joined(self.written)} = sampled({joined(self.needed)})"]
         stores = {self.scratch(f"{ring}1"): f"{ring}1" for ring in self.rings}
-        stores |= {self.at(name): name for name in (*(SEEDS if plan.draws else ()), *(("count",) if idle else ()))}
+        stores |= {self.at(name): name for name in (*(SEEDS if plan.draws else ()), *self.counted)}
         lines += [f"mine = {self.at('late')} == event"] if plan.random else []
         lines += [f"{to} = {value} if mine else {to}" if plan.random else f"{to} = {value}"
                   for to, value in stores.items()]
@@ -270,8 +343,9 @@ class Text:
             back += [f"start = {self.start(ring, 'now')}", "for i in range(U(n)):",
                      f"    o[i + U(start)] = {self.scratch(f'{ring}1')}"]
         return self._over_blocks(
-            "sample", f"state, memory, t, first, last, size, now, before, old, event, {joined(NUMBERS)}", [
-                "s = state[b]", *self.copied_in(past, "before", "0"), *self.copied_in(windowed, "old", "_old"),
+            "sample", f"state, memory, t, first_block, last_block, size, now, before, old, event, {joined(NUMBERS)}", [
+                "s = state[b]", *self.copied_in(self.past, "before", "0"),
+                *self.copied_in(self.windowed, "old", "_old"),
                 *self.copied_in(self.rings if plan.random else (), "now", "1"),
                 "for i in range(U(n)):", *indent(lines, 1), *back])
 
@@ -291,34 +365,26 @@ class Text:
             else:
                 lines += [*back, *self.copied_in(rings, "at", "1")]
             one = [f"{name} = {self.scratch(f'{name}1')}" for name in self.parts]
-            if plan.ideal and self.place.periodic:
-                one += ["tilt = x", "side = side_of(y)"]
-            else:
-                one += ["halves = half_turns(x)",
-                        f"tilt = max(-{report.RESOLVED}, min({report.RESOLVED}, without_half_turns(x, halves)))",
-                        "side = side_of(0.5*halves)"]
-            one += ["half = sin(0.5*tilt)", f"{self.scratch('cosine')} = side*(1.0 - 2.0*half*half)",
-                    f"{self.scratch('sine')} = side*(2.0*half*cos(0.5*tilt))"]
-            one += [f"{self.scratch('angle')} = {self.whole('x', 'y')}"] if last else []
+            one += [f"cosine, sine, whole = shown({joined(self.parts)})",
+                    f"{self.scratch('cosine')} = cosine", f"{self.scratch('sine')} = sine"]
+            one += [f"{self.scratch('angle')} = whole"] if last else []
             lines += ["for i in range(U(n)):", *indent(one, 1), "for i in range(U(n)):",
                       f"    seen[i, {entries * k}] = {self.scratch('cosine')}",
                       f"    seen[i, {entries * k + 1}] = {self.scratch('sine')}"]
         if plan.swift:
-            rate = f"max(-{report.FASTEST}, min({report.FASTEST}, {self.scratch('w1')}))"
-            lines += ["for i in range(U(n)):", f"    seen[i, 2] = {rate}"]
+            lines += ["for i in range(U(n)):", f"    seen[i, 2] = bounded({self.scratch('w1')})"]
         lines += ["for i in range(U(n)):", f"    angle[i] = {self.scratch('angle')}"]
-        return self._over_blocks("give", "observation, observed, memory, t, first, last, size, now, lag", lines)
+        return self._over_blocks("give", "observation, observed, memory, t, first_block, last_block, size, now, lag",
+                                 lines)
 
     def begin(self) -> str:
         """Write the source of ``begin``: the first reading of the environments ``places``, written to all slots."""
         plan, width = self.plan, self.place.width
-        angle = [f"s[i + U({field * width})]" for field in (self.place.angle, self.place.turns)]
+        stores = (*(("zero",) if plan.zeroed else ()), *(SEEDS if plan.draws else ()))
         lines = [
-            *([f"{self.at('zero')} = {angle[0]} + 6.283185307179586*{angle[1]}"] if plan.zeroed else []),
-            *self.reading(),
-            *(["w1 = v" if plan.kind == "full" else "w1 = 0.0"] if plan.swift else []),
-            *([f"{self.at('count')} = 0.0"] if plan.every > 1 else []),
-            *([f"{self.at(name)} = {name}" for name in SEEDS] if plan.draws else []),
+            *self.motion(), *self.drawn(),
+            f"{joined(self.started)} = first({joined(('q', 'turns', 'v', *self.uniforms, *NUMBERS))})",
+            *(f"{self.at(name)} = {name}" for name in stores), *(f"{self.at(name)} = 0.0" for name in self.counted),
             f"for slot in range({plan.slots}):",
             *indent([f"{self.slot(ring, 'slot')} = {ring}1" for ring in self.rings], 1),
         ]
@@ -330,18 +396,24 @@ class Text:
     def _over_blocks(self, name: str, arguments: str, lines: Iterable[str]) -> str:
         """Write the source of a function that runs ``lines`` for a range of blocks of ``n`` environments, or fewer."""
         width = self.place.width
-        return "\n".join(["@entry", f"def {name}({arguments}):", "    for b in range(first, last):",
+        return "\n".join(["@entry", f"def {name}({arguments}):", "    for b in range(first_block, last_block):",
                           "        o = memory[b]", f"        n = min({width}, size - {width}*b)",
                           *indent(lines, 2), "    return 0", ""])
 
-    def program(self) -> Kernel:
-        """Return the program."""
+    def program(self, memory: bool = True) -> Kernel:
+        """Return the program; without ``memory`` only the functions of one environment."""
         plan = self.plan
         called: list[Callable[..., Any]] = [
             taken, wrap.half_turns, wrap.without_half_turns, wrap.side_of, elementary.sin, elementary.cos,
             *([next_uniform] if plan.draws else []), *([normal] if plan.noisy else []),
             *([rounded] if plan.rounding else [])]
-        return kernel(called, [self.sample(), self.give(), self.begin(), PICK], f"{plan.kind} sensing")
+        loops = [self.sample(), self.give(), self.begin(), PICK] if memory else []
+        return kernel(called, [*self.rules(), *loops], f"{plan.kind} sensing")
+
+
+def _inlined(name: str, arguments: Sequence[str], lines: Iterable[str], result: str) -> str:
+    """Write the source of an inlined function."""
+    return "\n".join(["@inline", f"def {name}({joined(arguments)}):", *indent([*lines, f"return {result}"], 1), ""])
 
 
 PICK = """@entry

@@ -113,17 +113,23 @@ class Range:
 
     def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
         """Return the values of new episodes in the environments ``which``."""
+        if self.fixed:
+            return {self.name: np.full(len(which), self.values[0])}
+        return {self.name: self.at(source.uniform(which), elementwise(exp, backend), np.array)}
+
+    @property
+    def fixed(self) -> bool:
+        """Return True for a single value, which takes no random number."""
+        return len({*self.values}) == 1
+
+    def at(self, uniform: Any, exponential: Callable[[Any], Any], array: Callable[[Any], Any]) -> Any:
+        """Return the values for an array of random numbers in [0, 1), with functions for this kind of array."""
         low, high = self.values[0], self.values[-1]
-        if len({*self.values}) == 1:
-            return {self.name: np.full(len(which), low)}
-        u = source.uniform(which)
         if self.kind == CHOICE:
-            places = np.minimum((u * len(self.values)).astype(np.intp), len(self.values) - 1)
-            return {self.name: np.array(self.values)[places]}
+            return array(self.values)[(uniform * len(self.values)).astype(int).clip(0, len(self.values) - 1)]
         if self.kind == LOG:
-            u = low * elementwise(exp, backend)(u * log(high / low))
-            return {self.name: np.minimum(np.maximum(u, low), high)}
-        return {self.name: np.minimum(low + (high - low) * u, high)}
+            return (low * exponential(uniform * log(high / low))).clip(low, high)
+        return (low + (high - low) * uniform).clip(low, high)
 
 
 class Joint:
@@ -134,16 +140,21 @@ class Joint:
     Args:
         scatter: names, values, covariance, lower bounds and refits; see
             :class:`pendulum_env.lab.fitting.intervals.Scatter`.
+
+    Attributes:
+        names, values, least: names, means and lower bounds of the parameters.
+        rows: refits, shape ``(refits, len(names))``; None to draw ``values + normal @ spread``.
+        spread: square root of the covariance, shape ``(len(names), len(names))``.
     """
 
     def __init__(self, scatter: Any) -> None:
         self.names: tuple[str, ...] = tuple(scatter.names)
-        self._values, self._least = (np.asarray(x, dtype=np.float64) for x in (scatter.values, scatter.least))
-        self._rows = None if scatter.rows is None else np.asarray(scatter.rows, dtype=np.float64)
+        self.values, self.least = (np.asarray(x, dtype=np.float64) for x in (scatter.values, scatter.least))
+        self.rows = None if scatter.rows is None else np.asarray(scatter.rows, dtype=np.float64)
         errors = np.sqrt(np.diag(scatter.covariance))
         scale = np.where(errors > 0.0, errors, 1.0)
         sizes, axes = np.linalg.eigh(np.asarray(scatter.covariance) / np.outer(scale, scale))
-        self._spread = (axes * np.sqrt(np.maximum(sizes, 0.0))).T * scale
+        self.spread = (axes * np.sqrt(np.maximum(sizes, 0.0))).T * scale
 
     def ends(self) -> list[dict[str, float]]:
         """Return no ends: a normal distribution has none."""
@@ -159,7 +170,7 @@ class Joint:
             if not left.size:
                 return dict(zip(self.names, drawn, strict=True))
             row = self._row(source, which[left], backend)
-            good = np.all(row >= self._least[:, None], axis=0)
+            good = np.all(row >= self.least[:, None], axis=0)
             drawn[:, left[good]] = row[:, good]
             left = left[~good]
         raise SceneError(f"randomize: none of {PATIENCE} draws of {', '.join(self.names)} is within the bounds; the "
@@ -167,12 +178,12 @@ class Joint:
 
     def _row(self, source: RandomStreams, which: Places, backend: Backend) -> Array:
         """Return one draw for every environment of ``which``, shape ``(names, len(which))``, within bounds or not."""
-        if self._rows is not None:
-            places = (source.uniform(which) * len(self._rows)).astype(np.intp)
-            return np.asarray(self._rows[np.minimum(places, len(self._rows) - 1)].T)
-        row = np.repeat(self._values[:, None], len(which), axis=1)
+        if self.rows is not None:
+            places = (source.uniform(which) * len(self.rows)).astype(np.intp)
+            return np.asarray(self.rows[np.minimum(places, len(self.rows) - 1)].T)
+        row = np.repeat(self.values[:, None], len(which), axis=1)
         normals = elementwise(normal, backend)
-        for along in self._spread:  # in a fixed order, so that one environment gets the same bits as many
+        for along in self.spread:  # in a fixed order, so that one environment gets the same bits as many
             size = normals(1.0 - source.uniform(which), source.uniform(which))
             row = row + along[:, None] * size
         return row
@@ -218,15 +229,16 @@ class Randomization:
 
     Attributes:
         names: names of the drawn parameters, in the order in which they are drawn.
+        parts: parameters that are drawn together, in this order.
 
     Raises SceneError for anything else.
     """
 
     def __init__(self, given: Any) -> None:
-        self._parts: list[Draws] = []
+        self.parts: list[Draws] = []
         for part in given if isinstance(given, (list, tuple)) else (given,):
-            self._parts += parts_of(part)
-        self.names = tuple(name for part in self._parts for name in part.names)
+            self.parts += parts_of(part)
+        self.names = tuple(name for part in self.parts for name in part.names)
         if not self.names or len({*self.names}) < len(self.names):
             raise SceneError(f"randomize must name parameters, each of them once, not {shown(given)}.")
 
@@ -236,7 +248,7 @@ class Randomization:
         Raises SceneError for a function that returns something else, or a fit with hardly any draw within its bounds.
         """
         values: Values = {}
-        for part in self._parts:
+        for part in self.parts:
             values |= part.drawn(source, which, backend)
         return values
 
@@ -246,20 +258,23 @@ class Randomization:
         return {name: float(value[0]) for name, value in values.items()}
 
     def scenes(self, scene: Scene) -> list[Scene]:
-        """Return scenes with draws at the ends of all ranges, and with random draws, to be checked before episodes.
+        """Return scenes with the values of :meth:`trials`, to be checked before episodes.
 
         Raises SceneError for a parameter that the scene does not have or that is not a number, and for draws that are
         invalid or that need another program.
         """
         check_parameters(self.names, scene, f"randomize: the scene '{scene.name}' has no parameter")
-        ends = [ends for part in self._parts if (ends := part.ends())]
+        return [self._checked(scene, values) for values in self.trials()]
+
+    def trials(self) -> list[dict[str, float]]:
+        """Return parameters at the ends of all ranges, and random draws."""
+        ends = [ends for part in self.parts if (ends := part.ends())]
         corners = [dict(pair for one in choice for pair in one.items())
                    for choice in islice(product(*ends), MOST_CORNERS)] if ends else []
         extremes = [{name: value for one in ends for name, value in one[side].items()} for side in (0, -1)]
         source = np.random.default_rng(0)
-        trials = [self.one(source) for _ in range(TRIALS)]
-        cases = [{**trials[i % TRIALS], **corner} for i, corner in enumerate([*corners, *extremes, *({},) * TRIALS])]
-        return [self._checked(scene, values) for values in cases]
+        draws = [self.one(source) for _ in range(TRIALS)]
+        return [{**draws[i % TRIALS], **corner} for i, corner in enumerate([*corners, *extremes, *({},) * TRIALS])]
 
     def _checked(self, scene: Scene, values: Mapping[str, float]) -> Scene:
         """Return the scene with these values; SceneError if they are invalid or need another program."""

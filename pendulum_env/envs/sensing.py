@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import Batch
@@ -130,10 +129,10 @@ def checked_rate(rate: float, h: float, substeps: int) -> tuple[int, int]:
                      f"of it, such as {names} Hz, not {rate:.6g} Hz; more substeps allow higher rates.")
 
 
-def delays(bounds: tuple[int, int], uniform: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return delays in integration steps, drawn with equal chances, from random numbers in [0, 1)."""
+def delays(bounds: tuple[int, int], uniform: Any) -> Any:
+    """Return delays in integration steps, drawn with equal chances, from an array of random numbers in [0, 1)."""
     low, high = bounds
-    return low + np.minimum((uniform * (high - low + 1)).astype(np.int64), high - low)
+    return low + (uniform * (high - low + 1)).astype(int).clip(0, high - low)
 
 
 # --- environments ---------------------------------------------------------------------------------------------------

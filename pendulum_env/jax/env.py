@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import singledispatch
 from typing import Any
 
 import jax
@@ -19,15 +20,20 @@ from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.shape import HOLD
-from pendulum_env.envs.randomize import CHOICE, LOG, Range
-from pendulum_env.envs.settings import usual
+from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
+from pendulum_env.envs.sensing import OBSERVED, plan_of
+from pendulum_env.envs.settings import spaces_of, usual
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, twin
+from pendulum_env.jax.sensing import TwinSensing
+from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, number, whole_number
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
+from pendulum_env.tasks.task import steps_of
 
 FELL = 4.0
 """Stop code of an episode whose task is lost."""
@@ -61,12 +67,15 @@ class EnvState:
         stop: code of the stop reason, 0 while the episode goes on.
         time: control steps taken.
         params: numbers drawn for this episode; None without ``randomize``.
+        sensed: a :class:`pendulum_env.jax.sensing.SensedState`, readings and actions on their way; None without a
+            sensor, delays, or another kind of observation.
     """
 
     values: tuple[Any, ...]
     stop: Any
     time: Any
     params: EnvParams | None
+    sensed: Any = None
 
 
 class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
@@ -79,14 +88,22 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
     Args:
         scene, integrator, damping, task, dt, substeps, diagnostics, speed_limit: as in ``gym.make``.
-        max_steps: control steps in an episode.
-        randomize: parameters drawn for every episode by name, as in ``gym.make``: ``(low, high)``, ``("log", low,
-            high)`` or a list of values.
+        max_steps: control steps in an episode; ``duration``: its length [s], in its place.
+        randomize: parameters drawn for every episode, as in ``gym.make``: ranges by name, such as ``(low, high)``, a
+            fit, its bootstrap or posterior, or a list of these. A draw from a bootstrap or posterior is one of its
+            rows.
+        observation, history, sensor, observation_delay, action_delay: as in ``gym.make``. Delays that are drawn, and
+            the first reading, take the key of ``initial``; later noise takes that of ``transition``. The derivative of
+            a reading rounded to a quantum is 0, as that of ``jnp.round``, so that learning by gradients needs a sensor
+            without quantum, such as one with the noise ``quantum / sqrt(12)`` in its place.
         dtype: "float32" or "float64"; by default float64 where JAX has it enabled.
         **parameters: parameters of the scene, such as ``length=0.5``.
 
-    Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction,
-    steps that call Python.
+    Attributes:
+        noisy: True if ``transition`` needs a key, because the sensor draws random numbers.
+
+    Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction, steps
+    that call Python, functions of a NumPy generator in ``randomize``, gusts in float32.
     """
 
     def __init__(
@@ -101,7 +118,13 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         diagnostics: Sequence[str] = ("energy",),
         speed_limit: float | None = None,
         max_steps: int | None = None,
-        randomize: Mapping[str, Any] | None = None,
+        duration: float | None = None,
+        randomize: Any = None,
+        observation: str = "full",
+        history: int | None = None,
+        sensor: Sensor | Mapping[str, Any] | None = None,
+        observation_delay: float | Sequence[float] = 0.0,
+        action_delay: float | Sequence[float] = 0.0,
         dtype: str | None = None,
         **parameters: Any,
     ) -> None:
@@ -114,21 +137,23 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         self.dt = number(dt, "dt", above=0.0, unit="s")
         self.substeps = whole_number(substeps, "substeps")
         self.h = self.dt / self.substeps
-        steps = self.task.steps(self.dt) if max_steps is None else whole_number(max_steps, "max_steps")
+        if max_steps is not None and duration is not None:
+            raise SceneError("Give duration or max_steps, not both.")
+        steps = (whole_number(max_steps, "max_steps") if max_steps is not None else
+                 self.task.steps(self.dt) if duration is None else steps_of(duration, self.dt))
         self.max_steps = REGISTERED if steps is None else steps
         self._limit = speed_limit
-        self.ranges = [Range.of(name, given) for name, given in (randomize or {}).items()]
         self.twin: Twin = twin(self.scene, self.method, check_diagnostics(diagnostics))
-        if self.twin.program.shape.drawn:
-            raise SceneError("gusts have no twin in the environment in JAX; leave the effect out, as in "
-                             "scene.with_effects(...), or use gym.make_vec.")
-        for one in self.ranges:
-            with_parameters(self.scene, {one.name: one.values[0]})
         self._judge = functions(goal_text(self.task.goal))
-        entries = 3 if self.task.goal.reference is None else 7
-        top = np.array([1.0, 1.0, np.finfo(np.float32).max, *[1.0] * (entries - 3)], dtype=np.float32)
-        self.observation_space = spaces.Box(-top, top, dtype=np.float32)
-        self.action_space = spaces.Box(-1.0, 1.0, (1,), np.float32)
+        plan = plan_of(observation, history, sensor, observation_delay, action_delay, self.h, self.substeps)
+        remembers = bool(self.twin.program.shape.remembered)
+        self._hold = 1 if plan is not None and remembers and plan.changes else self.substeps
+        self._sensing = None if plan is None else TwinSensing(plan, self.scene.periodic, remembers, self.kind)
+        self.noisy = plan is not None and plan.draws
+        _, self.observation_space, self.action_space = spaces_of(None, self.task, plan)
+        self._randomization = randomization(randomize)
+        if self._randomization:
+            self._check_draws(self._randomization)
         self.default_params: EnvParams
         super().__init__()
 
@@ -142,26 +167,39 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         Raises SceneError for invalid parameters.
         """
         place = with_parameters(self.scene, parameters)
-        values = {HOLD[0]: float(self.substeps), **numbers(place)}
+        values = {HOLD[0]: float(self._hold), **numbers(place)}
         limit = checked_limit(self._limit, place)
         return EnvParams(
             tuple(jnp.asarray(values[name], self.kind) for name in self.twin.parameters),
             jnp.asarray(traced(frequency(place)), self.kind), jnp.asarray(traced(limit), self.kind),
             jnp.asarray(self.max_steps))
 
-    def _drawn(self, key: Any) -> EnvParams:
+    def _drawn(self, key: Any, draws: Randomization) -> EnvParams:
         """Return the parameters of an episode, drawn by a key."""
-        values = {}
-        for one, own in zip(self.ranges, jax.random.split(key, len(self.ranges)), strict=True):
-            low, high = one.values[0], one.values[-1]
-            if one.kind == CHOICE:
-                values[one.name] = jax.random.choice(own, jnp.asarray(one.values, self.kind))
-            else:
-                u = jax.random.uniform(own, dtype=self.kind)
-                values[one.name] = low + (high - low) * u
-                if one.kind == LOG:
-                    values[one.name] = low * jnp.exp(u * math.log(high / low))
+        values: dict[str, Any] = {}
+        first, others = jax.random.split(key)
+        uniform = jax.random.uniform(first, (len(draws.parts),), self.kind)
+        for i, part in enumerate(draws.parts):
+            values |= drawn(part, uniform[i], jax.random.fold_in(others, i))
         return self.get_default_params(**values)
+
+    def _check_draws(self, draws: Randomization) -> None:
+        """Raise SceneError for draws that are invalid, or whose numbers JAX does not compute as the package does.
+
+        While JAX traces, conditions in formulas are decided at the scene's own values.
+        """
+        scenes, trials, wide = draws.scenes(self.scene), draws.trials(), self.kind == np.float64
+        jax.eval_shape(lambda: self._drawn(jax.random.key(0), draws))
+        columns = {name: jnp.asarray([trial[name] for trial in trials], self.kind) for name in draws.names}
+        found = jax.jit(jax.vmap(lambda values: self.get_default_params(**values).numbers))(columns)
+        for i, (values, place) in enumerate(zip(trials, scenes, strict=True)):
+            exact = {HOLD[0]: float(self._hold), **numbers(place)}
+            if not np.allclose([float(column[i]) for column in found], [exact[name] for name in self.twin.parameters],
+                               rtol=1e-6 if wide else 1e-3, atol=1e-30, equal_nan=True):
+                label = ", ".join(f"{name}={value:.6g}" for name, value in values.items())
+                raise SceneError(f"randomize: {label} calls for other formulas than the values of the scene "
+                                 f"'{self.scene.name}', at which JAX traces; give the scene itself values within the "
+                                 "ranges, or narrower ranges.")
 
     def _of(self, state: EnvState | None, params: EnvParams | None) -> EnvParams:
         if state is not None and state.params is not None:
@@ -173,61 +211,93 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
     def initial(self, rng: Any, params: EnvParams | None = None) -> EnvState:
         """Return the state at the start of an episode, drawn by a key as the task says."""
-        drawing, starting = jax.random.split(rng) if self.ranges else (None, rng)
-        own = self._drawn(drawing) if self.ranges else None
+        drawing, starting = jax.random.split(rng) if self._randomization else (None, rng)
+        own = self._drawn(drawing, self._randomization) if self._randomization else None
         used = own or self._of(None, params)
+        begin = 2 if self.task.draws else 0
+        count = begin + self._draws
+        uniform: Any = jax.random.uniform(starting, (count,), dtype=self.kind) if count else None
         angle: Any
         velocity: Any
         if self.task.draws:
-            first, second = jax.random.uniform(starting, (2,), dtype=self.kind)
-            begin = self.task.goal.begin
-            if begin is None:
-                angle, velocity = self.task.starts(first, second, used.omega0)
+            formula = self.task.goal.begin
+            if formula is None:
+                angle, velocity = self.task.starts(uniform[0], uniform[1], used.omega0)
             else:
-                given = {"first": first, "second": second, "omega0": used.omega0}
-                angle, velocity = on_arrays(begin)(*(given[name] for name in begin.__code__.co_varnames[
-                    : begin.__code__.co_argcount]))
+                given = {"first": uniform[0], "second": uniform[1], "omega0": used.omega0}
+                angle, velocity = on_arrays(formula)(*(given[name] for name in formula.__code__.co_varnames[
+                    : formula.__code__.co_argcount]))
         else:
             angle, velocity = self.scene.run.angle, self.scene.run.velocity
-        return self.started(angle, velocity, used if own else None, used)
+        return self._begun(angle, velocity, own, used, uniform[begin:] if self._draws else None)
 
     def started(self, angle: Any, velocity: Any, own: EnvParams | None = None, params: EnvParams | None = None,
-                ) -> EnvState:
-        """Return the state at the start of an episode from an angle [rad] and a velocity [rad/s]."""
-        used = own or self._of(None, params)
-        values = self.twin.start(angle, velocity, used.numbers, {}, self.kind)
-        return EnvState(values, jnp.zeros_like(values[1]), jnp.zeros(values[1].shape, jnp.int32), own)
+                rng: Any = None) -> EnvState:
+        """Return the state at the start of an episode from an angle [rad] and a velocity [rad/s].
+
+        A scene with gusts, noise or drawn delays needs a key, ``rng``.
+        """
+        if self._draws and rng is None:
+            raise SceneError("The start of an episode with gusts, noise or drawn delays takes a key, as in "
+                             "started(angle, velocity, rng=jax.random.key(0)).")
+        form = jnp.broadcast_shapes(jnp.shape(angle), jnp.shape(velocity))
+        uniform = jax.random.uniform(rng, (self._draws, *form), self.kind) if self._draws else None
+        return self._begun(angle, velocity, own, own or self._of(None, params), uniform)
+
+    def _begun(self, angle: Any, velocity: Any, own: EnvParams | None, used: EnvParams, uniform: Any) -> EnvState:
+        """Return the state at the start of an episode from random numbers in [0, 1) along a first axis."""
+        names = self.twin.program.shape.drawn
+        stream = {name: random.started(uniform[i]) for i, name in enumerate(names)}
+        values = self.twin.start(angle, velocity, used.numbers, stream, self.kind)
+        rest = uniform[len(names):] if self._draws else None
+        sensed = None if self._sensing is None else self._sensing.begin(self._motion((values, None)), rest)
+        return EnvState(values, jnp.zeros_like(values[1]), jnp.zeros(values[1].shape, jnp.int32), own, sensed)
 
     def transition(self, state: EnvState, action: Any, rng: Any = None, params: EnvParams | None = None) -> EnvState:
-        """Return the state after one control step of a constant action, which is clipped to [-1, 1]."""
-        used, share, shape = self._of(state, params), self._share(action), self.twin.program.shape
-        carry = (state.values, state.stop)
-        plain = not shape.memory and not shape.remembered
-        carry = self.twin.step(carry, used.numbers, share, self.h, used.speed_limit, known=plain)
-        if self.substeps > 1:
-            def turn(_: Any, carry: Any) -> Any:
-                return self.twin.step(carry, used.numbers, share, self.h, used.speed_limit, known=not shape.remembered)
+        """Return the state after one control step of a constant action, which is clipped to [-1, 1].
 
-            carry = jax.lax.fori_loop(1, self.substeps, turn, carry)
-        values, stop = carry
+        A sensor that draws random numbers needs a key, ``rng``.
+        """
+        used, share = self._of(state, params), self._share(action)
+        carry, sensed = (state.values, state.stop), state.sensed
+        if self.noisy and rng is None:
+            raise SceneError("A control step with a sensor that draws random numbers takes a key, as in "
+                             "transition(state, action, jax.random.key(0)).")
+        if self._sensing is None:
+            values, stop = self._advanced(carry, used, share, self.substeps)
+        else:
+            (values, stop), sensed = self._sensing.step(
+                carry, sensed, share, rng, lambda carry, share, steps: self._advanced(carry, used, share, steps),
+                self._motion)
+            share = self._sensing.acting(sensed, share, self._sensing.last)
         _, lost = self._judged(state, values, share, used)
         stop = jnp.where((stop == 0.0) & lost, FELL, stop)
-        return replace(state, values=values, stop=stop, time=state.time + 1)
+        return replace(state, values=values, stop=stop, time=state.time + 1, sensed=sensed)
 
     def observation(self, state: EnvState, rng: Any = None, params: EnvParams | None = None) -> Any:
-        """Return cosine and sine of the angle and the velocity, float32; with a reference four more entries."""
-        used = self._of(state, params)
-        seen = self._reports(state.values, used)
-        sign = -1.0 if self.task.goal.upright else 1.0
-        entries = [sign * seen["cosine"], sign * seen["sine"], seen["rate"]]
+        """Return cosine and sine of the angle and the velocity, float32; with a reference four more entries.
+
+        Other kinds of ``observation`` have entries of their own, as in ``gym.make``.
+        """
+        if self._sensing is not None and self._sensing.reads:
+            entries, _ = self._sensing.give(state.sensed)
+        else:
+            seen = self._reports(state.values, self._of(state, params))
+            entries = [seen["cosine"], seen["sine"], seen["rate"]]
+        if self.task.goal.upright:
+            turned = len(entries) // 2 * 2
+            entries = [*(-entry for entry in entries[:turned]), *entries[turned:]]
         if self.task.goal.reference is not None:
             entries += self._judge.call("ahead", state.values[0], self.h, self.dt)
         return jnp.stack([jnp.asarray(entry, jnp.float32) for entry in entries], axis=-1)
 
     def reward(self, state: EnvState, action: Any, next_state: EnvState, rng: Any = None,
                params: EnvParams | None = None) -> Any:
-        """Return the task's reward of the control step from a state to the next."""
-        reward, _ = self._judged(state, next_state.values, self._share(action), self._of(state, params))
+        """Return the task's reward of the control step from a state to the next, for the action that acts."""
+        share = self._share(action)
+        if self._sensing is not None:
+            share = self._sensing.acting(next_state.sensed, share, self._sensing.last)
+        reward, _ = self._judged(state, next_state.values, share, self._of(state, params))
         return reward
 
     def terminal(self, state: EnvState, rng: Any = None, params: EnvParams | None = None) -> Any:
@@ -235,9 +305,16 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         return state.stop != 0.0
 
     def state_info(self, state: EnvState, params: EnvParams | None = None) -> dict[str, Any]:
-        """Return time, unwrapped angle, velocity and the reported quantities, such as the energy ledger [J]."""
+        """Return time, unwrapped angle, velocity and the reported quantities, such as the energy ledger [J].
+
+        With a sensor, a delay or another kind of observation, ``observed_angle`` is the angle in the observation [rad].
+        """
         seen = self._reports(state.values, self._of(state, params))
-        return {name: value for name, value in seen.items() if name in self.twin.program.shape.info}
+        info = {name: value for name, value in seen.items() if name in self.twin.program.shape.info}
+        if self._sensing is not None:
+            turned = self._turned(state.values)
+            info[OBSERVED] = self._sensing.give(state.sensed)[1] if self._sensing.reads else turned
+        return info
 
     def truncated(self, state: EnvState, params: EnvParams | None = None) -> Any:
         """Return True where the time of the episode is up."""
@@ -251,6 +328,32 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         return Gymnax(self, split)
 
     # --- parts ------------------------------------------------------------------------------------------------------
+
+    @property
+    def _draws(self) -> int:
+        """Return the number of random numbers at the start of an episode beside those of angle and velocity."""
+        return len(self.twin.program.shape.drawn) + (0 if self._sensing is None else self._sensing.draws)
+
+    def _advanced(self, carry: Any, used: EnvParams, share: Any, steps: int) -> Any:
+        """Return state and stop code after integration steps of an action, the first of which may be a new one."""
+        shape = self.twin.program.shape
+        plain = not shape.memory and not shape.remembered
+        carry = self.twin.step(carry, used.numbers, share, self.h, used.speed_limit, known=plain)
+        if steps > 1:
+            def turn(_: Any, carry: Any) -> Any:
+                return self.twin.step(carry, used.numbers, share, self.h, used.speed_limit, known=not shape.remembered)
+
+            carry = jax.lax.fori_loop(1, steps, turn, carry)
+        return carry
+
+    def _motion(self, carry: Any) -> tuple[Any, ...]:
+        """Return angle, turns and velocity of a state of the program and its stop code."""
+        return tuple(carry[0][self.twin.names.index(name)] for name in ("angle", "turns", "velocity"))
+
+    def _turned(self, values: Any) -> Any:
+        """Return the unwrapped angle of a state of the program [rad]."""
+        angle, turns, _ = self._motion((values, None))
+        return angle + 2.0 * math.pi * turns
 
     def _share(self, action: Any) -> Any:
         action = jnp.asarray(action, self.kind)
@@ -270,13 +373,56 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         goal, before = self.task.goal, []
         if goal.before:
             earlier = self._reports(state.values, used)
-            turned = state.values[names.index("angle")] + 2.0 * math.pi * state.values[names.index("turns")]
-            known = {"phi_before": earlier["phi"], "angle_before": turned,
+            known = {"phi_before": earlier["phi"], "angle_before": self._turned(state.values),
                      "velocity_before": state.values[names.index("velocity")]}
             before = [known[name] for name in goal.before]
         reward, lost = self._judge.call("judge", *place.values(), phi, share, used.omega0, self.h, *before)
         shape = jnp.shape(place["angle"])
         return jnp.broadcast_to(jnp.asarray(reward, self.kind), shape), jnp.broadcast_to(jnp.asarray(lost, bool), shape)
+
+
+# --- random parameters ------------------------------------------------------------------------------------------------
+
+
+@singledispatch
+def drawn(part: Any, uniform: Any, key: Any) -> dict[str, Any]:
+    """Return the parameters of an episode by name, drawn from a part of a randomisation.
+
+    Args:
+        part: parameters that are drawn together.
+        uniform: a random number in [0, 1).
+        key: a key, where one number is not enough.
+
+    Raises SceneError for a function of a NumPy generator.
+    """
+    raise SceneError("A function of a NumPy generator as randomize has no twin in JAX, which cannot trace it; give "
+                     "ranges or a fit, or call the function and pass get_default_params(...) of its values.")
+
+
+@drawn.register
+def _from_range(part: Range, uniform: Any, key: Any) -> dict[str, Any]:
+    def array(values: Any) -> Any:
+        return jnp.asarray(values, uniform.dtype)
+
+    return {part.name: array(part.values[0]) if part.fixed else part.at(uniform, jnp.exp, array)}
+
+
+@drawn.register
+def _from_fit(part: Joint, uniform: Any, key: Any) -> dict[str, Any]:
+    """Return a row of a bootstrap or posterior, or a draw from a covariance; those below a bound are left out."""
+    if part.rows is not None:
+        rows = jnp.asarray(part.rows[np.all(part.rows >= part.least, axis=1)], uniform.dtype)
+        row = rows[(uniform * len(rows)).astype(int).clip(0, len(rows) - 1)]
+    else:
+        values, least, spread = (jnp.asarray(one, uniform.dtype) for one in (part.values, part.least, part.spread))
+
+        def again(carry: Any) -> Any:
+            key, own = jax.random.split(carry[0])
+            return key, values + jax.random.normal(own, values.shape, values.dtype) @ spread
+
+        none = jnp.full_like(values, jnp.nan)  # below any bound
+        _, row = jax.lax.while_loop(lambda carry: ~jnp.all(carry[1] >= least), again, (key, none))
+    return dict(zip(part.names, row, strict=True))
 
 
 class Gymnax:
@@ -332,9 +478,10 @@ class Gymnax:
 
     def step(self, key: Any, state: EnvState, action: Any, params: EnvParams | None = None) -> tuple[Any, ...]:
         """Return observation, state, reward, done (or terminated and truncated) and info of a control step."""
-        final, after, reward, terminated, truncated = self.step_env(key, state, action, params)
+        stepping, starting = jax.random.split(key) if self.env.noisy else (key, key)
+        final, after, reward, terminated, truncated = self.step_env(stepping, state, action, params)
         done = terminated | truncated
-        new = self.env.initial(key, params)  # the step itself draws nothing
+        new = self.env.initial(starting, params)
         state = jax.tree.map(lambda one, other: jnp.where(done, one, other), new, after)
         seen = self.env.observation(state, None, params)  # of the chosen state: twice as fast as choosing of two
         truncated = truncated & ~terminated
