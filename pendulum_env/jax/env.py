@@ -15,6 +15,7 @@ from gymnasium import spaces
 from gymnasium.experimental.functional import FuncEnv
 
 from integrators import Method
+from integrators.solving.solve import MOST_STEPS
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
@@ -25,7 +26,7 @@ from pendulum_env.envs.sensing import OBSERVED, plan_of
 from pendulum_env.envs.settings import spaces_of, usual
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
-from pendulum_env.jax.run import Twin, check_fits, kind_of, twin
+from pendulum_env.jax.run import Twin, check_fits, kind_of, smoothed, twin
 from pendulum_env.jax.sensing import TwinSensing
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
@@ -35,6 +36,8 @@ from pendulum_env.physics.units import SceneError, number, whole_number
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
 from pendulum_env.tasks.task import steps_of
 
+LONGEST = 2**31 - 1
+"""Most control steps in an episode: they are counted in 32 bits."""
 FELL = 4.0
 """Stop code of an episode whose task is lost."""
 
@@ -96,14 +99,15 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             the first reading, take the key of ``initial``; later noise takes that of ``transition``. The derivative of
             a reading rounded to a quantum is 0, as that of ``jnp.round``, so that learning by gradients needs a sensor
             without quantum, such as one with the noise ``quantum / sqrt(12)`` in its place.
+        smooth: velocity [rad/s] over which dry friction is smoothed, as in :func:`pendulum_env.jax.rollout`.
         dtype: "float32" or "float64"; by default float64 where JAX has it enabled.
         **parameters: parameters of the scene, such as ``length=0.5``.
 
     Attributes:
         noisy: True if ``transition`` needs a key, because the sensor draws random numbers.
 
-    Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction, steps
-    that call Python, functions of a NumPy generator in ``randomize``, gusts in float32.
+    Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction
+    without ``smooth``, steps that call Python, functions of a NumPy generator in ``randomize``, gusts in float32.
     """
 
     def __init__(
@@ -125,21 +129,22 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         sensor: Sensor | Mapping[str, Any] | None = None,
         observation_delay: float | Sequence[float] = 0.0,
         action_delay: float | Sequence[float] = 0.0,
+        smooth: float | None = None,
         dtype: str | None = None,
         **parameters: Any,
     ) -> None:
         self.kind = kind_of(dtype)
         integrator, dt = usual(scene, integrator, dt)
-        self.scene = with_parameters(build_scene(scene, damping, {}), parameters)
+        self.scene = with_parameters(smoothed(build_scene(scene, damping, {}), smooth), parameters)
         self.task = find_task(task)
         self.method = find_method(integrator, self.scene)
         check_fits(self.scene, self.method, self.kind)
         self.dt = number(dt, "dt", above=0.0, unit="s")
-        self.substeps = whole_number(substeps, "substeps")
+        self.substeps = whole_number(substeps, "substeps", MOST_STEPS)
         self.h = self.dt / self.substeps
         if max_steps is not None and duration is not None:
             raise SceneError("Give duration or max_steps, not both.")
-        steps = (whole_number(max_steps, "max_steps") if max_steps is not None else
+        steps = (whole_number(max_steps, "max_steps", LONGEST) if max_steps is not None else
                  self.task.steps(self.dt) if duration is None else steps_of(duration, self.dt))
         self.max_steps = REGISTERED if steps is None else steps
         self._limit = speed_limit

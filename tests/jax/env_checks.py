@@ -16,7 +16,7 @@ from gymnasium.experimental.functional import FuncEnv
 from scipy import stats
 
 import pendulum_env.jax as twin
-from pendulum_env import SCENES, Scene, Sensor, Task
+from pendulum_env import SCENES, SCENES, Scene, Sensor, Task
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.envs.randomize import Joint
 from pendulum_env.jax.env import drawn
@@ -135,6 +135,13 @@ def test_a_loop_in_gymnaxs_style_starts_again_within_the_step(split: bool) -> No
     assert np.asarray(time)[24].tolist() == [0] * 4
     assert float(jnp.abs(jnp.arctan2(seen[24, :, 1], seen[24, :, 0])).max()) <= 0.1 + 1e-6
     assert float(jnp.abs(final[24] - seen[24]).max()) > 0.1
+
+
+def test_dry_friction_may_be_smoothed() -> None:
+    place = SCENES["motor_bench"]
+    smooth = place.with_effects(effect.smoothed(0.05) for effect in place.effects)
+    assert twin.LabPendulum(place, smooth=0.05).scene == smooth
+    beside({"scene": smooth}, 20)
 
 
 def test_parameters_may_differ_between_environments() -> None:

@@ -25,7 +25,7 @@ BESIDE_IT: Mapping[str, Mapping[str, Any]] = {
 OWN = {
     "rollout.angle": "numbers", "rollout.velocity": "numbers", "rollout.speed_limit": "limit", "smooth": "positive",
     "dtype": "word", "rollout.actions": "numbers", "rollout.duration": "positive", "max_steps": "count",
-    "rollout.control": "share", "rollout.seed": "seed",
+    "rollout.control": "share", "rollout.seed": "seed", "LabPendulum.speed_limit": "limit",
 }
 """Kinds of the twin's own keywords, and of those that take something else there."""
 PAIRS = [(label, one.name) for label, function in FUNCTIONS.items() for one in keywords(function)]
