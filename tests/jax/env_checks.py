@@ -16,7 +16,7 @@ from gymnasium.experimental.functional import FuncEnv
 from scipy import stats
 
 import pendulum_env.jax as twin
-from pendulum_env import SCENES, SCENES, Scene, Sensor, Task
+from pendulum_env import SCENES, Scene, Sensor, Task
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.envs.randomize import Joint
 from pendulum_env.jax.env import drawn
