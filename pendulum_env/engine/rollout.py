@@ -137,8 +137,6 @@ def rollout(
         raise SceneError("dense=True is for single runs without file=; call rollout for each run of the batch.")
     if file is not None and watched:
         raise SceneError("events cannot be combined with file=; leave one of them out.")
-    if rtol is not None or atol is not None:
-        raise MethodError("rtol and atol are for single runs without file=; batches and file= need fixed steps.")
     if spec.shape == ():
         raise SceneError("file= is for batches; give angle, velocity or a parameter as an array.")
     if num_threads is not None:

@@ -284,7 +284,7 @@ class RunSpec:
         return kind(
             self.each, self.method, self.diagnostics, self.backend, angle=angle, velocity=velocity, plan=self.plan,
             control=self.control, num_threads=num_threads, compensated=self.compensated, hold=self.hold,
-            streams=Streams(self.seeds),
+            streams=Streams(self.seeds), rtol=self.rtol, atol=self.atol,
         )
 
     def batch(self, size: int, goal: Goal, most: float, num_threads: int | None = None) -> Batch:
@@ -295,6 +295,7 @@ class RunSpec:
         return kind(
             self.scene, self.method, self.diagnostics, self.backend, numbers, size=size, h=self.h,
             goal=goal, num_threads=num_threads, substeps=self.hold, most=most, compensated=self.compensated,
+            rtol=self.rtol, atol=self.atol,
         )
 
     # --- warnings ---------------------------------------------------------------------------------------------------
