@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from integrators import Method
-from integrators.solving.step_size import growth, shrinkage, step_power
+from integrators.solving.step_size import ratio_powers, step_power, step_power_of_many, step_ratio
 from integrators.steps.estimates import embedded_orders, order_of_estimate
 from pendulum_env.engine import slack
 from pendulum_env.engine.calls import stepped
@@ -32,7 +32,7 @@ from pendulum_env.engine.shape import (
 )
 from pendulum_env.engine.source import Plain
 
-CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
+CALLED: tuple[Plain, ...] = (step_power, step_power_of_many, ratio_powers, step_ratio)
 """Functions that generated adaptive steps call."""
 
 
@@ -299,21 +299,25 @@ class Attempt(NamedTuple):
         start: lines that set the progress at the start of a step of h, but for ``a`` and the rates: see ``slope``.
         slope: line that computes the acceleration ``a`` and the rates of the quadratures at the start of a step of h.
         length: lines that set ``now``, the attempt's time, and ``part``, its length.
-        short: lines that leave the loop with the stop code TOO_SHORT if the attempt is too short to change the time.
+        short: condition under which the attempt is too short to change the time, and the run ends as TOO_SHORT.
         trial: lines that take the attempt and set ``square``, its squared error in units of the tolerance.
-        judged: lines that accept or reject it, and choose the length of the next attempt.
+        judged: lines that accept or reject it, and choose the length of the next attempt; where a wire that goes slack
+            ends the run, they set ``reason`` to SLACK.
     """
 
     start: list[str]
     slope: str
     length: list[str]
-    short: list[str]
+    short: str
     trial: list[str]
     judged: list[str]
 
 
-def attempt(shape: Shape, method: Method) -> Attempt:
-    """Return the source lines of one attempt of an adaptive step, chosen as in :mod:`integrators.solving.adaptive`."""
+def attempt(shape: Shape, method: Method, power: str) -> Attempt:
+    """Return the source lines of one attempt of an adaptive step, chosen as in :mod:`integrators.solving.adaptive`.
+
+    ``power`` is the name of the function of powers: step_power, or step_power_of_many for SIMD code.
+    """
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]
     called = f"{'rates' if sums else 'acceleration'}({joined(('t', 'q', 'v'), shape.extra)})"
@@ -343,11 +347,7 @@ def attempt(shape: Shape, method: Method) -> Attempt:
             "whole = 1.01*size < left",
             "part = size if whole else left",
         ],
-        short=[
-            "if whole and (now + 0.0625*size == now or h + 0.0625*size == h):",
-            f"    reason = {TOO_SHORT}.0",
-            "    break",
-        ],
+        short="whole & ((now + 0.0625*size == now) | (h + 0.0625*size == h))",
         trial=[
             f"{results} = {stepped(shape, 'now', 'part')}",
             "scale_q = atol + rtol*(abs(q) if abs(q) > abs(q1) else abs(q1))",
@@ -356,33 +356,23 @@ def attempt(shape: Shape, method: Method) -> Attempt:
             f"square = {'square0' if pairs == 1 else both}",
         ],
         judged=[
-            f"if abs(q1) <= {LARGEST} and abs(v1) <= {LARGEST} and abs(a1) <= {LARGEST} and square <= 1.0:",
-            *indent(
-                [
-                    "error = step_power(square if square > 1e-24 else 1e-24, 0.5)",
-                    f"ratio = growth(error, last, {order})",
-                    "grown = part*(ratio if ratio < most else most)",
-                    "size = grown if whole or grown > size else size",
-                    "last = error if whole else 0.0",
-                    "most = 10.0",
-                    *(slack.adapted(shape, again) if shape.slack else []),
-                    f"done = done + {cut} if {'whole or cut < part' if shape.ends_slack else 'whole'} else h",
-                    "q = q1",
-                    "v = v1",
-                    "a = a1",
-                    *(f"{rate} = {rate}1" for rate in rates),
-                    *(f"{name} = {name} + d_{name}" for name in sums),
-                    "taken = taken + 1.0",
-                    *([f"if reason == {SLACK}.0:", "    break"] if shape.ends_slack else []),
-                ],
-                1,
-            ),
-            "else:",
-            "    error = step_power(square, 0.5) if 1.0 < square <= 1e300 else 1e301",
-            f"    size = part*shrinkage(error, {order})",
-            "    last = 0.0",
-            "    most = 1.0",
-            "    rejected = rejected + 1.0",
+            f"accepted = (abs(q1) <= {LARGEST}) & (abs(v1) <= {LARGEST}) & (abs(a1) <= {LARGEST}) & (square <= 1.0)",
+            "known = accepted | (square > 1.0) & (square <= 1e300)",
+            f"error = {power}(square if known & (square > 1e-24) else 1e-24, 0.5)",
+            "error = error if known else 1e301",
+            f"base, exponent, earlier, share = ratio_powers(error, accepted, last, {order})",
+            f"ratio = step_ratio({power}(base, exponent), {power}(earlier, share), error, accepted, last)",
+            "tried = part*(most if accepted & (most < ratio) else ratio)",
+            "size = size if accepted & (not whole) & (not tried > size) else tried",
+            "last = error if accepted & whole else 0.0",
+            "most = 10.0 if accepted else 1.0",
+            *(slack.adapted(shape, again) if shape.slack else []),
+            f"ahead = done + {cut} if {'whole | (cut < part)' if shape.ends_slack else 'whole'} else h",
+            "done = ahead if accepted else done",
+            *(f"{name} = {name}1 if accepted else {name}" for name in ("q", "v", "a", *rates)),
+            *(f"{name} = {name} + d_{name} if accepted else {name}" for name in sums),
+            "taken = taken + (1.0 if accepted else 0.0)",
+            "rejected = rejected + (0.0 if accepted else 1.0)",
         ],
     )
 
@@ -397,7 +387,7 @@ def adapt(shape: Shape, method: Method) -> str:
     ``tries`` attempts it pauses: it stores its progress in ``params`` for the next call, and returns the values from
     before the step.
     """
-    sums, lines = shape.quadratures, attempt(shape, method)
+    sums, lines = shape.quadratures, attempt(shape, method, step_power.__name__)
     under_way = shape.params.index("under_way")
     pull, found = shape.pull[:2] if shape.slack else (), _found(shape)
     part = [*enumerate(shape.paused, under_way + 1)]
@@ -410,8 +400,18 @@ def adapt(shape: Shape, method: Method) -> str:
         *indent([*lines.start, lines.slope], 1),
         f"reason = {OK}.0",
         "while done < h:",
-        *indent(["if taken + rejected >= tries:", f"    reason = {PAUSED}.0", "    break"], 1),
-        *indent([*lines.length, *lines.short, *lines.trial, *lines.judged], 1),
+        *indent([
+            "if taken + rejected >= tries:",
+            f"    reason = {PAUSED}.0",
+            "    break",
+            *lines.length,
+            f"if {lines.short}:",
+            f"    reason = {TOO_SHORT}.0",
+            "    break",
+            *lines.trial,
+            *lines.judged,
+            *([f"if reason == {SLACK}.0:", "    break"] if shape.ends_slack else []),
+        ], 1),
         f"if reason == {PAUSED}.0:",
         f"    if params[{under_way}] == 0.0:",
         f"        params[{under_way}] = 1.0",

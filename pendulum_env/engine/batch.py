@@ -348,7 +348,8 @@ class Batch(Blocks):
     def _set_usual(self) -> None:
         """Set the arguments of a step of few environments, which one call of the compiled program takes at once."""
         substeps = self.substeps
-        at_once = not self.tolerance and self._compiled and len(self._scratch) == 1 and len(self._state) * substeps <= FEW_BLOCKS
+        short = not self.tolerance and len(self._state) * substeps <= FEW_BLOCKS
+        at_once = short and self._compiled and len(self._scratch) == 1
         self._usual = (self._state, self._scratch[0], 0, len(self._state), self.size, self.h, substeps, substeps,
                        self._bound) if at_once else ()
 

@@ -4,10 +4,10 @@ One array holds a block of 256 environments (BLOCK), field after field: all angl
 one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
 check of their sign. The state of environments that have stopped is preserved by selection, not by branches.
 
-With a tolerance every pendulum takes steps of its own. While it is within a step of h, its progress is in a *slot* of the
-block's work array ``w``. One loop without branches takes one attempt of an adaptive step in every slot in use; a second
-loop accepts or rejects the attempts, and hands the last slot's pendulum to the slot of one that has come to the end of
-its step, so that all slots in use come first, and none of them waits. Which slot a pendulum has changes no bit of it.
+With a tolerance every pendulum takes steps of its own. While it is within a step of h, its progress is in a *slot* of
+the block's work array ``w``. Loops without branches take one attempt of an adaptive step in every slot in use, and
+accept or reject it. Where a pendulum has come to the end of its step, the last slot in use moves to its slot, so that
+all slots in use come first and none of them waits. Which slot a pendulum has changes no bit of its motion.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from integrators import Method
+from integrators.solving.step_size import step_power_of_many
 from pendulum_env.engine import report, slack
-from pendulum_env.engine.advance import attempt, advanced, interval_results, landed
+from pendulum_env.engine.advance import advanced, attempt, landed
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
@@ -77,12 +78,12 @@ def _advance(layout: Layout) -> str:
 
 
 def _adapt(layout: Layout, method: Method) -> list[str]:
-    """Write the source of ``advance_block`` for adaptive steps: one step of h of all environments that have not stopped.
+    """Write the source of ``advance_block`` for adaptive steps: one step of h of every environment that runs.
 
     The function makes at most ``tries`` attempts in every slot and returns the number of those that are left. The step
     is at its end if no slot is in use then; otherwise the next call continues it.
     """
-    shape, lines = layout.shape, attempt(layout.shape, method)
+    shape, lines = layout.shape, attempt(layout.shape, method, step_power_of_many.__name__)
     rates = ("a", *(f"rate_{name}" for name in shape.quadratures))
     tried = (*shape.step_results, "square")
 
@@ -111,19 +112,23 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
         block_loop("slopes", "w, n, h", layout, [*load("t", "q", "v", *given), lines.slope, *store(*rates)]),
         block_loop("attempts", "w, n, h", layout,
                    [*load("t", "done", "size", "q", "v", *rates, *given), *lines.length, *lines.trial, *store(*tried)]),
+        block_loop("judgements", "w, n, h", layout, [
+            *load("t", *shape.paused, *given, *tried),
+            *lines.length,
+            f"reason = {TOO_SHORT}.0 if {lines.short} else {OK}.0",
+            f"if reason == {OK}.0:",
+            *indent(lines.judged, 1),
+            *store(*shape.paused, "reason"),
+        ]),
         "\n".join([
             "@inline",
-            f"def judge(s, o, w, active, {every}):",
-            "    for place in range(active - 1, -1, -1):",  # downwards: the last slot has been judged when it moves
+            f"def landings(s, o, w, active, {every}):",
+            "    for place in range(active - 1, -1, -1):",  # downwards: the last slot stays in use when it moves
             *indent([
                 "i = U(place)",
-                *load("t", *shape.paused, *given, *tried),
-                f"reason = {OK}.0",
-                *lines.length,
-                "for _ in range(1):",  # which the lines leave by break, as they leave the loop of a single run
-                *indent([*lines.short, *lines.judged], 1),
+                *load("done", "reason"),
                 f"if done < h and reason == {OK}.0:",
-                *indent([*store(*shape.paused), "continue"], 1),
+                "    continue",
                 *_landing(layout),
                 "active -= 1",
                 f"for k in range({len(layout.under_way)}):",
@@ -141,7 +146,8 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
             f"    active = int({layout.active})",
             "    while active > 0 and tries > 0:",
             f"        attempts(w, active, {every})",
-            f"        active = judge(s, o, w, active, {every})",
+            f"        judgements(w, active, {every})",
+            f"        active = landings(s, o, w, active, {every})",
             "        tries -= 1",
             f"    {layout.active} = active",
             "    return tries",
@@ -154,7 +160,9 @@ def _landing(layout: Layout) -> list[str]:
     """Return the source lines that end the step of the pendulum in slot ``i`` and store its state in the block."""
     shape, counts = layout.shape, (("steps", "taken"), ("vain", "rejected"))
     moved = [name for name in layout.moved if name not in layout.given]
+    inside = ("t", *(name for name in shape.paused if name != "done"), *layout.given)
     return [
+        *(f"{name} = {layout.slot(name)}" for name in inside),
         *(f"{short} = {long}" for short, long in (("q1", "q"), ("v1", "v"), *counts)),
         *(f"d_{name} = {name}" for name in shape.quadratures),
         *(["portion = done/h"] if shape.ends_slack else []),

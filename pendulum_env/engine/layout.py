@@ -75,8 +75,9 @@ class Layout:
         pull = shape.pull[:2] if shape.slack else ()
         given = tuple(name for name in (*shape.extra, *pull, *shape.slackened) if name not in shared)
         under_way = ("lane", "t", *shape.paused, *given)
+        work = (*under_way, *shape.step_results, "square", "reason") if shape.adaptive else ()
         vars(self).update(
-            given=given, under_way=under_way, work=(*under_way, *shape.step_results, "square") if shape.adaptive else (),
+            given=given, under_way=under_way, work=work,
             numbers=numbers, shared=shared, fields=fields, reports=reports, results=results, moved=moved,
             moving=tuple(name for name in fields if name not in own))
 

@@ -112,8 +112,8 @@ class Runs(Blocks):
         return float(np.max(self._speeds[self.get("status") != DIVERGED], initial=0.0))
 
     def count(self, name: str) -> NDArray[np.int64]:
-        """Return the number of adaptive steps "taken" or "rejected" of every run; 0 without a tolerance."""
-        return self.get(name).astype(np.int64) if self.tolerance else np.zeros(self.size, dtype=np.int64)
+        """Return the number of adaptive steps "taken" or "rejected" of every run with a tolerance."""
+        return self.get(name).astype(np.int64)
 
     @property
     def ends(self) -> Array:

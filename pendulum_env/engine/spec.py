@@ -367,7 +367,7 @@ class RunSpec:
         self, reasons: Iterable[tuple[int, str]], state_of: Callable[[int], Sequence[float]],
         control_of: Callable[[int], float] | None = None,
     ) -> bool:
-        """Warn if a run of a batch stopped because the equation of an implicit step was not solved.
+        """Warn if a run of a batch stopped because an implicit equation was not solved or a tolerance not met.
 
         Return True if there was such a warning. ``reasons`` are pairs of a run's index and its stop reason;
         ``state_of`` and ``control_of`` return the last state and the control of the run with an index. See
