@@ -44,7 +44,7 @@ SINGLE: Mapping[str, Mapping[str, Any]] = {
     "speed limit": {"scene": "vacuum", **TOLERANT, "velocity": 2.0, "every": 3, "speed_limit": 3.5},
     "errors": {"scene": "lab", **TOLERANT, "estimate_error": True},
 }
-"""Adaptive runs, which pause within a step."""
+"""Adaptive runs, alone and in batches, which pause within a step."""
 
 
 def bits(run: Rollout) -> list[Any]:
@@ -52,7 +52,8 @@ def bits(run: Rollout) -> list[Any]:
     names = ("time", "angle", "velocity", "energy", "energy_residual", "error_estimate", "lost_angle")
     columns = [None if (found := getattr(run, name)) is None else np.asarray(found).tobytes() for name in names]
     heats = [heat.tobytes() for heat in run.heat_by_effect.values()]
-    return [*columns, *heats, run.stop_reason, np.asarray(run.stop_time).tolist(), run.steps, run.rejected]
+    return [*columns, *heats, run.stop_reason,
+            *(np.asarray(found).tolist() for found in (run.stop_time, run.steps, run.rejected))]
 
 
 def in_pieces_of(units: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,9 +63,10 @@ def in_pieces_of(units: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def cases() -> list[Any]:
-    """Return the test cases: all single runs, then the batches."""
+    """Return the test cases: all single runs, then all batches."""
     single = {**BOTH, **{f"{name}, adaptive": case for name, case in SINGLE.items()}}
     batches = {f"{name}, batch": {**case, "angle": ANGLES} for name, case in BOTH.items()}
+    batches |= {f"{name}, adaptive batch": {**case, "angle": ANGLES} for name, case in SINGLE.items()}
     return [pytest.param({**SHORT, "angle": 1.0, **case}, id=name) for name, case in {**single, **batches}.items()]
 
 

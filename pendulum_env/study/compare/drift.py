@@ -93,7 +93,7 @@ def evaluations(run: Rollout) -> int | None:
     """
     if not run.tolerance or run.stop_reason or not has_estimates(run.method):
         return None
-    return round(float(run.stop_time) / run.dt) + (run.steps + run.rejected) * evaluations_tried(run.method)
+    return round(float(run.stop_time) / run.dt) + int(run.steps + run.rejected) * evaluations_tried(run.method)
 
 
 def energy_drift(run: Rollout) -> tuple[float | None, float | None]:
