@@ -15,6 +15,8 @@ SHRINK, GROW = 0.2, 10.0
 """Smallest and largest ratio of the next step to the last one."""
 BROKEN = 0.1
 """Ratio of the next step to a step whose result was not finite."""
+LEAST = 1e-18
+"""Smaller errors are replaced by this, and larger ones than 1/LEAST by 1/LEAST: the ratio is at its limit there."""
 SMALLEST_ERROR = 1e-4
 """Smaller errors of the previous step are replaced by this (Hairer, Norsett & Wanner 1993, code DOPRI5)."""
 
@@ -52,7 +54,7 @@ def halved(x: float, count: float, power: float, scale: float) -> tuple[float, f
 
 
 def log_of_doublings(n: float) -> float:
-    """Return the logarithm of ``2**n``, for whole numbers n up to 1000: ``LN2 + LN2 + ... + LN2``, rounded n times.
+    """Return the logarithm of ``2**n``, for whole numbers n up to 128: ``LN2 + LN2 + ... + LN2``, rounded n times.
 
     As long as the sum stays below the next power of 2, every addition increases it by the same amount.
     """
@@ -62,23 +64,18 @@ def log_of_doublings(n: float) -> float:
     first, total, each = (12.0, 8.317766166719343, 0.6931471805599454) if n >= 12.0 else (first, total, each)
     first, total, each = (23.0, 15.942385152878742, 0.6931471805599436) if n >= 23.0 else (first, total, each)
     first, total, each = (47.0, 32.57791748631739, 0.6931471805599472) if n >= 47.0 else (first, total, each)
-    first, total, each = (185.0, 128.23222840359009, 0.6931471805599472) if n >= 185.0 else (first, total, each)
-    first, total, each = (370.0, 256.4644568071803, 0.6931471805599472) if n >= 370.0 else (first, total, each)
-    first, total, each = (739.0, 512.2357664338008, 0.6931471805598903) if n >= 739.0 else (first, total, each)
     return total + (n - first) * each
 
 
 def step_power_of_many(x: float, p: float) -> float:
-    """Return the bits of :func:`step_power` for x from 1e-300 to 1e300, without branches: it compiles to SIMD code.
+    """Return the bits of :func:`step_power` without branches, for x from 1e-36 to 1e36 and ``abs(p log(x))`` up to 51.
 
-    ``x = m 2**n`` with m from 0.75 to 1.5; the series of ``exp(z)`` is taken at ``z/2**k``, at most 0.1, and squared k
-    times.
+    It compiles to SIMD code. ``x = m 2**n`` with m from 0.75 to 1.5; the series of ``exp(z)`` is taken at ``z/2**k``,
+    at most 0.1, and squared k times.
     """
     small = x < 0.75
-    m = x * 1.0715086071862673e301 if small else x  # times 2**1000
+    m = x * 3.402823669209385e38 if small else x  # times 2**128
     n = 0.0
-    m, n = halved(m, n, 512.0, 7.458340731200207e-155)
-    m, n = halved(m, n, 256.0, 8.636168555094445e-78)
     m, n = halved(m, n, 128.0, 2.938735877055719e-39)
     m, n = halved(m, n, 64.0, 5.421010862427522e-20)
     m, n = halved(m, n, 32.0, 2.3283064365386963e-10)
@@ -90,19 +87,19 @@ def step_power_of_many(x: float, p: float) -> float:
     edge = small and m == 1.5
     m = 0.75 if edge else m
     n = n + 1.0 if edge else n
-    log = -log_of_doublings(1000.0 - n) if small else log_of_doublings(n)
+    log = -log_of_doublings(128.0 - n) if small else log_of_doublings(n)
     y = (m - 1.0) / (m + 1.0)
     w = y * y
     tail = 1.0 + w * (1.0 / 3.0 + w * (0.2 + w * (1.0 / 7.0 + w * (1.0 / 9.0 + w * (1.0 / 11.0)))))
     z = p * (log + 2.0 * y * tail)
     size = abs(z)
     bound = 0.1
-    for _ in range(13):
+    for _ in range(9):
         z = 0.5 * z if size > bound else z
         bound = bound + bound
     power = 1.0 + z * (1.0 + z / 2.0 * (1.0 + z / 3.0 * (1.0 + z / 4.0 * (1.0 + z / 5.0 * (1.0 + z / 6.0)))))
     bound = 0.1
-    for _ in range(13):
+    for _ in range(9):
         power = power * power if size > bound else power
         bound = bound + bound
     return power
@@ -110,10 +107,11 @@ def step_power_of_many(x: float, p: float) -> float:
 
 def ratio_powers(error: float, accepted: bool, last: float, order: float) -> tuple[float, float, float, float]:
     """Return bases and exponents of the two powers x**p from which :func:`step_ratio` computes the next step."""
-    known = (error <= 1e300) & (error > 1e-300)
+    base = error if error > LEAST else LEAST
+    base = base if base < 1.0 / LEAST else 1.0 / LEAST
     pair = accepted & (last > 0.0)
     earlier = last if last > SMALLEST_ERROR else SMALLEST_ERROR
-    return (error if known else 1e-300), (-0.7 / order if pair else -1.0 / order), earlier, 0.4 / order
+    return base, (-0.7 / order if pair else -1.0 / order), earlier, 0.4 / order
 
 
 def step_ratio(now: float, before: float, error: float, accepted: bool, last: float) -> float:
