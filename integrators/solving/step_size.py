@@ -15,8 +15,8 @@ SHRINK, GROW = 0.2, 10.0
 """Smallest and largest ratio of the next step to the last one."""
 BROKEN = 0.1
 """Ratio of the next step to a step whose result was not finite."""
-LEAST = 1e-18
-"""Smaller errors are replaced by this, and larger ones than 1/LEAST by 1/LEAST: the ratio is at its limit there."""
+LEAST, LARGEST = 1e-18, 1e20
+"""Smaller and larger errors are replaced by these. Up to order 30, the ratio is at its limit there."""
 SMALLEST_ERROR = 1e-4
 """Smaller errors of the previous step are replaced by this (Hairer, Norsett & Wanner 1993, code DOPRI5)."""
 
@@ -54,7 +54,7 @@ def halved(x: float, count: float, power: float, scale: float) -> tuple[float, f
 
 
 def log_of_doublings(n: float) -> float:
-    """Return the logarithm of ``2**n``, for whole numbers n up to 128: ``LN2 + LN2 + ... + LN2``, rounded n times.
+    """Return the logarithm of ``2**n``, for whole numbers n up to 184: ``LN2 + LN2 + ... + LN2``, rounded n times.
 
     As long as the sum stays below the next power of 2, every addition increases it by the same amount.
     """
@@ -68,7 +68,7 @@ def log_of_doublings(n: float) -> float:
 
 
 def step_power_of_many(x: float, p: float) -> float:
-    """Return the bits of :func:`step_power` without branches, for x from 1e-36 to 1e36 and ``abs(p log(x))`` up to 51.
+    """Return the bits of :func:`step_power` without branches, for x from 1e-36 to 1e40 and ``abs(p log(x))`` up to 51.
 
     It compiles to SIMD code. ``x = m 2**n`` with m from 0.75 to 1.5; the series of ``exp(z)`` is taken at ``z/2**k``,
     at most 0.1, and squared k times.
@@ -108,7 +108,7 @@ def step_power_of_many(x: float, p: float) -> float:
 def ratio_powers(error: float, accepted: bool, last: float, order: float) -> tuple[float, float, float, float]:
     """Return bases and exponents of the two powers x**p from which :func:`step_ratio` computes the next step."""
     base = error if error > LEAST else LEAST
-    base = base if base < 1.0 / LEAST else 1.0 / LEAST
+    base = base if base < LARGEST else LARGEST
     pair = accepted & (last > 0.0)
     earlier = last if last > SMALLEST_ERROR else SMALLEST_ERROR
     return base, (-0.7 / order if pair else -1.0 / order), earlier, 0.4 / order

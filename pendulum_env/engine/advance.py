@@ -359,7 +359,7 @@ def attempt(shape: Shape, method: Method, power: str) -> Attempt:
             f"accepted = (abs(q1) <= {LARGEST}) & (abs(v1) <= {LARGEST}) & (abs(a1) <= {LARGEST}) & (square <= 1.0)",
             "known = accepted | (square > 1.0) & (square <= 1e300)",
             "inside = square if known & (square > 1e-24) else 1e-24",
-            f"error = {power}(inside if inside < 1e36 else 1e36, 0.5)",
+            f"error = {power}(inside if inside < 1e40 else 1e40, 0.5)",
             "error = error if known else 1e301",
             f"base, exponent, earlier, share = ratio_powers(error, accepted, last, {order})",
             f"ratio = step_ratio({power}(base, exponent), {power}(earlier, share), error, accepted, last)",

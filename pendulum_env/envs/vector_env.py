@@ -72,6 +72,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
       (500 steps for None), tested in the environments with the smallest and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default one thread per core for many environments, and one thread for few.
+    - ``rtol``, ``atol``: every environment takes adaptive steps of its own.
     - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
     ``reset(options=...)`` takes "angle", "velocity" and parameters of the scene, numbers or arrays of ``num_envs``, and
