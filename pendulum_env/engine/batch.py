@@ -391,10 +391,7 @@ class Batch(Blocks):
         def group(thread: int, first: int, last: int) -> None:
             """Take all parts of the control step of the blocks ``first`` to ``last`` (exclusive)."""
             for actions, steps, hold, results, slots, end in parts:
-                more = (*self._turns(self._state), MOST_STEPS) if self.tolerance else ()
-                if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold,
-                             self._bound, actions, *results, *more, *self._shared):
-                    self.wrong = True
+                self._call_to_end(thread, first, last, steps, hold, actions, results)
                 if slots is not None:
                     sensing.sample(self._state, slots, end, thread, first, last)
             sensing.give(seen, into.info[-1], thread, first, last)
@@ -405,6 +402,18 @@ class Batch(Blocks):
             return
         with np.errstate(all="ignore"):
             group(0, 0, len(self._state))
+
+    def _call_to_end(
+        self, thread: int, first: int, last: int, steps: int, hold: int, actions: Any, into: Results
+    ) -> None:
+        """Take steps of the blocks ``first`` to ``last`` (exclusive), in as many calls as adaptive steps need."""
+        more = (*self._turns(self._state), FEW_BLOCKS) if self.tolerance else ()
+        while True:
+            if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold, self._bound,
+                         actions, *into, *more, *self._shared):
+                self.wrong = True
+            if not more or (more[1][first:last, 0] < 0).all():
+                return
 
     def begin_readings(self, sensing: Sensing, which: Places, *drawn: Any) -> None:
         """Begin the readings of new episodes in the environments ``which``; see :meth:`Sensing.begin`."""
