@@ -19,7 +19,7 @@ from pendulum_env.engine import threads
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.kernels import Backend, functions, resolve
-from pendulum_env.engine.layout import BLOCK
+from pendulum_env.engine.layout import BLOCK, SLOTS
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, checked_tolerance, find_method
 from pendulum_env.engine.pieces import Pace
 from pendulum_env.engine.sensing import Sensing
@@ -266,7 +266,7 @@ class Blocks:
 
     def _slots(self, state: Array) -> Array:
         """Return the zero-filled work arrays of blocks, ``(blocks, numbers)``; see :attr:`Layout.work`."""
-        width = 1 + len(self.layout.work) * BLOCK if self.tolerance else 0
+        width = 1 + len(self.layout.work) * SLOTS if self.tolerance else 0
         return np.zeros((len(state), width))
 
     def _fields(self, state: Array) -> Array:

@@ -20,7 +20,7 @@ from pendulum_env.engine import report, slack
 from pendulum_env.engine.advance import advanced, attempt, landed
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
-from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
+from pendulum_env.engine.layout import BLOCK, SLOTS, Layout, block_loop, side_of_turns
 from pendulum_env.engine.shape import (
     ADAPTED,
     DIVERGED,
@@ -131,8 +131,9 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
                 "    continue",
                 *_landing(layout),
                 "active -= 1",
-                f"for k in range({len(layout.under_way)}):",
-                f"    w[i + U({BLOCK}*k)] = w[U(active) + U({BLOCK}*k)]",
+                "if place < active:",
+                f"    for k in range({len(layout.under_way)}):",
+                f"        w[i + U({SLOTS}*k)] = w[U(active) + U({SLOTS}*k)]",
             ], 2),
             "    return active",
             "",
