@@ -82,7 +82,7 @@ class Blocks:
         goal: functions of the task; None for runs without a task.
         num_threads: number of threads; None uses all cores if there are many blocks, and one thread if there are few.
         compensated: True carries rounding remainders along; see :mod:`integrators.steps.compensated`.
-        rtol, atol: tolerances of adaptive steps, of its own for every pendulum; None for fixed steps.
+        rtol, atol: tolerances, for which every pendulum takes adaptive steps of its own; None for fixed steps.
 
     Attributes:
         tolerance: "rtol" and "atol" by name; empty for fixed steps.
