@@ -13,7 +13,7 @@ from integrators.errors import shown
 from integrators.method import Method, MethodError
 from integrators.registry import METHODS
 from integrators.solving.dense import Recorder
-from integrators.solving.step_size import growth, shrinkage, step_power
+from integrators.solving.step_size import next_ratio, step_power
 from integrators.solving.values import is_finite, is_real, like, misshapen
 from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
 
@@ -188,7 +188,7 @@ class March:
                 self._check()
             error, state = self._try(self.sense * length)
             if error <= 1.0:
-                ratio = growth(error, self._last, self.order)
+                ratio = next_ratio(error, True, self._last, self.order)
                 next_length = length * like(self._zero, ratio if last_accepted else min(1.0, ratio))
                 self.h = next_length if full_step else max(next_length, self.h)
                 if self._recorder is not None:
@@ -199,7 +199,7 @@ class March:
                 self._last = error if full_step else 0.0
                 self.steps += 1
             else:
-                self.h = length * like(self._zero, shrinkage(error, self.order))
+                self.h = length * like(self._zero, next_ratio(error, False, 0.0, self.order))
                 self._last = 0.0
                 self.rejected += 1
             last_accepted = error <= 1.0

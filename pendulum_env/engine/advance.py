@@ -6,8 +6,10 @@ A generated program integrates one scene by one method. Single runs, environment
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from integrators import Method
-from integrators.solving.step_size import growth, shrinkage, step_power
+from integrators.solving.step_size import ratio_powers, step_power, step_power_of_many, step_ratio
 from integrators.steps.estimates import embedded_orders, order_of_estimate
 from pendulum_env.engine import slack
 from pendulum_env.engine.calls import stepped
@@ -30,7 +32,7 @@ from pendulum_env.engine.shape import (
 )
 from pendulum_env.engine.source import Plain
 
-CALLED: tuple[Plain, ...] = (step_power, growth, shrinkage)
+CALLED: tuple[Plain, ...] = (step_power, step_power_of_many, ratio_powers, step_ratio)
 """Functions that generated adaptive steps call."""
 
 
@@ -55,20 +57,45 @@ def advance(shape: Shape) -> str:
     ``shape.carried`` after the step. With the code DIVERGED or TOO_SHORT these are not valid, and the loop that called
     ``advance`` keeps those from before the step. With UNSURE the loop calls ``settle`` in place of ``advance``.
     """
-    sums = shape.sums
-    parts = [f"d_{name}" for name in shape.quadratures]
-    finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
-    if parts:
-        finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
     if shape.adaptive:
         bounded = ("bound - taken - rejected", "params")
         pull = shape.pull[:2] if shape.slack else ()
         arguments = joined(("t", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra, pull, shape.slackened)
-        results = joined(("q1", "v1"), parts, ("size", "steps", "vain", "reason"), _found(shape))
-        lines = [f"{results} = adapt({arguments})"]
+        lines = [f"{joined(interval_results(shape))} = adapt({arguments})", f"return {landed(shape)}"]
     else:
-        lines = [f"{joined(shape.step_results)} = {stepped(shape)}"]
-    lines.append(f"good = {finite}")
+        lines = [f"{joined(shape.step_results)} = {stepped(shape)}", *_checked(shape)]
+    title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
+    return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
+
+
+def land(shape: Shape) -> str:
+    """Write the source of ``land``: the checks at the end of a step that was divided into adaptive steps.
+
+    Single runs call it in ``advance``, blocks for every pendulum that has come to the end of its step. It takes the
+    state before the step and :func:`interval_results`, and returns what ``advance`` returns.
+    """
+    title = '"""Return the stop code (0.0 if the run continues) and the state after adaptive steps over h."""'
+    return "\n".join(["@inline", f"def {landed(shape)}:", *indent([title, *_checked(shape)], 1), ""])
+
+
+def landed(shape: Shape) -> str:
+    """Return the source of the call of ``land``, which is also the head of its definition."""
+    fixed = [name for name in shape.extra if name not in shape.carried]
+    return f"land({joined(('t', 'h', 'speed_limit'), shape.carried, ADAPTED[1:], interval_results(shape), fixed)})"
+
+
+def interval_results(shape: Shape) -> tuple[str, ...]:
+    """Return the names of the results of adaptive steps over a whole step of h, in the order of ``adapt``."""
+    return ("q1", "v1", *(f"d_{name}" for name in shape.quadratures), "size", "steps", "vain", "reason", *_found(shape))
+
+
+def _checked(shape: Shape) -> list[str]:
+    """Return the source lines that check the end of a step, and return the stop code and the new state."""
+    parts = [f"d_{name}" for name in shape.quadratures]
+    finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
+    if parts:
+        finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
+    lines = [f"good = {finite}"]
     lines += _clipped(shape) if shape.clip else []
     if shape.slack and not shape.adaptive:
         within = joined(("t", "q", "v", "q1", "v1", "h"), slack.watches(shape))
@@ -78,7 +105,7 @@ def advance(shape: Shape) -> str:
         if shape.compensated:
             turned = "q1, lost_q1 = without_half_turns_kept(q1, lost_q1, halves)"
         lines += ["halves = half_turns(q1)", turned, "turns1 = turns + 0.5*halves", "side1 = side_of(turns1)"]
-    for name in sums:
+    for name in shape.sums:
         lost = f"lost_{name}"
         lines.append(f"{name}1, {lost}1 = added({name}, {lost}, d_{name}, 0.0)" if shape.compensated else
                      f"{name}1 = {name} + d_{name}")
@@ -93,9 +120,7 @@ def advance(shape: Shape) -> str:
         lines.append(f"stop = stop if reason == {OK}.0 else reason")
     adapted = ("size", "taken + steps", "rejected + vain") if shape.adaptive else ()
     portion = slack.portion(shape) if shape.adaptive else ()
-    lines.append(f"return {joined(('stop',), [f'{name}1' for name in shape.carried], adapted, portion)}")
-    title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
-    return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
+    return [*lines, f"return {joined(('stop',), [f'{name}1' for name in shape.carried], adapted, portion)}"]
 
 
 def _clipped(shape: Shape) -> list[str]:
@@ -267,29 +292,105 @@ def errors_of(method: Method) -> tuple[str, ...]:
     return tuple(f"error_{y}{i}" for i in range(len(embedded_orders(method))) for y in "qv")
 
 
-def adapt(shape: Shape, method: Method) -> str:
-    """Write the source of ``adapt``: adaptive steps from t to exactly t + h.
+class Attempt(NamedTuple):
+    """Source lines of one attempt of an adaptive step from the time ``t + done``, for single runs and for blocks.
 
-    They are chosen as in :mod:`integrators.solving.adaptive`. The first attempt has the length ``size``, or h if that
-    is 0. ``adapt`` returns the state, the quadratures, the next step size to try, the numbers of steps taken and
-    rejected, and a stop code; for a wire that ends the run where it goes slack also ``portion``, the fraction of h up
-    to there, and for a wire with slack="warn" ``loose``, the time from t to there or -1. The errors of angle and
-    velocity are controlled, those of the quadratures are not. After ``tries`` attempts it pauses: it stores its
-    progress in ``params`` for the next call, and returns the values from before the step.
+    Attributes:
+        start: lines that set the progress at the start of a step of h, but for ``a`` and the rates: see ``slope``.
+        slope: line that computes the acceleration ``a`` and the rates of the quadratures at the start of a step of h.
+        length: lines that set ``now``, the attempt's time, and ``part``, its length.
+        short: condition under which the attempt is too short to change the time, and the run ends as TOO_SHORT.
+        trial: lines that take the attempt and set ``square``, its squared error in units of the tolerance.
+        judged: lines that accept or reject it, and choose the length of the next attempt; where a wire that goes slack
+            ends the run, they set ``reason`` to SLACK.
+    """
+
+    start: list[str]
+    slope: str
+    length: list[str]
+    short: str
+    trial: list[str]
+    judged: list[str]
+
+
+def attempt(shape: Shape, method: Method, power: str) -> Attempt:
+    """Return the source lines of one attempt of an adaptive step, chosen as in :mod:`integrators.solving.adaptive`.
+
+    ``power`` is the name of the function of powers: step_power, or step_power_of_many for SIMD code.
     """
     sums = shape.quadratures
     rates = [f"rate_{name}" for name in sums]
-    slope = f"{'rates' if sums else 'acceleration'}({joined(('t', 'q', 'v'), shape.extra)})"
+    called = f"{'rates' if sums else 'acceleration'}({joined(('t', 'q', 'v'), shape.extra)})"
     pairs = len(embedded_orders(method))
     results = joined(shape.step_results, errors_of(method))
     parts = {y: [f"(error_{y}{i}/scale_{y})" for i in range(pairs)] for y in "qv"}
     squares = [f"square{i} = 0.5*({q}*{q} + {v}*{v})" for i, (q, v) in enumerate(zip(*parts.values(), strict=True))]
     both = "square0*square0/(square0 + 0.01*square1) if square0 > 0.0 else 0.0*square1"
     order = float(order_of_estimate(method))
-    under_way = shape.params.index("under_way")
-    pull, found = shape.pull[:2] if shape.slack else (), _found(shape)
     cut = "cut" if shape.ends_slack else "part"
     again = f"{results} = {stepped(shape, 'now', 'since')}"
+    return Attempt(
+        start=[
+            *(f"{name} = 0.0" for name in sums),
+            *(["loose = -1.0"] if shape.lenient else []),
+            "done = 0.0",
+            "last = 0.0",
+            "most = 10.0",
+            "taken = 0.0",
+            "rejected = 0.0",
+            "size = size if size > 0.0 else h",
+        ],
+        slope=f"{joined(('a',), rates)} = {called}",
+        length=[
+            "now = t + done",
+            "left = h - done",
+            "whole = 1.01*size < left",
+            "part = size if whole else left",
+        ],
+        short="whole & ((now + 0.0625*size == now) | (h + 0.0625*size == h))",
+        trial=[
+            f"{results} = {stepped(shape, 'now', 'part')}",
+            "scale_q = atol + rtol*(abs(q) if abs(q) > abs(q1) else abs(q1))",
+            "scale_v = atol + rtol*(abs(v) if abs(v) > abs(v1) else abs(v1))",
+            *squares,
+            f"square = {'square0' if pairs == 1 else both}",
+        ],
+        judged=[
+            f"accepted = (abs(q1) <= {LARGEST}) & (abs(v1) <= {LARGEST}) & (abs(a1) <= {LARGEST}) & (square <= 1.0)",
+            "known = accepted | (square > 1.0) & (square <= 1e300)",
+            "inside = square if known & (square > 1e-24) else 1e-24",
+            f"error = {power}(inside if inside < 1e40 else 1e40, 0.5)",
+            "error = error if known else 1e301",
+            f"base, exponent, earlier, share = ratio_powers(error, accepted, last, {order})",
+            f"ratio = step_ratio({power}(base, exponent), {power}(earlier, share), error, accepted, last)",
+            "tried = part*(most if accepted & (most < ratio) else ratio)",
+            "size = size if accepted & (not whole) & (not tried > size) else tried",
+            "last = error if accepted & whole else 0.0",
+            "most = 10.0 if accepted else 1.0",
+            *(slack.adapted(shape, again) if shape.slack else []),
+            f"ahead = done + {cut} if {'whole | (cut < part)' if shape.ends_slack else 'whole'} else h",
+            "done = ahead if accepted else done",
+            *(f"{name} = {name}1 if accepted else {name}" for name in ("q", "v", "a", *rates)),
+            *(f"{name} = {name} + d_{name} if accepted else {name}" for name in sums),
+            "taken = taken + (1.0 if accepted else 0.0)",
+            "rejected = rejected + (0.0 if accepted else 1.0)",
+        ],
+    )
+
+
+def adapt(shape: Shape, method: Method) -> str:
+    """Write the source of ``adapt``: adaptive steps from t to exactly t + h.
+
+    The first attempt has the length ``size``, or h if that is 0. ``adapt`` returns the state, the quadratures, the next
+    step size to try, the numbers of steps taken and rejected, and a stop code; for a wire that ends the run where it
+    goes slack also ``portion``, the fraction of h up to there, and for a wire with slack="warn" ``loose``, the time
+    from t to there or -1. The errors of angle and velocity are controlled, those of the quadratures are not. After
+    ``tries`` attempts it pauses: it stores its progress in ``params`` for the next call, and returns the values from
+    before the step.
+    """
+    sums, lines = shape.quadratures, attempt(shape, method, step_power.__name__)
+    under_way = shape.params.index("under_way")
+    pull, found = shape.pull[:2] if shape.slack else (), _found(shape)
     part = [*enumerate(shape.paused, under_way + 1)]
     body = [
         "first = size",
@@ -297,65 +398,21 @@ def adapt(shape: Shape, method: Method) -> str:
         *(f"    {name} = params[{i}]" for i, name in part),
         f"    params[{under_way}] = 0.0",
         "else:",
-        *(f"    {name} = 0.0" for name in sums),
-        *(["    loose = -1.0"] if shape.lenient else []),
-        f"    {joined(('a',), rates)} = {slope}",
-        "    done = 0.0",
-        "    last = 0.0",
-        "    most = 10.0",
-        "    taken = 0.0",
-        "    rejected = 0.0",
-        "    if not size > 0.0:",
-        "        size = h",
+        *indent([*lines.start, lines.slope], 1),
         f"reason = {OK}.0",
         "while done < h:",
-        *indent(
-            [
-                "if taken + rejected >= tries:",
-                f"    reason = {PAUSED}.0",
-                "    break",
-                "now = t + done",
-                "left = h - done",
-                "whole = 1.01*size < left",
-                "part = size if whole else left",
-                "if whole and (now + 0.0625*size == now or h + 0.0625*size == h):",
-                f"    reason = {TOO_SHORT}.0",
-                "    break",
-                f"{results} = {stepped(shape, 'now', 'part')}",
-                "scale_q = atol + rtol*(abs(q) if abs(q) > abs(q1) else abs(q1))",
-                "scale_v = atol + rtol*(abs(v) if abs(v) > abs(v1) else abs(v1))",
-                *squares,
-                f"square = {'square0' if pairs == 1 else both}",
-                f"if abs(q1) <= {LARGEST} and abs(v1) <= {LARGEST} and abs(a1) <= {LARGEST} and square <= 1.0:",
-                *indent(
-                    [
-                        "error = step_power(square if square > 1e-24 else 1e-24, 0.5)",
-                        f"ratio = growth(error, last, {order})",
-                        "grown = part*(ratio if ratio < most else most)",
-                        "size = grown if whole or grown > size else size",
-                        "last = error if whole else 0.0",
-                        "most = 10.0",
-                        *(slack.adapted(shape, again) if shape.slack else []),
-                        f"done = done + {cut} if {'whole or cut < part' if shape.ends_slack else 'whole'} else h",
-                        "q = q1",
-                        "v = v1",
-                        "a = a1",
-                        *(f"{rate} = {rate}1" for rate in rates),
-                        *(f"{name} = {name} + d_{name}" for name in sums),
-                        "taken = taken + 1.0",
-                        *([f"if reason == {SLACK}.0:", "    break"] if shape.ends_slack else []),
-                    ],
-                    1,
-                ),
-                "else:",
-                "    error = step_power(square, 0.5) if 1.0 < square <= 1e300 else 1e301",
-                f"    size = part*shrinkage(error, {order})",
-                "    last = 0.0",
-                "    most = 1.0",
-                "    rejected = rejected + 1.0",
-            ],
-            1,
-        ),
+        *indent([
+            "if taken + rejected >= tries:",
+            f"    reason = {PAUSED}.0",
+            "    break",
+            *lines.length,
+            f"if {lines.short}:",
+            f"    reason = {TOO_SHORT}.0",
+            "    break",
+            *lines.trial,
+            *lines.judged,
+            *([f"if reason == {SLACK}.0:", "    break"] if shape.ends_slack else []),
+        ], 1),
         f"if reason == {PAUSED}.0:",
         f"    if params[{under_way}] == 0.0:",
         f"        params[{under_way}] = 1.0",

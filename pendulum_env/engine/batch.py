@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
+from integrators.solving.solve import MOST_STEPS
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import threads
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.kernels import Backend, functions, resolve
-from pendulum_env.engine.layout import BLOCK
-from pendulum_env.engine.machine import TWO_PI, check_diagnostics, find_method
+from pendulum_env.engine.layout import BLOCK, SLOTS
+from pendulum_env.engine.machine import TWO_PI, check_diagnostics, checked_tolerance, find_method
 from pendulum_env.engine.pieces import Pace
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import SLACKENED, STATE
@@ -81,8 +82,10 @@ class Blocks:
         goal: functions of the task; None for runs without a task.
         num_threads: number of threads; None uses all cores if there are many blocks, and one thread if there are few.
         compensated: True carries rounding remainders along; see :mod:`integrators.steps.compensated`.
+        rtol, atol: tolerances, for which every pendulum takes adaptive steps of its own; None for fixed steps.
 
     Attributes:
+        tolerance: "rtol" and "atol" by name; empty for fixed steps.
         names: names of the quantities reported beside observation and reward.
         num_threads: number of threads used.
         program: the generated program.
@@ -105,10 +108,14 @@ class Blocks:
         goal: Goal | None = None,
         num_threads: int | None = None,
         compensated: bool = False,
+        rtol: float | None = None,
+        atol: float | None = None,
     ) -> None:
-        compensated = check_compensated(compensated, None)
+        compensated = check_compensated(compensated, rtol)
         self.size, self.h, self.compensated, self.wrong = size, h, compensated, False
         self.method = find_method(method, scene)
+        self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
+        numbers = {**numbers, **self.tolerance}
         self.diagnostics = check_diagnostics(diagnostics)
         varying = frozenset(name for name, value in numbers.items() if isinstance(value, np.ndarray))
         self._backend, self._source = backend, (scene, goal)
@@ -118,6 +125,7 @@ class Blocks:
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._periodic = scene.periodic
         self._state = self._blocks(size)
+        self._work = self._slots(self._state)
         for name in self.layout.varying:
             self._put(self._state, name, np.asarray(numbers[name], dtype=np.float64))
         self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
@@ -128,7 +136,8 @@ class Blocks:
     def _set_program(self, varying: frozenset[str]) -> None:
         """Generate the program in which the numbers ``varying`` differ between pendulums."""
         scene, goal = self._source
-        self.program = batch_program(scene, self.method, self.diagnostics, varying, goal, self.compensated)
+        self.program = batch_program(scene, self.method, self.diagnostics, varying, goal, self.compensated,
+                                     bool(self.tolerance))
         self.layout = self.program.layout
         self.call = self._function()
 
@@ -141,6 +150,7 @@ class Blocks:
         self._set_program(self.layout.varying | frozenset(names))
         self._shared = [float(numbers[name]) for name in self.layout.shared]
         self._state = self._blocks(self.size)
+        self._work = self._slots(self._state)
         for name in self.layout.fields:
             values = fields[name] if name in fields else np.full(self.size, numbers[name])
             self._put(self._state, name, values)
@@ -172,7 +182,7 @@ class Blocks:
         :mod:`pendulum_env.engine.pieces`.
         """
         self._pace, self._share = Pace(FEW_BLOCKS), len(self._state) / len(self._scratch)
-        self._at_once = int(self._pace.units / self._share)
+        self._at_once = MOST_STEPS if self.tolerance else int(self._pace.units / self._share)
 
     def drawn(self, streams: Streams, which: Places) -> dict[str, Array]:
         """Return the effects' state variables that start as random whole numbers, for the environments ``which``.
@@ -242,6 +252,8 @@ class Blocks:
             halves: Any = half_turns(angle)  # type: ignore[arg-type]
             angle, turns = np.asarray(without_half_turns(angle, halves)), 0.5 * halves  # type: ignore[arg-type]
         state[:] = 0.0
+        if state is self._state:
+            self._work[:, -1:] = 0.0  # no slot is in use, also after an interruption
         for name, values in {**own, "q": angle, "turns": turns, "v": velocity}.items():
             self._put(state, name, values)
 
@@ -251,6 +263,11 @@ class Blocks:
         A row is one block: for every field, such as angle or velocity, it holds the numbers of 256 (BLOCK) pendulums.
         """
         return np.zeros((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
+
+    def _slots(self, state: Array) -> Array:
+        """Return the zero-filled work arrays of blocks, ``(blocks, numbers)``; see :attr:`Layout.work`."""
+        width = 1 + len(self.layout.work) * SLOTS if self.tolerance else 0
+        return np.zeros((len(state), width))
 
     def _fields(self, state: Array) -> Array:
         """Return a view of the blocks in ``state`` with the shape ``(blocks, fields, BLOCK)``.
@@ -267,7 +284,27 @@ class Blocks:
         self._fields(state)[:, self.layout.fields.index(name)] = padded.reshape(-1, BLOCK)
 
     def _spread(self, state: Array, *arguments: Any) -> None:
-        """Call the generated program on all blocks of pendulums; a compiled program is called in several threads."""
+        """Call the generated program on all blocks of pendulums; a compiled program is called in several threads.
+
+        Adaptive steps are taken in as many calls as they need, about 0.05 s each.
+        """
+        if self.tolerance:
+            more, done = self._turns(state), False
+            while not done:
+                before, begun = more[1][:, 1].sum(), perf_counter()
+                self._call_in_threads(state, *arguments, *more, max(1, int(self._pace.units / self._share)))
+                self._pace.learn((more[1][:, 1].sum() - before) / len(self._scratch), perf_counter() - begun)
+                done = bool((more[1][:, 0] < 0).all())
+            return
+        self._call_in_threads(state, *arguments)
+
+    def _turns(self, state: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return the arguments ``work`` and ``progress`` of a program for adaptive steps, at the start of its turns."""
+        work = self._work if state is self._state else self._slots(state)
+        return work, np.zeros((len(state), 2), dtype=np.int64)
+
+    def _call_in_threads(self, state: Array, *arguments: Any) -> None:
+        """Call the generated program once on all blocks of pendulums, in several threads if it is compiled."""
         def part(number: int, first: int, last: int) -> None:
             """Call the program on the blocks ``first`` to ``last`` (exclusive).
 
@@ -283,7 +320,12 @@ class Blocks:
             part(0, 0, len(state))
 
     def _learn(self, steps: int, seconds: float) -> None:
-        """Adapt the number of steps per call of the program, after ``steps`` steps of all blocks took ``seconds``."""
+        """Adapt the number of steps per call of the program, after ``steps`` steps of all blocks took ``seconds``.
+
+        Adaptive steps are divided into calls by themselves; see :meth:`_spread`.
+        """
+        if self.tolerance:
+            return
         self._pace.learn(steps * self._share, seconds)
         self._at_once = int(self._pace.units / self._share)
 
@@ -306,7 +348,8 @@ class Batch(Blocks):
     def _set_usual(self) -> None:
         """Set the arguments of a step of few environments, which one call of the compiled program takes at once."""
         substeps = self.substeps
-        at_once = self._compiled and len(self._scratch) == 1 and len(self._state) * substeps <= FEW_BLOCKS
+        short = not self.tolerance and len(self._state) * substeps <= FEW_BLOCKS
+        at_once = short and self._compiled and len(self._scratch) == 1
         self._usual = (self._state, self._scratch[0], 0, len(self._state), self.size, self.h, substeps, substeps,
                        self._bound) if at_once else ()
 
@@ -348,9 +391,7 @@ class Batch(Blocks):
         def group(thread: int, first: int, last: int) -> None:
             """Take all parts of the control step of the blocks ``first`` to ``last`` (exclusive)."""
             for actions, steps, hold, results, slots, end in parts:
-                if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold,
-                             self._bound, actions, *results, *self._shared):
-                    self.wrong = True
+                self._call_to_end(thread, first, last, steps, hold, actions, results)
                 if slots is not None:
                     sensing.sample(self._state, slots, end, thread, first, last)
             sensing.give(seen, into.info[-1], thread, first, last)
@@ -361,6 +402,18 @@ class Batch(Blocks):
             return
         with np.errstate(all="ignore"):
             group(0, 0, len(self._state))
+
+    def _call_to_end(
+        self, thread: int, first: int, last: int, steps: int, hold: int, actions: Any, into: Results
+    ) -> None:
+        """Take steps of the blocks ``first`` to ``last`` (exclusive), in as many calls as adaptive steps need."""
+        more = (*self._turns(self._state), FEW_BLOCKS) if self.tolerance else ()
+        while True:
+            if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold, self._bound,
+                         actions, *into, *more, *self._shared):
+                self.wrong = True
+            if not more or (more[1][first:last, 0] < 0).all():
+                return
 
     def begin_readings(self, sensing: Sensing, which: Places, *drawn: Any) -> None:
         """Begin the readings of new episodes in the environments ``which``; see :meth:`Sensing.begin`."""

@@ -3,22 +3,40 @@
 One array holds a block of 256 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
 one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
 check of their sign. The state of environments that have stopped is preserved by selection, not by branches.
+
+With a tolerance every pendulum takes steps of its own. While it is within a step of h, its progress is in a *slot* of
+the block's work array ``w``. Loops without branches take one attempt of an adaptive step in every slot in use, and
+accept or reject it. Where a pendulum has come to the end of its step, the last slot in use moves to its slot, so that
+all slots in use come first and none of them waits. Which slot a pendulum has changes no bit of its motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from pendulum_env.engine import report
-from pendulum_env.engine.advance import advanced
+from integrators import Method
+from integrators.solving.step_size import step_power_of_many
+from pendulum_env.engine import report, slack
+from pendulum_env.engine.advance import advanced, attempt, landed
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
-from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
-from pendulum_env.engine.shape import DIVERGED, LARGEST, LATE, LOST, UNSURE, indent, joined
+from pendulum_env.engine.layout import BLOCK, SLOTS, Layout, block_loop, side_of_turns
+from pendulum_env.engine.shape import (
+    ADAPTED,
+    DIVERGED,
+    LARGEST,
+    LATE,
+    LOST,
+    OK,
+    TOO_SHORT,
+    UNSURE,
+    indent,
+    joined,
+)
 from pendulum_env.engine.source import Plain, arguments
 
 
-def loops(layout: Layout) -> list[str]:
+def loops(layout: Layout, method: Method) -> list[str]:
     """Return the source of all loop functions of a program for many pendulums.
 
     With a task they advance and observe environments, without one they advance and record runs. The last of them, and
@@ -27,9 +45,11 @@ def loops(layout: Layout) -> list[str]:
     first = [_remember_block(layout)] if layout.shape.remembered else []
     first += [_begin_block(layout)] if layout.shape.memory else []
     rest = [_observe(layout), _step_blocks(layout)] if layout.goal else [_record(layout), _run_blocks(layout)]
-    search = [_settle(layout)] if layout.shape.slack else []
+    adaptive = layout.shape.adaptive
+    search = [_settle(layout)] if layout.shape.slack and not adaptive else []
     begun = [_starts(layout.goal.begin)] if layout.goal and layout.goal.begin else []
-    return [*first, _advance(layout), *search, *rest, *begun]
+    steps = _adapt(layout, method) if adaptive else [_advance(layout)]
+    return [*first, *steps, *search, *rest, *begun]
 
 
 def _starts(begin: Plain) -> str:
@@ -55,6 +75,107 @@ def _advance(layout: Layout) -> str:
         f"{layout.at('status')} = stop if live else status",
     ]
     return block_loop("advance_block", "s, o, n, h", layout, lines)
+
+
+def _adapt(layout: Layout, method: Method) -> list[str]:
+    """Write the source of ``advance_block`` for adaptive steps: one step of h of every environment that runs.
+
+    The function makes at most ``tries`` attempts in every slot and returns the number of those that are left. The step
+    is at its end if no slot is in use then; otherwise the next call continues it.
+    """
+    shape, lines = layout.shape, attempt(layout.shape, method, step_power_of_many.__name__)
+    rates = ("a", *(f"rate_{name}" for name in shape.quadratures))
+    tried = (*shape.step_results, "square")
+
+    def load(*names: str) -> list[str]:
+        """Return the source lines that assign the values of slot ``i`` to local names."""
+        return [f"{name} = {layout.slot(name)}" for name in names]
+
+    def store(*names: str, index: str = "i") -> list[str]:
+        """Return the source lines that write local names to a slot."""
+        return [f"{layout.slot(name, index)} = {name}" for name in names]
+
+    begin = [
+        *layout.load("index", "q", "turns", "v", "size", *layout.given),
+        *side_of_turns(layout),
+        "lane = i",
+        "t = index*h",
+        *lines.start,
+        *store(*(name for name in layout.under_way if name not in rates), index="U(active)"),
+        "active += 1",
+        f"{layout.active} = active",
+    ]
+    given, every = layout.given, joined(("h",), layout.shared)
+    return [
+        block_loop("begin_steps", "s, o, w, n, h", layout,
+                   [f"if {layout.at('status')} == {OK}.0:", *indent(begin, 1)], ["active = 0"]),
+        block_loop("slopes", "w, n, h", layout, [*load("t", "q", "v", *given), lines.slope, *store(*rates)]),
+        block_loop("attempts", "w, n, h", layout,
+                   [*load("t", "done", "size", "q", "v", *rates, *given), *lines.length, *lines.trial, *store(*tried)]),
+        block_loop("judgements", "w, n, h", layout, [
+            *load("t", *shape.paused, *given, *tried),
+            *lines.length,
+            f"reason = {TOO_SHORT}.0 if {lines.short} else {OK}.0",
+            f"if reason == {OK}.0:",
+            *indent(lines.judged, 1),
+            *store(*shape.paused, "reason"),
+        ]),
+        "\n".join([
+            "@inline",
+            f"def landings(s, o, w, active, {every}):",
+            "    for place in range(active - 1, -1, -1):",  # downwards: the last slot stays in use when it moves
+            *indent([
+                "i = U(place)",
+                *load("done", "reason"),
+                f"if done < h and reason == {OK}.0:",
+                "    continue",
+                *_landing(layout),
+                "active -= 1",
+                "if place < active:",
+                f"    for k in range({len(layout.under_way)}):",
+                f"        w[i + U({SLOTS}*k)] = w[U(active) + U({SLOTS}*k)]",
+            ], 2),
+            "    return active",
+            "",
+        ]),
+        "\n".join([
+            "@inline",
+            f"def advance_block(s, o, w, n, tries, {every}):",
+            f"    if {layout.active} == 0.0:",
+            f"        begin_steps(s, o, w, n, {every})",
+            f"        slopes(w, int({layout.active}), {every})",
+            f"    active = int({layout.active})",
+            "    while active > 0 and tries > 0:",
+            f"        attempts(w, active, {every})",
+            f"        judgements(w, active, {every})",
+            f"        active = landings(s, o, w, active, {every})",
+            "        tries -= 1",
+            f"    {layout.active} = active",
+            "    return tries",
+            "",
+        ]),
+    ]
+
+
+def _landing(layout: Layout) -> list[str]:
+    """Return the source lines that end the step of the pendulum in slot ``i`` and store its state in the block."""
+    shape, counts = layout.shape, (("steps", "taken"), ("vain", "rejected"))
+    moved = [name for name in layout.moved if name not in layout.given]
+    inside = ("t", *(name for name in shape.paused if name != "done"), *layout.given)
+    return [
+        *(f"{name} = {layout.slot(name)}" for name in inside),
+        *(f"{short} = {long}" for short, long in (("q1", "q"), ("v1", "v"), *counts)),
+        *(f"d_{name} = {name}" for name in shape.quadratures),
+        *(["portion = done/h"] if shape.ends_slack else []),
+        f"lane = U({layout.slot('lane')})",
+        *layout.load("index", *moved, *ADAPTED[1:], "speed_limit", index="lane"),
+        f"{joined(('stop',), [f'{name}1' for name in shape.carried], ADAPTED, slack.portion(shape))} = {landed(shape)}",
+        f"if (stop != {DIVERGED}.0) & (stop != {TOO_SHORT}.0):",
+        *(f"    {layout.at(name, 'lane')} = {name}1" for name in layout.moved),
+        f"    {layout.at('index', 'lane')} = index + {'portion' if shape.ends_slack else '1.0'}",
+        *(f"{layout.at(name, 'lane')} = {name}" for name in ADAPTED),
+        f"{layout.at('status', 'lane')} = stop",
+    ]
 
 
 def _settle(layout: Layout) -> str:
@@ -203,31 +324,36 @@ def _step_blocks(layout: Layout) -> str:
     or continues one if ``hold`` is 0. With 0 substeps it only computes observations and reported quantities. Result
     arrays of length 0 are not filled. For a task with a user's functions, the function returns the number of rewards
     that are not finite. An episode is truncated once it has taken more than ``bound`` steps, where a step
-    that diverged counts as taken.
+    that diverged counts as taken. For adaptive steps see :func:`_turns`.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
     seen = layout.goal.seen if layout.goal else ()
+    adaptive, more = layout.shape.adaptive, _more(layout)
 
     doubted = layout.goal is not None and layout.goal.doubted
     rows = {"reward": "reward[base:base + n]"}
     rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.reports)}
+    steps = [*_begun("hold > 0", "hold", layout), "        for _ in range(substeps):", *_steps(layout, 3)]
+    if adaptive:
+        fresh = f"hold > 0 and turn == 0 and {layout.active} == 0.0"
+        steps = [*_turns("substeps", [*_begun(fresh, "hold", layout, 0), *_attempts(layout)]),
+                 "        if turn < substeps:", "            continue"]
     return "\n".join(
         [
             "@entry",
             "def step_blocks(state, o, first, last, size, h, substeps, hold, bound, action, observation, reward,",
-            f"                terminated, truncated, info{shared}):",
+            f"                terminated, truncated, info{more}{shared}):",
             *(["    wrong = 0"] if doubted else []),
             "    for b in range(first, last):",
+            *(ENDED if adaptive else []),
             "        s = state[b]",
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
             "        asked = action[base:base + n]",
             "        for i in range(U(n)):",
             f"            o[i + U({place['control']})] = max(-1.0, min(1.0, asked[i]))",
-            *_begun("hold > 0", "hold", layout),
-            "        for _ in range(substeps):",
-            *_steps(layout, 3),
+            *steps,
             "        n = max(0, min(n, len(reward) - base))",
             f"        observe(s, o, n, h, bound{shared})",
             "        seen = observation[base:base + n]",
@@ -261,33 +387,87 @@ def _run_blocks(layout: Layout) -> str:
     After every ``every`` steps the reported quantities of all runs are written to one row of ``out``, an array ``(rows,
     quantities, runs)``, unless it is empty. All rows of a block are computed before the next block begins, so that the
     block stays in the processor's cache. In scenes with effect state, such as gusts, a control step has ``hold`` steps.
+    For adaptive steps see :func:`_turns`.
     """
-    remembers = bool(layout.shape.remembered)
+    remembers, adaptive = bool(layout.shape.remembered), layout.shape.adaptive
     hold = ", hold" if remembers else ""
     shared = "".join(f", {name}" for name in layout.shared)
+    write = [
+        f"record(s, o, n, h, taken + (row + 1.0)*every{shared})",
+        f"for k in range({len(layout.reports)}):",
+        f"    report, offset = out[row, k, base:base + n], U({BLOCK} + {BLOCK}*k)",
+        "    for i in range(U(n)):",
+        "        report[i] = o[i + offset]",
+    ]
+    loops = [
+        *(["        count = taken"] if remembers else _begun("rows*every > 0", "", layout)),
+        "        for row in range(rows):",
+        "            for _ in range(every):",
+        *(_begun("count % hold == 0", "hold", layout, 4) if remembers else []),
+        *(["                count += 1"] if remembers else []),
+        *_steps(layout, 4),
+        "            if len(out) == 0:",
+        "                continue",
+        *indent(write, 3),
+    ]
+    if adaptive:  # a turn is a step or, after every ``every`` steps, a record
+        fresh = f"{layout.active} == 0.0 and (taken + turn - row) % hold == 0"
+        loops = _turns("rows*(every + 1)", [
+            "row = turn // (every + 1)",
+            "if turn - row*(every + 1) < every:",
+            *indent([*(_begun(fresh, "hold", layout, 0) if remembers else []), *_attempts(layout)], 1),
+            "elif len(out) > 0:",
+            *indent(write, 1),
+        ])
     return "\n".join(
         [
             "@entry",
-            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out, taken{hold}{shared}):",
+            f"def run_blocks(state, o, first, last, size, h, rows, every, control, out, taken{hold}{_more(layout)}"
+            f"{shared}):",
             "    for b in range(first, last):",
+            *(ENDED if adaptive else []),
             "        s = state[b]",
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
             f"        o[:{BLOCK}] = control",
-            *(["        count = taken"] if remembers else _begun("rows*every > 0", "", layout)),
-            "        for row in range(rows):",
-            "            for _ in range(every):",
-            *(_begun("count % hold == 0", "hold", layout, 4) if remembers else []),
-            *(["                count += 1"] if remembers else []),
-            *_steps(layout, 4),
-            "            if len(out) == 0:",
-            "                continue",
-            f"            record(s, o, n, h, taken + (row + 1.0)*every{shared})",
-            f"            for k in range({len(layout.reports)}):",
-            f"                report, offset = out[row, k, base:base + n], U({BLOCK} + {BLOCK}*k)",
-            "                for i in range(U(n)):",
-            "                    report[i] = o[i + offset]",
+            *loops,
             "    return 0",
             "",
         ]
     )
+
+
+# --- turns: steps that several calls take -----------------------------------------------------------------------------
+
+ENDED = ["        if progress[b, 0] < 0:", "            continue"]
+"""Source lines that skip a block which has taken all its turns in an earlier call."""
+
+
+def _more(layout: Layout) -> str:
+    """Return the source of the further arguments of a program for adaptive steps; see :func:`_turns`."""
+    return ", work, progress, tries" if layout.shape.adaptive else ""
+
+
+def _attempts(layout: Layout) -> list[str]:
+    """Return the source lines of an adaptive step of a block, which leave the loop if it is not at its end."""
+    return [f"left = advance_block({joined(('s', 'o', 'w', 'n', 'left', 'h'), layout.shared)})",
+            f"if {layout.active} > 0.0:", "    break"]
+
+
+def _turns(total: str, turn: Iterable[str]) -> list[str]:
+    """Return the source lines of ``total`` turns of a block, in as many calls as they need.
+
+    ``turn`` are the lines of one turn. Every call makes at most ``tries`` attempts of adaptive steps per pendulum of a
+    block, so that Ctrl-C can interrupt a run between calls. The row ``progress[b]`` of two whole numbers holds the
+    number of turns that block ``b`` has taken, -1 after the last, and the number of attempts.
+    """
+    lines = [
+        "w = work[b]",
+        "turn = progress[b, 0]",
+        "left = tries",
+        f"while turn < {total}:",
+        *indent([*turn, "turn += 1"], 1),
+        f"progress[b, 0] = turn if turn < {total} else -1",
+        "progress[b, 1] += tries - left",
+    ]
+    return indent(lines, 2)

@@ -221,20 +221,16 @@ class CertifiedBatch(Batch):
         self, scene: Scene, method: str | Method, diagnostics: Sequence[str], backend: Backend,
         numbers: Mapping[str, Any], *, size: int, h: float, substeps: int, most: float, **options: Any,
     ) -> None:
-        def batch(of: Mapping[str, Any], parts: int, bound: float) -> Batch:
-            """Return a batch with the parameters ``of``, and with every step divided into ``parts``, 1 or 2."""
-            return Batch(scene, method, diagnostics, backend, of, size=size, h=h / parts, substeps=parts * substeps,
-                         most=bound, **options)
-
         super().__init__(scene, method, diagnostics, backend, numbers, size=size, h=h, substeps=substeps, most=most,
                          **options)
         self._row, self.names = len(self.names), (*self.names, ESTIMATE)
         self._half_numbers = {**endless(numbers)}
-        self._half = batch(self._half_numbers, 2, math.inf)
+        self._half = Batch(scene, method, diagnostics, backend, self._half_numbers, size=size, h=h / 2,
+                           substeps=2 * substeps, most=math.inf, **{**options, **halved(self.tolerance)})
         self._unread = self._half.results()
         self._scene = scene
         self._alone: Machine | None = None
-        self._estimator = ErrorEstimator.of(scene, self.method, h, numbers, self.compensated)
+        self._estimator = ErrorEstimator.of(scene, self.method, h, numbers, self.compensated, bool(self.tolerance))
         self._so_far = MotionSoFar(np.zeros(size), np.zeros(size))
         self._estimate = np.zeros(size)
 
@@ -288,7 +284,8 @@ class CertifiedBatch(Batch):
         self._half.start(which, angle, velocity, drawn, self._unread, endless(numbers))
         if numbers:
             self._half_numbers = {**endless(self.numbers)}
-            self._estimator = ErrorEstimator.of(self._scene, self.method, self.h, self.numbers, self.compensated)
+            self._estimator = ErrorEstimator.of(self._scene, self.method, self.h, self.numbers, self.compensated,
+                                                bool(self.tolerance))
         places = np.arange(self.size) if which is None else which
         self._so_far.begin(places, self.angles()[places], self.get("v", places))
         self._judge(places, self.motion(), self._half.motion(), np.ones(self.size, dtype=np.bool_))
@@ -316,9 +313,12 @@ class CertifiedBatch(Batch):
         states at the start of the control step, by default its present states.
         """
         if self._alone is None:
-            self._alone = Machine(self._scene, self.method, self.diagnostics, "python", compensated=self.compensated)
+            self._alone = Machine(self._scene, self.method, self.diagnostics, "python",
+                                  compensated=self.compensated,
+                                  rtol=self.tolerance.get("rtol"), atol=self.tolerance.get("atol"))
         machine, at, parts = self._alone, np.array([place]), batch.substeps // self.substeps
-        values = {**self._half_numbers, HOLD[0]: float(batch.substeps)}
+        values = {**dict(zip(machine.numbers, machine.parameters, strict=True)), **self._half_numbers,
+                  HOLD[0]: float(batch.substeps), **batch.tolerance}
         parameters = [float(self._half.get(name, at)[0]) if name in self._half.layout.varying else float(values[name])
                       for name in machine.numbers]
         state = batch.state(place, machine.names, blocks)
@@ -346,15 +346,17 @@ class CertifiedRuns(Runs):
     ) -> None:
         free = copy.copy(each)
         free.numbers = endless(each.numbers)
+        twin = copy.deepcopy(streams), copy.deepcopy(streams)
+        super().__init__(each, method, diagnostics, backend, plan=plan, hold=hold, streams=streams, **options)
         self._pair = [
             Runs(free, method, diagnostics, backend, plan=RecordSchedule(plan.h / parts, parts * plan.steps, parts),
-                 hold=parts * hold, streams=copy.deepcopy(streams), **options)
-            for parts in (1, 2)
+                 hold=parts * hold, streams=twin[parts - 1], **{**options, **tolerance})
+            for parts, tolerance in ((1, self.tolerance), (2, halved(self.tolerance)))
         ]
-        super().__init__(each, method, diagnostics, backend, plan=plan, hold=hold, streams=streams, **options)
         self._columns = [self.names.index(name) for name in ("angle", "velocity")]
         self.names = (*self.names, ESTIMATE, VELOCITY_ESTIMATE)
-        self._estimator = ErrorEstimator.of(each.scene, self.method, plan.h, each.numbers, self.compensated)
+        self._estimator = ErrorEstimator.of(each.scene, self.method, plan.h, each.numbers, self.compensated,
+                                            bool(self.tolerance))
 
     def rows(self, progress: Progress | None = None, whole: Array | None = None) -> Iterator[Array]:
         """Yield the records of all runs with error estimates, some rows (recorded times) at a time.

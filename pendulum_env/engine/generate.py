@@ -14,7 +14,7 @@ from functools import lru_cache
 from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from pendulum_env.engine import blocks, equations, report, series, slack, watch
-from pendulum_env.engine.advance import CALLED, adapt, advance, errors_of, settle, stick_slip
+from pendulum_env.engine.advance import CALLED, adapt, advance, errors_of, land, settle, stick_slip
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
@@ -79,22 +79,24 @@ def program(
 
 def batch_program(
     scene: Scene, method: Method, diagnostics: tuple[str, ...], varying: frozenset[str], goal: Goal | None = None,
-    compensated: bool = False,
+    compensated: bool = False, adaptive: bool = False,
 ) -> BatchProgram:
     """Return the program for blocks of environments with a task's Goal, or for blocks of runs without a task.
 
     ``varying`` holds the names of the parameters that differ between environments. See
     :mod:`pendulum_env.engine.blocks`.
     """
-    return _batch_program(problem_of(scene, method, diagnostics, compensated=compensated), varying, goal)
+    return _batch_program(problem_of(scene, method, diagnostics, adaptive, compensated), varying, goal)
 
 
 @lru_cache(maxsize=512)
 def _program(problem: Problem) -> Program:
     """Return the program for single runs of a Problem, the equation of motion of a scene with a method."""
-    loops = [run(problem.shape), report.info(problem.shape)]
+    shape = problem.shape
+    steps = [adapt(shape, problem.method), advance(shape)] if shape.adaptive else []
+    loops = [*steps, run(shape), report.info(shape)]
     called_back = tuple(problem.method.python_functions.items())
-    return Program(_text(problem, loops), problem.shape, problem.title, python_functions=called_back)
+    return Program(_text(problem, loops), shape, problem.title, python_functions=called_back)
 
 
 @lru_cache(maxsize=512)
@@ -102,7 +104,7 @@ def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None)
     """Return the program for blocks of environments or runs of a Problem, a scene's equation of motion with a method.
     """
     layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, goal)
-    text = _text(problem, blocks.loops(layout), goal.functions if goal else ())
+    text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())
     return BatchProgram(text, problem.shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
                         python_functions=tuple(problem.method.python_functions.items()))
 
@@ -155,8 +157,8 @@ def _step(problem: Problem) -> list[str]:
         *([watch.tension(problem)] if shape.pull else []),
         *([slack.taut(shape), slack.slack_after(shape, errors_of(method) if shape.adaptive else ())]
           if shape.slack else []),
-        *([adapt(shape, method)] if shape.adaptive else []),
+        *([land(shape)] if shape.adaptive else []),
         *(watch.flow(problem) if "quality_factor" in shape.watched else []),
-        advance(shape),
+        *([] if shape.adaptive else [advance(shape)]),
         *([settle(shape)] if shape.slack and not shape.adaptive else []),
     ]

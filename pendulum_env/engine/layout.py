@@ -8,10 +8,12 @@ from dataclasses import dataclass
 
 from pendulum_env.engine import report
 from pendulum_env.engine.goal import SPAN, Goal
-from pendulum_env.engine.shape import Shape, derived, indent, joined
+from pendulum_env.engine.shape import ADAPTED, TOLERANCE, Shape, derived, indent, joined
 
 BLOCK = 256
 """Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache."""
+SLOTS = BLOCK + 8
+"""Distance of the fields of a block's work array; with a power of 2 they would displace each other from the cache."""
 
 LIMITS = ("omega0", "speed_limit")
 """Parameters of a batch's programs beside the scene's numbers; each is one number, or one number per environment."""
@@ -34,6 +36,10 @@ class Layout:
         results: names of a block's results: action, observation, reward, end of episode, reported quantities.
         moved: names of the fields that a step changes; ``side`` is computed from ``turns``.
         moving: names of the fields that make up a state: all but the parameters.
+        given: names of the values, other than the motion, that an adaptive step takes and that are not ``shared``.
+        under_way: names of the values of a pendulum within an adaptive step: its index in the block (``lane``), the
+            time at the start of the step, its progress, and ``given``.
+        work: names of the fields of a block's work array, in which adaptive steps are under way; none for fixed steps.
     """
 
     shape: Shape
@@ -47,11 +53,15 @@ class Layout:
     results: tuple[str, ...] = derived()
     moved: tuple[str, ...] = derived()
     moving: tuple[str, ...] = derived()
+    given: tuple[str, ...] = derived()
+    under_way: tuple[str, ...] = derived()
+    work: tuple[str, ...] = derived()
 
     def __post_init__(self) -> None:
         """Derive the names of a block's parameters, fields and results."""
         shape, goal = self.shape, self.goal
-        numbers = (*shape.numbers, *LIMITS, *((SPAN,) if goal and goal.reference else ()))
+        tolerance = TOLERANCE if shape.adaptive else ()
+        numbers = (*shape.numbers, *LIMITS, *tolerance, *((SPAN,) if goal and goal.reference else ()))
         own = tuple(name for name in numbers if name in self.varying)
         shared = tuple(name for name in numbers if name not in self.varying)
         state = ("index", "q", "turns", "v", "status")
@@ -59,27 +69,46 @@ class Layout:
         initial = ("initial",) if shape.ledger else ()
         lost = (*shape.lost, *shape.lost_sums)
         fields = (*state, *memory, *initial, *shape.sums, *lost, *shape.remembered, *shape.slackened,
-                  *(goal.before if goal else ()), *own)
+                  *(ADAPTED if shape.adaptive else ()), *(goal.before if goal else ()), *own)
         reports = shape.info if goal else report.names_recorded(shape)
         seen = (*goal.seen, "reward", "late", "ended") if goal else ()
         results = ("control", *seen, *reports)
         moved = tuple(name for name in shape.carried if name != "side")
+        pull = shape.pull[:2] if shape.slack else ()
+        given = tuple(name for name in (*shape.extra, *pull, *shape.slackened) if name not in shared)
+        under_way = ("lane", "t", *shape.paused, *given)
+        work = (*under_way, *shape.step_results, "square", "reason") if shape.adaptive else ()
         vars(self).update(
+            given=given, under_way=under_way, work=work,
             numbers=numbers, shared=shared, fields=fields, reports=reports, results=results, moved=moved,
             moving=tuple(name for name in fields if name not in own))
 
-    def at(self, name: str) -> str:
-        """Return the source of the array element that holds the field ``name`` of environment ``i`` in a block."""
-        return f"s[i + U({self.fields.index(name) * BLOCK})]"
+    def at(self, name: str, index: str = "i") -> str:
+        """Return the source of the array element that holds the field ``name`` of environment ``i`` in a block.
 
-    def out(self, name: str) -> str:
-        """Return the source of the array element that holds the result ``name`` of environment ``i`` in a block."""
-        return f"o[i + U({self.results.index(name) * BLOCK})]"
-
-    def load(self, *names: str) -> list[str]:
-        """Return the source lines that assign fields and the action to local names; names that are neither are skipped.
+        ``index`` is the source of another index to use in place of ``i``.
         """
-        places = {"control": self.out("control"), **{name: self.at(name) for name in self.fields}}
+        return f"s[{index} + U({self.fields.index(name) * BLOCK})]"
+
+    def slot(self, name: str, index: str = "i") -> str:
+        """Return the source of the element of the work array that holds ``name`` of slot ``i``; see ``work``."""
+        return f"w[{index} + U({self.work.index(name) * SLOTS})]"
+
+    @property
+    def active(self) -> str:
+        """Return the source of the element of the work array that holds the number of slots in use."""
+        return f"w[U({len(self.work) * SLOTS})]"
+
+    def out(self, name: str, index: str = "i") -> str:
+        """Return the source of the array element that holds the result ``name`` of environment ``i`` in a block."""
+        return f"o[{index} + U({self.results.index(name) * BLOCK})]"
+
+    def load(self, *names: str, index: str = "i") -> list[str]:
+        """Return the source lines that assign fields and the action to local names; names that are neither are skipped.
+
+        ``index`` is the source of another environment's index to use in place of ``i``.
+        """
+        places = {"control": self.out("control", index), **{name: self.at(name, index) for name in self.fields}}
         return [f"{name} = {places[name]}" for name in names if name in places]
 
 

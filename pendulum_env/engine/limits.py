@@ -269,13 +269,15 @@ def warn_of_stops(
     method: Method, reasons: Iterable[tuple[int, str]], h: float, scene_of: Callable[[int], Scene],
     state_of: Callable[[int], Sequence[float]], control_of: Callable[[int], float],
 ) -> bool:
-    """Warn if a run of a batch diverged because an implicit equation was not solved; return True then.
+    """Warn if a run of a batch stopped because an implicit equation was not solved or a tolerance not met.
 
-    ``reasons`` are pairs of a run's index and its stop reason; only the first four diverged runs (FEW) are examined.
+    Return True then. ``reasons`` are pairs of a run's index and its stop reason; only the first four such runs (FEW)
+    are examined.
     """
-    lost = [place for place, reason in reasons if reason == STOP_REASONS[DIVERGED]] if method.implicit else []
-    return any(warn_of_stop(method, scene_of(place), STOP_REASONS[DIVERGED], h, state_of(place), control_of(place))
-               for place in lost[:FEW])
+    told = (STOP_REASONS[TOO_SHORT], *((STOP_REASONS[DIVERGED],) if method.implicit else ()))
+    lost = [(place, reason) for place, reason in reasons if reason in told]
+    return any(warn_of_stop(method, scene_of(place), reason, h, state_of(place), control_of(place))
+               for place, reason in lost[:FEW])
 
 
 def _steps(

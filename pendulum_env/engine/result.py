@@ -40,7 +40,8 @@ class Rollout(Plotted):
         scene, method: the simulated scene (for a batch with array parameters that of the first run) and the method.
         dt: the integrator's step [s].
         tolerance: "rtol" and "atol" of an adaptive run, which divides every step of dt as they require; else empty.
-        steps, rejected: numbers of adaptive steps taken and rejected; 0 without a tolerance.
+        steps, rejected: numbers of adaptive steps taken and rejected, for a batch arrays with the shape of the initial
+            conditions; 0 without a tolerance.
         lost_angle, lost_velocity: rounding remainders of ``angle`` and ``velocity`` with compensated summation; the
             sums angle + lost_angle and velocity + lost_velocity are more precise than doubles; else None.
         error_estimate, velocity_error_estimate: estimated distances of ``angle`` and ``velocity`` from the exact motion
@@ -62,8 +63,8 @@ class Rollout(Plotted):
     dt: float
     heat_by_effect: Mapping[str, Array] = field(default_factory=dict)
     tolerance: Mapping[str, float] = field(default_factory=dict)
-    steps: int = 0
-    rejected: int = 0
+    steps: int | NDArray[np.int64] = 0
+    rejected: int | NDArray[np.int64] = 0
     watched: Mapping[str, Array] = field(default_factory=dict)
     lost_angle: Array | None = None
     lost_velocity: Array | None = None

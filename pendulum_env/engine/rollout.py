@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from integrators import Event, Method, MethodError
+from integrators import Event, Method
 from integrators.steps.compensated import LOST
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import provenance
@@ -85,10 +85,10 @@ def rollout(
             (as ``estimate_error``). Work and heat are computed only with one of the first two.
         speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
         backend: "auto", "compiled" or "python", as in gym.make; the results are equal bit by bit.
-        rtol, atol: tolerances of adaptive steps, for single runs with a method that estimates its error, such as
-            "dop853": every step of ``dt`` is divided into adaptive steps with errors below ``atol + rtol |y|`` (root
-            mean square of angle and velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" if no
-            step meets the tolerance.
+        rtol, atol: tolerances of adaptive steps, for a method that estimates its error, such as "dop853": every step of
+            ``dt`` is divided into adaptive steps with errors below ``atol + rtol |y|`` (root mean square of angle and
+            velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" if no step meets the tolerance.
+            In a batch every run takes adaptive steps of its own, with the same bits as by itself.
         compensated: True carries the rounding error of every addition into the next one, for long runs without
             damping; see :mod:`integrators.steps.compensated`. Not with ``rtol``.
         estimate_error: True computes ``error_estimate`` from a second run with steps of half the length, in 4 to 12
@@ -137,8 +137,6 @@ def rollout(
         raise SceneError("dense=True is for single runs without file=; call rollout for each run of the batch.")
     if file is not None and watched:
         raise SceneError("events cannot be combined with file=; leave one of them out.")
-    if rtol is not None or atol is not None:
-        raise MethodError("rtol and atol are for single runs without file=; batches and file= need fixed steps.")
     if spec.shape == ():
         raise SceneError("file= is for batches; give angle, velocity or a parameter as an array.")
     if num_threads is not None:
@@ -277,7 +275,7 @@ def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: P
     else:
         done = 0
         facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
-                           compensated=runs.compensated)
+                           compensated=runs.compensated, **runs.tolerance)
         with Stream(path, names, shape, facts) as stream:
             for rows in runs.rows(progress):
                 stream.append(time[done : done + len(rows)], rows)
@@ -300,6 +298,9 @@ def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: P
         scene=runs.scene,
         method=runs.method,
         dt=plan.h,
+        tolerance=runs.tolerance,
+        steps=runs.count("taken").reshape(shape) if runs.tolerance else 0,
+        rejected=runs.count("rejected").reshape(shape) if runs.tolerance else 0,
         lost_angle=series.get(LEFT_OUT[0]),
         lost_velocity=series.get(LEFT_OUT[1]),
         error_estimate=series.get(ESTIMATE),

@@ -53,11 +53,11 @@ class RecordSchedule:
 
 
 class Runs(Blocks):
-    """A batch of runs from given initial conditions, with fixed steps.
+    """A batch of runs from given initial conditions.
 
     Args:
         each: scenes and parameter values of the runs.
-        method, diagnostics, backend, num_threads, compensated: as for Blocks.
+        method, diagnostics, backend, num_threads, compensated, rtol, atol: as for Blocks.
         angle, velocity: initial conditions [rad, rad/s], one per run.
         plan: steps to take and to record.
         control: constant fraction of the motor's torque, -1 to 1.
@@ -84,11 +84,13 @@ class Runs(Blocks):
         compensated: bool = False,
         hold: int = 1,
         streams: Streams | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
     ) -> None:
         numbers = each.numbers if "energy" in diagnostics else {**each.numbers, "scale": math.inf}
         computed = dict.fromkeys(("energy", *diagnostics)) if LEDGERS & {*diagnostics} else diagnostics
         super().__init__(each.scene, method, tuple(computed), backend, numbers, size=len(angle), h=plan.h,
-                         num_threads=num_threads, compensated=compensated)
+                         num_threads=num_threads, compensated=compensated, rtol=rtol, atol=atol)
         own: dict[str, Any] = {name: numbers[name] for name in self.layout.varying}
         drawn = {} if streams is None else self.drawn(streams, np.arange(self.size))
         self._begin(self._state, self.size, {**own, **drawn}, angle, velocity)
@@ -108,6 +110,10 @@ class Runs(Blocks):
     def fastest(self) -> float:
         """Return the largest |velocity| seen in the records of runs that have not diverged [rad/s]."""
         return float(np.max(self._speeds[self.get("status") != DIVERGED], initial=0.0))
+
+    def count(self, name: str) -> NDArray[np.int64]:
+        """Return the number of adaptive steps "taken" or "rejected" of every run with a tolerance."""
+        return self.get(name).astype(np.int64)
 
     @property
     def ends(self) -> Array:

@@ -220,12 +220,12 @@ def adapted(shape: Shape, step: str) -> list[str]:
     screen = f"not taut({joined(('now', 'q', 'v', 'q1', 'v1', 'part'), pull)})"
     since = f"since = slack_after({joined(('now', 'q', 'v'), _given(shape), ('part',), pull)})"
     if shape.lenient:
-        return [f"if slackened == 0.0 and loose < 0.0 and {screen}:", f"    {since}",
+        return [f"if accepted and slackened == 0.0 and loose < 0.0 and {screen}:", f"    {since}",
                 "    loose = now - t + since if since <= part else loose"]
     still = [f"d_{name} = 0.0" for name in shape.quadratures]
     return [
         "cut = part",
-        f"if {screen}:",
+        f"if accepted and {screen}:",
         f"    {since}",
         "    if since <= part:",
         *indent([

@@ -284,7 +284,7 @@ class RunSpec:
         return kind(
             self.each, self.method, self.diagnostics, self.backend, angle=angle, velocity=velocity, plan=self.plan,
             control=self.control, num_threads=num_threads, compensated=self.compensated, hold=self.hold,
-            streams=Streams(self.seeds),
+            streams=Streams(self.seeds), rtol=self.rtol, atol=self.atol,
         )
 
     def batch(self, size: int, goal: Goal, most: float, num_threads: int | None = None) -> Batch:
@@ -295,6 +295,7 @@ class RunSpec:
         return kind(
             self.scene, self.method, self.diagnostics, self.backend, numbers, size=size, h=self.h,
             goal=goal, num_threads=num_threads, substeps=self.hold, most=most, compensated=self.compensated,
+            rtol=self.rtol, atol=self.atol,
         )
 
     # --- warnings ---------------------------------------------------------------------------------------------------
@@ -366,7 +367,7 @@ class RunSpec:
         self, reasons: Iterable[tuple[int, str]], state_of: Callable[[int], Sequence[float]],
         control_of: Callable[[int], float] | None = None,
     ) -> bool:
-        """Warn if a run of a batch stopped because the equation of an implicit step was not solved.
+        """Warn if a run of a batch stopped because an implicit equation was not solved or a tolerance not met.
 
         Return True if there was such a warning. ``reasons`` are pairs of a run's index and its stop reason;
         ``state_of`` and ``control_of`` return the last state and the control of the run with an index. See

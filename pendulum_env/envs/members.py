@@ -396,7 +396,7 @@ class Members:
         spec = self._spec
         made: dict[str, Any] = {
             "effects": [effect.name for effect in spec.scene.effects], "integrator": str(spec.integrator),
-            "step": spec.h, "substeps": spec.hold, "compensated": spec.compensated}
+            "step": spec.h, "substeps": spec.hold, "compensated": spec.compensated, **self._batch.tolerance}
         if self._randomization or self._sensing is not None:
             made |= {"drawn": [] if self._randomization is None else [*self._randomization.names],
                      "sensing": str(None if self._sensing is None else self._sensing.plan)}
@@ -412,7 +412,7 @@ class Members:
 
     def _machine(self) -> Machine:
         """Return a simulator of one pendulum of the vector; its parameters are those of environment 0."""
-        known = {*self._batch.layout.numbers} <= {*self._spec.numbers}
+        known = {*self._batch.layout.numbers} <= {*self._spec.numbers, *self._batch.tolerance}
         if reasons := (*self._extra(), *(() if known else (f"the task {self._task.name}",))):
             raise SceneError(f"States of a vector with {' and '.join(reasons)} cannot be saved one by one, as they "
                              "have more than the motion; get_state() of the vector saves all.")
@@ -429,7 +429,7 @@ class Members:
         """Return scene, method and step of one environment, as a single environment's states have them."""
         compensated = {"compensated": True} if self._spec.compensated else {}
         return {"scene": self._scene_of(place).to_dict(), "integrator": str(self._spec.integrator),
-                "step": self._spec.h, "substeps": self._spec.hold, **compensated}
+                "step": self._spec.h, "substeps": self._spec.hold, **self._batch.tolerance, **compensated}
 
     def _state_of(self, machine: Machine, place: int) -> dict[str, Any]:
         """Return the state of one environment as ``LabPendulumEnv.get_state`` returns it, without past actions."""

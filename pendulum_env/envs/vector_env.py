@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from integrators import Method, MethodError
+from integrators import Method
 from pendulum_env.common.shown import one_line
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.batch import Results
@@ -72,6 +72,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
       (500 steps for None), tested in the environments with the smallest and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default one thread per core for many environments, and one thread for few.
+    - ``rtol``, ``atol``: every environment takes adaptive steps of its own.
     - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
     ``reset(options=...)`` takes "angle", "velocity" and parameters of the scene, numbers or arrays of ``num_envs``, and
@@ -128,8 +129,6 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         **parameters: Any,
     ) -> None:
         super().__init__()
-        if rtol is not None or atol is not None:
-            raise MethodError("rtol and atol are for single environments; a vector has fixed steps of dt / substeps.")
         self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
         integrator, dt = usual(scene, integrator, dt)
@@ -149,9 +148,9 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         with naming_keywords(type(self)):
             spec = self._spec = RunSpec.of_episodes(
                 scene, damping, parameters, dt=setup.dt, size=self._num_envs, diagnostics=names,
-                speed_limit=speed_limit, backend=backend, compensated=compensated,
+                speed_limit=speed_limit, backend=backend, rtol=rtol, atol=atol, compensated=compensated,
                 others=draws.scenes if draws else None,
-                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, given, compensated),
+                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, given, compensated, rtol, atol),
             )
         self._batch = spec.batch(self._num_envs, setup.task.goal, most, wanted)
         self._observation, self._history, self._sensor = observation, history, sensor

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -146,6 +147,127 @@ def test_a_step_at_the_minimum_ends_the_run_with_its_reason(name: str) -> None:
     assert run.velocity == pytest.approx(1 / np.sqrt(1 - run.time), rel=1e-5)
 
 
+# --- batches --------------------------------------------------------------------------------------------------------
+
+AMPLITUDES = np.radians([1.0, 179.0, 40.0, 120.0, 175.0])
+"""Initial angles from which runs take very different numbers of adaptive steps [rad]."""
+SMOOTH = [name for name, scene in SCENES.items() if not any(effect.dry for effect in scene.effects)]
+RECORDED = ("angle", "velocity", "energy", "energy_residual", "error_estimate")
+
+
+def check_alone(case: dict[str, Any], picked: Any = None, **own: Any) -> Any:
+    """Check that the runs of a batch have the bits, step counts and stop reasons of single interpreted runs.
+
+    ``own`` holds arguments that differ between runs. Return the Rollout of the batch.
+    """
+    many = rollout(**{**case, **own}, warn=False)
+    seeds = {"seed": case.get("seed", 0)}
+    for i in range(len(AMPLITUDES)) if picked is None else picked:
+        each = {name: float(values[i]) for name, values in own.items()}
+        alone = {**case, **each, "seed": seeds["seed"] + i, "backend": "python", "warn": False}
+        one = rollout(**{name: value for name, value in alone.items() if name not in ("num_threads", "file")})
+        count = len(one.time) - bool(one.stop_reason)  # a single run has one more record, at its stop
+        for name in RECORDED:
+            theirs, found = getattr(one, name), getattr(many, name)
+            assert (found is None) == (theirs is None)
+            if theirs is not None:
+                assert found[i, :count].tolist() == theirs[:count].tolist(), (name, i)
+        for name, heat in one.heat_by_effect.items():
+            assert many.heat_by_effect[name][i, :count].tolist() == heat[:count].tolist()
+        assert (many.steps[i], many.rejected[i], many.stop_reason[i]) == (one.steps, one.rejected, one.stop_reason), i
+        assert many.stop_time[i] == one.stop_time
+    return many
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_run_of_a_batch_takes_its_own_steps(name: str) -> None:
+    lengths = np.array([1.0, 0.5, 2.0, 1.5, 0.3])
+    many = check_alone({**VACUUM, "integrator": name, "rtol": 1e-7, "every": 3}, angle=AMPLITUDES, length=lengths)
+    assert len({*many.steps.tolist()}) > 2
+    assert many.rejected.any()
+    assert many.tolerance == {"rtol": 1e-7, "atol": 1e-7}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_compiled_runs_of_a_batch_take_their_own_steps(name: str) -> None:
+    case = {**VACUUM, "integrator": name, "rtol": 1e-7, "every": 3, "backend": "compiled"}
+    assert check_alone(case, angle=AMPLITUDES).rejected.any()
+
+
+def options_of(scene: str) -> dict[str, Any]:
+    """Return the arguments of a short adaptive run of a scene, with the pull on the suspension where it has a meaning.
+    """
+    usual, pull = SCENES[scene].run, () if "tension" in SCENES[scene].body.lacks else ("tension",)
+    return {"scene": scene, "integrator": "dopri5", "rtol": 1e-6, "duration": 3.0 * usual.dt + usual.duration / 50.0,
+            "dt": usual.duration / 70.0, "substeps": 2, "control": 0.4, "seed": 3,
+            "diagnostics": ("energy", "heat_by_effect", *pull), "every": 2}
+
+
+@pytest.mark.parametrize("scene", SMOOTH)
+@pytest.mark.parametrize("backend", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
+def test_batches_of_every_scene(scene: str, backend: str) -> None:
+    check_alone({**options_of(scene), "backend": backend}, angle=AMPLITUDES)
+
+
+STOPS: dict[str, tuple[dict[str, Any], dict[str, Any], set[str]]] = {
+    "step too short": ({"scene": Scene(effects=(Blow(),)), "angle": 0.0, "diagnostics": ()},
+                       {"velocity": [0.1, 1.0, 0.9, 0.2, -1.0]}, {"step_too_short", ""}),
+    "speed limit": ({"scene": "vacuum", "speed_limit": 4.0}, {"angle": AMPLITUDES}, {"speed_limit", ""}),
+    "slack": ({"scene": "exercise_large", "angle": 0.0, "diagnostics": ("energy", "tension")},
+              {"velocity": [0.5, 5.0, 9.0, -5.5, 2.0]}, {"slack", ""}),
+    "slack at once": ({"scene": "exercise_large"}, {"angle": AMPLITUDES}, {"slack", ""}),
+    "slack is a warning": ({"scene": SCENES["exercise_large"].replace(slack="warn"), "speed_limit": 6.0, "angle": 0.0},
+                           {"velocity": [0.5, 5.0, 9.0, -5.5, 2.0]}, {"speed_limit", ""}),
+    "diverged": ({"scene": "textbook", "rtol": 1e6, "dt": 3.0, "duration": 60.0},
+                 {"angle": [1e-300, 0.1, 1.0, 1e-280, -0.5]}, {"diverged", ""}),
+}
+
+
+@pytest.mark.parametrize("backend", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", STOPS)
+@pytest.mark.filterwarnings("ignore:The wire of the scene")
+def test_a_run_that_stops_leaves_the_others_alone(case: str, backend: str) -> None:
+    options, own, reasons = STOPS[case]
+    given = {"integrator": "dop853", "rtol": 1e-8, "duration": 2.0, "dt": 0.3, "backend": backend, **options}
+    found = check_alone(given, **{name: np.array(values) for name, values in own.items()})
+    assert {*found.stop_reason} == reasons
+
+
+@pytest.mark.parametrize("change", [
+    {"every": 1, "dt": 2.5}, {"control": -0.3, "substeps": 3}, {"atol": 1e-3, "rtol": 1e-9}, {"estimate_error": True},
+    {"scene": "windy", "substeps": 3, "seed": 7, "estimate_error": True, "diagnostics": ("energy",)}])
+def test_batches_with_other_options(change: dict[str, Any]) -> None:
+    case = {**LAB, "integrator": "bs3", "rtol": 1e-5, "diagnostics": ("energy", "heat_by_effect"), **change}
+    del case["angle"]
+    check_alone(case, angle=AMPLITUDES)
+
+
+def test_threads_blocks_and_files_do_not_touch_a_bit(tmp_path: Path) -> None:
+    angles = np.random.default_rng(1).permutation(np.linspace(0.02, 3.12, 700))
+    case = {**LAB, "integrator": "dopri5", "rtol": 1e-5, "backend": "compiled", "duration": 0.9}
+    del case["angle"]
+    one = check_alone({**case, "num_threads": 1}, [0, 255, 256, 699], angle=angles)
+    for options in ({"num_threads": 3}, {"file": tmp_path / "runs.npy"}):
+        other = rollout(**case, angle=angles, warn=False, **options)
+        for name in RECORDED[:-1]:
+            assert getattr(one, name).tolist() == getattr(other, name).tolist()
+        assert (one.steps.tolist(), one.rejected.tolist()) == (other.steps.tolist(), other.rejected.tolist())
+
+
+def test_a_batch_warns_where_no_step_meets_the_tolerance() -> None:
+    with pytest.warns(UserWarning, match="even the shortest step exceeds its tolerance"):
+        rollout(Scene(effects=(Blow(),)), integrator="bs3", angle=0.0, velocity=[0.1, 1.0], duration=2.0, dt=0.3,
+                rtol=1e-6, backend="python", diagnostics=())
+
+
+def test_events_of_a_batch() -> None:
+    case = {**VACUUM, "integrator": "dop853", "rtol": 1e-8, "events": ["bottom"]}
+    many = rollout(**{**case, "angle": AMPLITUDES[1:3]})
+    for i, angle in enumerate(AMPLITUDES[1:3]):
+        assert many.t_events[0][i].tolist() == rollout(**{**case, "angle": float(angle)}).t_events[0].tolist()
+
+
 # --- what cannot be -----------------------------------------------------------------------------------------------
 
 
@@ -162,7 +284,14 @@ def test_refusals() -> None:
         make(rtol=1e-17)
     with pytest.raises(MethodError, match="dry friction, as in the scene 'sticky_bearing'"):
         make(scene="sticky_bearing")
-    with pytest.raises(MethodError, match="for single environments"):
-        gym.make_vec("LabPendulum-v0", num_envs=2, integrator="dop853", rtol=1e-8)
-    with pytest.raises(MethodError, match="for single runs"):
-        rollout("lab", integrator="dop853", rtol=1e-8, angle=[0.1, 0.2])
+    many: Any = {"angle": [0.1, 0.2], "rtol": 1e-8}
+    with pytest.raises(MethodError, match="rk4 does not estimate its error"):
+        rollout("lab", **many)
+    with pytest.raises(MethodError, match="rk4 does not estimate its error"):
+        gym.make_vec("LabPendulum-v0", num_envs=2, rtol=1e-8)
+    with pytest.raises(MethodError, match="dry friction, as in the scene 'sticky_bearing'"):
+        rollout("sticky_bearing", integrator="dop853", **many)
+    with pytest.raises(MethodError, match="compensated"):
+        rollout("vacuum", integrator="dop853", compensated=True, **many)
+    with pytest.raises(MethodError, match="atol goes with rtol"):
+        gym.make_vec("LabPendulum-v0", num_envs=2, integrator="dop853", atol=1e-8)

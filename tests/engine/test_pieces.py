@@ -44,7 +44,7 @@ SINGLE: Mapping[str, Mapping[str, Any]] = {
     "speed limit": {"scene": "vacuum", **TOLERANT, "velocity": 2.0, "every": 3, "speed_limit": 3.5},
     "errors": {"scene": "lab", **TOLERANT, "estimate_error": True},
 }
-"""Adaptive runs, which pause within a step."""
+"""Adaptive runs, alone and in batches, which pause within a step."""
 
 
 def bits(run: Rollout) -> list[Any]:
@@ -52,7 +52,8 @@ def bits(run: Rollout) -> list[Any]:
     names = ("time", "angle", "velocity", "energy", "energy_residual", "error_estimate", "lost_angle")
     columns = [None if (found := getattr(run, name)) is None else np.asarray(found).tobytes() for name in names]
     heats = [heat.tobytes() for heat in run.heat_by_effect.values()]
-    return [*columns, *heats, run.stop_reason, np.asarray(run.stop_time).tolist(), run.steps, run.rejected]
+    return [*columns, *heats, run.stop_reason,
+            *(np.asarray(found).tolist() for found in (run.stop_time, run.steps, run.rejected))]
 
 
 def in_pieces_of(units: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,9 +63,10 @@ def in_pieces_of(units: int, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def cases() -> list[Any]:
-    """Return the test cases: all single runs, then the batches."""
+    """Return the test cases: all single runs, then all batches."""
     single = {**BOTH, **{f"{name}, adaptive": case for name, case in SINGLE.items()}}
     batches = {f"{name}, batch": {**case, "angle": ANGLES} for name, case in BOTH.items()}
+    batches |= {f"{name}, adaptive batch": {**case, "angle": ANGLES} for name, case in SINGLE.items()}
     return [pytest.param({**SHORT, "angle": 1.0, **case}, id=name) for name, case in {**single, **batches}.items()]
 
 
@@ -204,18 +206,23 @@ def program_that_is_interrupted(module: Any, name: str, monkeypatch: pytest.Monk
     return wrapped
 
 
-def test_a_vector_wants_a_reset(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("options", [{}, {"integrator": "bs3", "rtol": 1e-6}])
+def test_a_vector_wants_a_reset(options: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     in_pieces_of(2, monkeypatch)
     programs = program_that_is_interrupted(batch, "step_blocks", monkeypatch)
-    env = LabPendulumVectorEnv(3, substeps=20, backend="python")
+    env = LabPendulumVectorEnv(3, substeps=20, backend="python", **options)
     env.reset(seed=0)
     programs[0].at = 3
     with pytest.raises(KeyboardInterrupt):
         env.step(np.zeros((3, 1), dtype=np.float32))
     with pytest.raises(gym.error.ResetNeeded):
         env.step(np.zeros((3, 1), dtype=np.float32))
-    env.reset(seed=0)
-    assert env.step(np.zeros((3, 1), dtype=np.float32))[4]["time"].tolist() == [0.02] * 3
+    wanted = LabPendulumVectorEnv(3, substeps=20, backend="python", **options)
+    for each in (env, wanted):
+        each.reset(seed=0)
+    found, again = (each.step(np.zeros((3, 1), dtype=np.float32)) for each in (env, wanted))
+    assert found[4]["time"].tolist() == [0.02] * 3
+    assert found[4]["angle"].tolist() == again[4]["angle"].tolist()
 
 
 def test_threads_stop_with_the_one_that_is_interrupted() -> None:
@@ -251,6 +258,9 @@ JOBS: Mapping[str, tuple[str, str]] = {
               "rollout('vacuum', angle=np.ones(600), dt=1e-6, duration=5000., every=10**4, num_threads=2, file=FILE)"),
     "adaptive": ("rollout('vacuum', integrator='bs3', rtol=1e-6)",
                  "rollout('vacuum', angle=1., integrator='bs3', rtol=1e-13, dt=1e7, duration=1e7)"),
+    "adaptive batch": ("rollout('vacuum', integrator='bs3', rtol=1e-6, angle=np.ones(600), num_threads=2)",
+                       "rollout('vacuum', angle=np.ones(600), integrator='bs3', rtol=1e-13, dt=1e7, duration=1e7, "
+                       "num_threads=2)"),
     "errors": ("rollout('vacuum', dt=1e-6, duration=1e-4)",
                "rollout('vacuum', angle=1., dt=1e-6, duration=5000., every=10**6, estimate_error=True)"),
     "compensated": ("rollout('vacuum', dt=1e-6, duration=1e-4, compensated=True)",
@@ -259,6 +269,9 @@ JOBS: Mapping[str, tuple[str, str]] = {
              "env.step(np.zeros(1, dtype=np.float32))"),
     "vector step": ("env = gym.make_vec('LabPendulum-v0', num_envs=600, substeps=10**9); env.reset(seed=0)",
                     "env.step(np.zeros((600, 1), dtype=np.float32))"),
+    "adaptive vector step": ("env = gym.make_vec('LabPendulum-v0', num_envs=600, dt=1e7, integrator='bs3', rtol=1e-13, "
+                             "observation_delay=1e7); env.reset(seed=0)",
+                             "env.step(np.zeros((600, 1), dtype=np.float32))"),
 }
 """Code that compiles a program, and code that would run it for many minutes."""
 

@@ -20,12 +20,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from choice import check_pairs, pairs
+from given_effects import Blow
 from gymnasium.vector import AutoresetMode, VectorObservationWrapper
 from gymnasium.wrappers import vector as wrappers
 from vector_steps import MODES, same, side_by_side, vector
 
 import integrators
-from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneError
+from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Scene, SceneError
 from pendulum_env.engine import batch, generate, kernels, threads
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.tasks import TASKS
@@ -65,14 +66,73 @@ def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mod
     compare(scene, method, "swing_up", mode, ("energy",), substeps=3)
 
 
+SMOOTH = [name for name, scene in SCENES.items() if not any(effect.dry for effect in scene.effects)]
+
+
+@pytest.mark.parametrize("case", [*enumerate(SMOOTH)], ids=lambda case: case[1])
+def test_adaptive_steps_are_those_of_the_single_ones(case: tuple[int, str]) -> None:
+    """Check every scene that allows a tolerance; tasks, autoreset modes and substeps take turns."""
+    i, scene = case
+    compare(scene, "dopri5", list(TASKS)[i % len(TASKS)], MODES[i % len(MODES)], DIAGNOSED[i % len(DIAGNOSED)],
+            rtol=1e-6, dt=0.25, substeps=1 + i % 2, backend="python")
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("options", [
+    {"integrator": "dop853", "diagnostics": ("energy", "error"), "task": "free"},
+    {"atol": 1e-3},
+    {"observation_delay": 0.1, "action_delay": 0.05, "substeps": 4},
+    {"scene": "exercise_large", "task": "free", "speed_limit": 7.0, "integrator": "taylor"},
+])
+def test_adaptive_steps_with_other_settings(options: dict[str, Any], mode: str) -> None:
+    usual = {"scene": "lab", "integrator": "bs3", "task": "swing_up", "diagnostics": ("energy",)}
+    scene, method, task, diagnostics = (options.get(name, value) for name, value in usual.items())
+    more = {name: value for name, value in options.items() if name not in usual}
+    compare(scene, method, task, mode, diagnostics, rtol=1e-5, dt=0.2, backend="python", **more)
+
+
+@pytest.mark.parametrize("backend", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
+def test_adaptive_environments_differ_and_save_their_states(backend: str) -> None:
+    """Check parameters of each environment's own, states of the vector, and states in the form of single ones."""
+    common: dict[str, Any] = {"integrator": "dop853", "rtol": 1e-7, "dt": 0.3, "task": "free"}
+    lengths = np.array([0.3, 1.0, 2.5])
+    env = vector(3, length=lengths, backend=backend, **common)
+    singles = [gym.make("LabPendulum-v0", length=length, backend="python", **common).unwrapped for length in lengths]
+    start = {"angle": np.radians([1.0, 179.0, 90.0]), "velocity": np.zeros(3)}
+    env.reset(seed=4, options=start)
+    for i, single in enumerate(singles):
+        single.reset(seed=4 + i, options={name: values[i] for name, values in start.items()})
+    actions = np.random.default_rng(2).uniform(-1, 1, (12, 3, 1)).astype(np.float32)
+    for k, action in enumerate(actions):
+        if k == 6:
+            saved, each = copy.deepcopy(env.get_state()), env.call("get_state")
+            for single, state in zip(singles, each, strict=True):
+                assert [*map(float, single.get_state()["state"])] == state["state"]
+        found, wanted = env.step(action), [single.step(one) for single, one in zip(singles, action, strict=True)]
+        assert found[0].tobytes() == np.array([one[0] for one in wanted]).tobytes()
+        for name in ("angle", "velocity", "energy_residual"):
+            assert found[4][name].tolist() == [one[4][name] for one in wanted]
+    for state in (saved, each):
+        env.set_state(state)
+        for action in actions[6:]:
+            again = env.step(action)
+        assert again[4]["angle"].tolist() == found[4]["angle"].tolist()
+    with pytest.raises(SceneError, match="another rtol"):
+        vector(3, length=lengths, backend="python", **{**common, "rtol": 1e-6}).set_state(saved)
+
+
 def test_every_ending_has_its_name() -> None:
-    """Check the four stop reasons, their steps and their masks against single environments."""
+    """Check all stop reasons, their steps and their masks against single environments."""
     cases: list[tuple[dict[str, Any], dict[str, float], str]] = [
         ({"task": "balance"}, {"angle": 3.0}, "fell"),
         ({"speed_limit": 5.0, "task": "free"}, {"angle": 3.0}, "speed_limit"),
         ({"scene": "exercise_large", "task": "free"}, {"angle": 0.0, "velocity": 10.0}, "slack"),
         ({"scene": "textbook", "task": "free", "integrator": "forward_euler", "dt": 0.5, "speed_limit": math.inf},
          {"angle": 0.5}, "diverged"),
+        ({"scene": Scene(effects=(Blow(),)), "task": "free", "integrator": "bs3", "rtol": 1e-6, "dt": 0.3,
+          "speed_limit": math.inf, "warn": False}, {"angle": 0.0, "velocity": 1.0}, "step_too_short"),
+        ({"scene": "exercise_large", "task": "free", "integrator": "dop853", "rtol": 1e-6, "dt": 0.3},
+         {"angle": 0.0, "velocity": 10.0}, "slack"),
     ]
     for options, start, reason in cases:
         env, single = vector(2, backend="python", **options), gym.make("LabPendulum-v0", backend="python", **options)

@@ -15,7 +15,7 @@ import pytest
 import integrators
 from integrators import METHODS, PAIRS, MethodError, RungeKutta, StepSizeError, System, solve, unroll
 from integrators.solving.adaptive import FINEST, March, Tolerance
-from integrators.solving.step_size import growth, shrinkage, step_power
+from integrators.solving.step_size import next_ratio, step_power, step_power_of_many
 from integrators.steps.estimates import evaluations_tried
 from pendulum_env.physics.exact import pendulum
 
@@ -45,17 +45,28 @@ def test_powers_are_right_to_seven_digits():
             assert step_power(x, p) == pytest.approx(x**p, rel=1e-7)
 
 
+def test_powers_without_branches_have_the_same_bits() -> None:
+    """Check the powers at the ends of all intervals of the reduction to 0.75 ... 1.5, and at random in between."""
+    ends = [x * 2.0**k for k in range(-119, 132) for x in (0.75, 1.0, 1.5)]
+    near = [math.nextafter(x, to) for x in ends for to in (0.0, math.inf)]
+    rng = np.random.default_rng(5)
+    drawn = [*(10.0 ** rng.uniform(-36, 40, 3000)).tolist(), *rng.uniform(0.5, 2.0, 1000).tolist()]
+    for x in (*ends, *near, *drawn):
+        for p in (0.5, -0.7 / 8, -1.0 / 3, 0.4 / 5):
+            assert step_power_of_many(x, p) == step_power(x, p), (x, p)
+
+
 @pytest.mark.parametrize("order", [3, 5, 8, 9])
 def test_the_controller_rests_at_one_error_and_stays_within_its_bounds(order):
     rest = 0.9**order
-    assert growth(rest, rest, order) == pytest.approx(1.0, rel=1e-6)
-    assert growth(rest, 0.0, order) == pytest.approx(1.0, rel=1e-6)
-    assert growth(1.0, rest, order) == pytest.approx(0.9**0.7, rel=1e-6)
-    assert shrinkage(2.0**order, order) == pytest.approx(0.45, rel=1e-6)
-    assert growth(0.0, 0.0, order) == growth(1e-200, 1.0, order) == 10.0
-    assert growth(1.0, 1e-300, order) == growth(1.0, 1e-4, order) >= 0.2
-    assert shrinkage(1e250, order) == 0.2
-    assert shrinkage(math.nan, order) == shrinkage(math.inf, order) == 0.1
+    assert next_ratio(rest, True, rest, order) == pytest.approx(1.0, rel=1e-6)
+    assert next_ratio(rest, True, 0.0, order) == pytest.approx(1.0, rel=1e-6)
+    assert next_ratio(1.0, True, rest, order) == pytest.approx(0.9**0.7, rel=1e-6)
+    assert next_ratio(2.0**order, False, 0.0, order) == pytest.approx(0.45, rel=1e-6)
+    assert next_ratio(0.0, True, 0.0, order) == next_ratio(1e-200, True, 1.0, order) == 10.0
+    assert next_ratio(1.0, True, 1e-300, order) == next_ratio(1.0, True, 1e-4, order) >= 0.2
+    assert next_ratio(1e250, False, 0.0, order) == next_ratio(1e250, False, 1.0, order) == 0.2
+    assert next_ratio(math.nan, False, 0.0, order) == next_ratio(math.inf, False, 0.0, order) == 0.1
 
 
 # --- the solver ---------------------------------------------------------------------------------------------------
@@ -125,7 +136,7 @@ def test_each_step_follows_from_the_errors_of_the_last_two():
     assert (len(tried), march.rejected) == (march.steps + march.rejected, sum(error > 1 for _, error in tried))
     last, fresh = 0.0, True
     for (h, error), (after, _) in pairwise(tried[:-1]):
-        ratio = growth(error, last, 5) if error <= 1 else shrinkage(error, 5)
+        ratio = next_ratio(error, error <= 1, last, 5)
         assert after == h * (ratio if fresh else min(ratio, 1.0))
         last, fresh = (error, True) if error <= 1 else (0.0, False)
     assert march.rejected > 0

@@ -30,6 +30,22 @@ def parts() -> Iterator[Any]:
         del sys.modules[name]
 
 
+def test_steps_of_their_own_are_beside_heyokas(parts: Any) -> None:
+    """Check the text on mixed amplitudes: 2 and 3 s for 1e-3, 4 and 12 s for 1e-6, nothing for other scenes."""
+    lines = ("lab-pendulum dop853, adaptive", "lab-pendulum rk4", "heyoka, batches of 8")
+    times = ((2.0, 1.0, 3.0), (4.0, 1.0, 12.0))
+    points = [parts.choice.Point(line, 1.0, error, time)
+              for error, each in zip((1e-3, 1e-6), times, strict=True) for line, time in zip(lines, each, strict=True)]
+    mixed, other = (parts.problem.Problem(scene, 20.0, 2) for scene in (parts.problem.MIXED, "undamped"))
+    text = parts.report.own_steps_text({mixed: points, other: points})
+    assert text.startswith(f"Steps of their own: {mixed.title}, 1e-3: 1.00 s (dop853), heyoka 1.5x; ")
+    assert text.endswith("1e-6: 2.00 s (dop853), heyoka 3x.")
+    assert other.title not in text
+    assert parts.report.own_steps_text({other: points}) == ""
+    starts = np.degrees(parts.problem.Problem(parts.problem.MIXED, 20.0, 1024).starts)
+    assert (starts.min(), starts.max()) == pytest.approx((1.0, 179.0))
+
+
 def law(parts: Any, order: float, floor: float = 0.0, longest: float = math.inf) -> Any:
     """A method of this order: ``count`` steps take ``count`` seconds and err by ``count**-order`` or the floor."""
 

@@ -22,7 +22,7 @@ METHODS = (
 """Methods that are (nearly) the cheapest for some accuracy, and some well-known ones; the most general one first."""
 SEARCH = "PRECISION_SEARCH"
 """Environment variable; if it is set, all explicit methods of order 3 or more are tried."""
-ADAPTIVE = ("dop853", "verner9", "taylor20")
+ADAPTIVE = ("dop853", "verner9", "taylor16", "taylor20")
 EXACT = "lab-pendulum exact"
 """Name of the closed form, which is shown separately and does not compete."""
 
@@ -67,23 +67,24 @@ def _alone(method: str, adaptive: bool) -> Callable[[Problem], Solver]:
     return prepare
 
 
-def _together(method: str) -> Callable[[Problem], Solver]:
+def _together(method: str, adaptive: bool) -> Callable[[Problem], Solver]:
     def prepare(problem: Problem) -> Solver:
         from pendulum_env import rollout
 
         scene = scene_of(problem)
 
-        def solve(steps: int, duration: float) -> Array:
+        def solve(setting: float, duration: float) -> Array:
+            rtol, steps = (setting, 1) if adaptive else (None, int(setting))
             return rollout(scene, integrator=method, angle=problem.starts, velocity=0.0, duration=duration,
-                           dt=duration / RECORDS / steps, every=steps, diagnostics=(), num_threads=1).angle
+                           dt=duration / RECORDS / steps, every=steps, rtol=rtol, diagnostics=(), num_threads=1).angle
 
         return solve
 
     return prepare
 
 
-def _line(method: str) -> Callable[[Problem], Solver]:
-    return lambda problem: (_alone(method, False) if problem.size == 1 else _together(method))(problem)
+def _line(method: str, adaptive: bool = False) -> Callable[[Problem], Solver]:
+    return lambda problem: (_alone if problem.size == 1 else _together)(method, adaptive)(problem)
 
 
 def methods_tried() -> tuple[str, ...]:
@@ -99,10 +100,8 @@ def methods_tried() -> tuple[str, ...]:
 def lines(methods: tuple[str, ...]) -> dict[str, Callable[[Problem], Solver]]:
     """Return the solvers of the methods, the adaptive ones and the closed form, by name."""
     solvers = {f"lab-pendulum {method}": _line(method) for method in methods}
-    solvers |= {f"lab-pendulum {method}, adaptive": _alone(method, True) for method in ADAPTIVE}
+    solvers |= {f"lab-pendulum {method}, adaptive": _line(method, True) for method in ADAPTIVE}
     return {**solvers, EXACT: _line("exact")}
 
 
 LINES: Mapping[str, Callable[[Problem], Solver]] = lines(methods_tried())
-ALONE = tuple(name for name in LINES if name.endswith(", adaptive"))
-"""Solvers for one trajectory only."""

@@ -11,7 +11,9 @@ Array = NDArray[np.float64]
 
 RATE = 9.81
 """omega0 squared [1/s²], for a length of 1 m on Earth."""
-GAMMA = {"undamped": 0.0, "damped": 0.005}
+MIXED = "mixed"
+"""Undamped scene in which many trajectories start from 1 degree to 1 degree below the top, in random order."""
+GAMMA = {"undamped": 0.0, "damped": 0.005, MIXED: 0.0}
 """Linear drag [1/s] by scene; in 1000 s it reduces the amplitude to a twelfth."""
 RECORDS = 200
 """Number of intervals between records."""
@@ -34,7 +36,11 @@ class Problem(NamedTuple):
     @property
     def starts(self) -> Array:
         """Angles at time 0 [rad], ``(size,)``."""
-        return np.array([ALONE]) if self.size == 1 else np.linspace(FIRST, LAST, self.size)
+        if self.size == 1:
+            return np.array([ALONE])
+        if self.scene == MIXED:
+            return np.random.default_rng(1).permutation(np.radians(np.linspace(1.0, 179.0, self.size)))
+        return np.linspace(FIRST, LAST, self.size)
 
     @property
     def times(self) -> Array:

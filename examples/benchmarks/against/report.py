@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from against.choice import Point, cheapest
-from against.problem import Problem
+from against.problem import MIXED, Problem
 
-OWN, EXACT = "lab-pendulum", "lab-pendulum exact"
+OWN, EXACT, ADAPTIVE = "lab-pendulum", "lab-pendulum exact", ", adaptive"
 PEERS = ("heyoka", "diffrax", "scipy", "MuJoCo")
 Found = Mapping[Problem, Sequence[Point]]
 
@@ -91,6 +91,23 @@ def exact_text(found: Found) -> str:
     entries = [f"{problem.title}: {duration_text(point.time / problem.size)}, error {point.error:.1e}"
             for problem, point in each]
     return f"The closed form, which does not compete: {'; '.join(entries)}." if entries else ""
+
+
+def own_steps_text(found: Found) -> str:
+    """Return a text with the best times of this package where each pendulum takes steps of its own, beside heyoka's.
+
+    Only problems with mixed amplitudes count; in others all trajectories need about the same steps.
+    """
+    entries = []
+    for problem, points in found.items():
+        own = [point for point in points if point.line.endswith(ADAPTIVE)] if problem.scene == MIXED else []
+        for accuracy in problem.accuracies:
+            best, theirs = cheapest(own, accuracy), cheapest(of(points, PEERS[0]), accuracy)
+            if best and theirs:
+                name = best.line.removeprefix(OWN).removesuffix(ADAPTIVE).strip()
+                entries.append(f"{problem.title}, {power_text(accuracy)}: {duration_text(best.time / problem.size)} "
+                               f"({name}), {PEERS[0]} {theirs.time / best.time:.3g}x")
+    return f"Steps of their own: {'; '.join(entries)}." if entries else ""
 
 
 def verdicts(found: Found) -> list[str]:

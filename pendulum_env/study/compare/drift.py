@@ -93,7 +93,7 @@ def evaluations(run: Rollout) -> int | None:
     """
     if not run.tolerance or run.stop_reason or not has_estimates(run.method):
         return None
-    return round(float(run.stop_time) / run.dt) + (run.steps + run.rejected) * evaluations_tried(run.method)
+    return round(float(run.stop_time) / run.dt) + int(run.steps + run.rejected) * evaluations_tried(run.method)
 
 
 def energy_drift(run: Rollout) -> tuple[float | None, float | None]:
@@ -217,8 +217,8 @@ def row(
         phase=phase,
         recording=None if recorded is None else _distance(run, *recorded),
         leading_error="" if run.method.python_functions else leading_error(run.method).text,
-        steps=run.steps if run.tolerance else None,
-        rejected=run.rejected if run.tolerance else None,
+        steps=int(run.steps) if run.tolerance else None,
+        rejected=int(run.rejected) if run.tolerance else None,
         evaluations=evaluations(run),
         ns_per_step=ns_per_step(machine, float(run.angle[0]), float(run.velocity[0]), run.dt),
         stop=f"{run.stop_reason} at {run.time[-1]:.4g} s" if run.stop_reason else "",

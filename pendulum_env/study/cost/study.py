@@ -82,7 +82,9 @@ def cost(
     of tolerances, under the name "NAME, adaptive", unless the scene has dry friction. Errors are the largest over
     common records (times of comparison with the reference solution), about 16 per small-angle period. An adaptive run
     has to end a step at each record, so only every seventh record, 0.44 periods apart, is used for it. Times include
-    the energy ledger and exclude compilation. All runs are timed once before any is timed again, so that a disturbance
+    the energy ledger and exclude compilation. They are those of single runs; in a batch of
+    :func:`pendulum_env.rollout`, runs share SIMD instructions, at fixed steps and, each with steps of its own, at
+    tolerances. All runs are timed once before any is timed again, so that a disturbance
     of the computer affects all of them alike.
 
     Args:
