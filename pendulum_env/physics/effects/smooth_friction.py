@@ -40,7 +40,7 @@ class SmoothFriction(Effect):
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "smooth"
     number_name: ClassVar[str] = "tau/(omega0² A)"
-    equation: ClassVar[str] = "- {smooth_limit:.6g} theta'/sqrt(theta'² + {friction_width:.6g}²)"
+    equation: ClassVar[str] = "- {smooth_limit:.6g} theta'/(theta'^2 + {friction_width:.6g}^2)^(1/2)"
     source: ClassVar[str] = "Andersson, Soderberg & Bjorklund 2007, Tribol. Int. 40, 580"
     torque = staticmethod(smooth_friction)
     by_velocity = staticmethod(smooth_friction_by_velocity)
