@@ -171,7 +171,7 @@ def true_slope(seconds: float) -> tuple[float, float]:
                        -stiffness * product(c, p, n) - v[n] - gamma * w[n], product(c, v, n), -product(s, v, n))
             for series, value in zip((q, v, p, w, s, c), further, strict=True):
                 series.append(value / (n + 1))
-        state = tuple(mp.polyval(series[::-1], h) for series in (q, v, p, w))
+        state = tuple(mp.fsum(value * h**n for n, value in enumerate(series)) for series in (q, v, p, w))
     return float(state[0]), float(state[2])
 
 

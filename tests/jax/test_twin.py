@@ -6,12 +6,15 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from beside import environment
 from readme_code import READMES, ROOT
+from scipy.integrate import solve_ivp
 
 WITH_JAX = ("jax>=0.4.35", "optax>=0.2.3", "pdoc>=15")
 """Packages of the environment "jax"; optax is for the examples, pdoc for the API's pages."""
@@ -97,3 +100,31 @@ def test_without_jax_the_error_names_the_extra(tmp_path: Path) -> None:
     done = run(sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import pendulum_env.jax")
     assert done.stderr.splitlines()[-1].startswith("ImportError: pendulum_env.jax needs JAX, but ")
     assert "'lab-pendulum[jax]'" in done.stderr.splitlines()[-1]
+
+
+# --- the benchmark ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def benchmark(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    monkeypatch.syspath_prepend(str(ROOT / "examples" / "benchmarks"))
+    import jax_twin as module
+    yield module
+    sys.modules.pop("jax_twin")
+
+
+def test_the_truth_of_gradients_is_scipys(benchmark: Any) -> None:
+    """Angle and derivative after 3 s, by the variational equations in double precision."""
+    def rates(_: float, y: Any) -> Any:
+        q, v, p, w = y
+        pull = 9.81 / benchmark.LENGTH
+        return [v, -pull * np.sin(q) - benchmark.GAMMA * v, w, -pull * np.cos(q) * p - v - benchmark.GAMMA * w]
+
+    found = solve_ivp(rates, (0.0, 3.0), [benchmark.START, 0.0, 0.0, 0.0], method="DOP853", rtol=1e-13, atol=1e-13)
+    assert benchmark.true_slope(3.0) == pytest.approx((found.y[0, -1], found.y[2, -1]), rel=1e-10)
+
+
+def test_the_figure_of_gradients_shows_every_solver(benchmark: Any, tmp_path: Path) -> None:
+    points = {name: [(1e-3, 1.0, 2.0), (1e-6, 4.0, 5.0)] for name in ("twin rk4", "diffrax Dopri8")}
+    benchmark.draw(points, 1000.0, str(tmp_path / "gradients.png"))
+    assert (tmp_path / "gradients.png").stat().st_size > 10_000
