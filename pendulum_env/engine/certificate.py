@@ -58,13 +58,13 @@ SLACK = 64.0
 ROUNDOFF = 2.0**-53
 """Unit roundoff of double precision."""
 
+ENDLESS = ("speed_limit", "scale", "swing_pull")
+"""Limits that are inf in the run at half the step, so that only a non-finite state ends this run."""
+
+
 def tilted(angle: Any) -> Any:
     """Return the angle from the nearer of bottom and top [rad]."""
     return without_half_turns(angle, half_turns(angle))
-
-
-ENDLESS = ("speed_limit", "scale", "swing_pull")
-"""Limits that are inf in the run at half the step, so that only a non-finite state ends this run."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,7 @@ class ErrorEstimator:
         most: largest trusted difference of the angles [rad]; below 0 if steps are too long to resolve a drive.
         periodic: True if the torques repeat after a whole turn.
         walks: True if rounding errors accumulate, False with compensated summation.
+        roundoff: unit roundoff of the run's numbers.
     """
 
     h: float
@@ -88,6 +89,7 @@ class ErrorEstimator:
     most: Any
     periodic: bool
     walks: bool
+    roundoff: float = ROUNDOFF
 
     @classmethod
     def of(
@@ -128,8 +130,8 @@ class ErrorEstimator:
         tilt = tilt_of(angle) if self.periodic else angle
         reach = smaller(index * self.h, 1.0 / self.omega0)
         walk = (root(index) if self.walks else smaller(index, 1.0)) + self.omega0 * (index * self.h)
-        least = ROUNDOFF * (abs(angle) + walk * (abs(tilt) + abs(velocity) * reach))
-        least_v = ROUNDOFF * (walk * (abs(velocity) + abs(tilt) * self.omega0))
+        least = self.roundoff * (abs(angle) + walk * (abs(tilt) + abs(velocity) * reach))
+        least_v = self.roundoff * (walk * (abs(velocity) + abs(tilt) * self.omega0))
         error, error_v = (self.gain * abs(y[0] - y[1]) for y in (angles, velocities))
         motion = larger(0.5 * span, fastest / self.omega0)
         trusted = error <= smaller(larger(TRUST * motion, SLACK * least), self.most)

@@ -29,6 +29,7 @@ from pendulum_env.jax.parameters import is_array, numbers, traced, with_paramete
 from pendulum_env.jax.programs import Later, Unchanged, bare, functions
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
+from pendulum_env.physics.effects.smooth_friction import NARROWEST
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, one_of, shown, whole_number
 
@@ -317,11 +318,11 @@ def rollout(
 def smoothed(scene: Scene, width: float | None) -> Scene:
     """Return a scene whose dry friction is smoothed over a width of velocities [rad/s], and any other unchanged.
 
-    Raises SceneError for a width that is not above 0, or in a scene without dry friction.
+    Raises SceneError for a width below 1e-9 rad/s, and for a scene without dry friction.
     """
     if width is None:
         return scene
-    number(width, "smooth", above=0.0, unit="rad/s")
+    number(width, "smooth", least=NARROWEST, unit="rad/s")
     if not any(effect.dry for effect in scene.effects):
         raise SceneError(f"smooth is for dry friction, which the scene '{scene.name}' does not have; leave it out.")
     return scene.with_effects(effect.smoothed(width) for effect in scene.effects)
@@ -337,7 +338,8 @@ def _estimated(estimator: ErrorEstimator, run: TwinRollout, second: TwinRollout,
     def tilted(q: Any) -> Any:
         return program.call("without_half_turns", q, program.call("half_turns", q))
 
-    error, _, trusted = replace(estimator, **each)(
+    estimator = replace(estimator, **each, roundoff=float(jnp.finfo(angle.dtype).eps) / 2.0)
+    error, _, trusted = estimator(
         stride * row.astype(angle.dtype), (angle, second.angle), (velocity, second.velocity), high - low,
         lax.cummax(abs(velocity), axis=last), jnp.minimum, jnp.maximum, jnp.sqrt, tilted)
     whole = jnp.diff(run.time, axis=-1, prepend=-math.inf) > 0.9 * stride * each["h"]  # False from the end of a run

@@ -145,6 +145,20 @@ def test_dry_friction_may_be_smoothed() -> None:
     beside({"scene": smooth}, 20)
 
 
+def test_a_new_start_within_the_step_has_a_key_of_its_own() -> None:
+    """Where readings are noisy: the start is that of the second half of the step's key, and the step takes the first.
+    """
+    env = twin.LabPendulum(sensor=Sensor(noise=0.01), max_steps=1)
+    loop, (first, second) = env.gymnax(), jax.random.split(key := jax.random.key(5))
+    _, state = loop.reset(jax.random.key(4))
+    _, new, _, done, info = loop.step(key, state, jnp.zeros(1))
+    assert bool(done)
+    for one, other in zip(jax.tree.leaves(new), jax.tree.leaves(env.initial(second)), strict=True):
+        assert np.asarray(one).tolist() == np.asarray(other).tolist()
+    after = env.observation(env.transition(state, jnp.zeros(1), first))
+    assert np.asarray(info["final_observation"]) == pytest.approx(np.asarray(after), rel=1e-6)
+
+
 def test_parameters_may_differ_between_environments() -> None:
     env = twin.LabPendulum()
     lengths = jnp.array([0.3, 0.5])

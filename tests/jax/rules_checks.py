@@ -287,7 +287,7 @@ def kinked(theta: Any, omega: Any, dt: Any, acceleration: Callable[..., Any]) ->
     ("coulomb_friction has no twin in JAX: .* have no derivative; smooth it, as with smooth=0.01 .rad/s., leave it out",
      "sticky_bearing", {}),
     ("smooth is for dry friction, which the scene 'lab' does not have; leave it out", "lab", {"smooth": 0.01}),
-    ("smooth must be a finite number above 0 .rad/s., not 0", "sticky_bearing", {"smooth": 0.0}),
+    ("smooth must be a finite number of at least 1e-09 .rad/s., not 0", "sticky_bearing", {"smooth": 0.0}),
     ("estimate_error must be True or False, not 1", "lab", {"estimate_error": 1}),
     ("compensated has no twin in JAX, whose compiler may .* sums; leave it out, or use pendulum_env.rollout",
      "lab", {"compensated": True}),

@@ -390,7 +390,7 @@ def _settled(solution: FitSolution, swing: Recording, weights: Array) -> FitSolu
 def _polished(solution: FitSolution, swing: Recording) -> FitSolution:
     """Return a solution after one more Gauss-Newton step, which is too small to need new derivatives.
 
-    The searches end within 1e-4 of the parameters' errors of the minimum; this ends within some 1e-7.
+    The searches end up to 4e-4 of the parameters' errors away from the minimum, and this step within some 1e-6.
     """
     model, size, q, r = solution.model, *_factors(solution.jacobian)
     step = _newton(r, q.T @ solution.residual, (model.least - solution.values) * size)

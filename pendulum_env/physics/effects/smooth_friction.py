@@ -12,6 +12,9 @@ from pendulum_env.physics.elementary import sqrt
 from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si
 
+NARROWEST = 1e-9
+"""Smallest width of the smoothing [rad/s]."""
+
 
 def smooth_friction(velocity: float, smooth_limit: float, friction_width: float) -> float:
     return -smooth_limit * velocity / sqrt(velocity * velocity + friction_width * friction_width)
@@ -24,7 +27,7 @@ def smooth_friction_by_velocity(velocity: float, smooth_limit: float, friction_w
 
 @dataclass(frozen=True)
 class SmoothFriction(Effect):
-    """Dry friction of the bearing, smoothed: the torque has derivatives everywhere, and the bob creeps where it sticks.
+    """Dry friction of the bearing, smoothed: its torque has derivatives everywhere, and a bob that would stick creeps.
 
     Per inertia, with ``tau = friction_torque / I`` and ``w = friction_width``: ``-tau v / sqrt(v² + w²)``. For |v| much
     above w it is that of Coulomb friction, less the share ``w²/(2 v²)``. For |v| far below w it is viscous, with the
@@ -34,14 +37,14 @@ class SmoothFriction(Effect):
     """
 
     friction_torque: float | None = si(None, "N m", "size of the friction torque", least=0.0, optional=True)
-    friction_width: float = si(0.01, "rad/s", "velocity over which the torque is smoothed", least=1e-9)
+    friction_width: float = si(0.01, "rad/s", "velocity over which the torque is smoothed", least=NARROWEST)
 
     name: ClassVar[str] = "smooth_friction"
     kind: ClassVar[Kind] = "dissipative"
     damping: ClassVar[str] = "smooth"
     number_name: ClassVar[str] = "tau/(omega0² A)"
     equation: ClassVar[str] = "- {smooth_limit:.6g} theta'/(theta'^2 + {friction_width:.6g}^2)^(1/2)"
-    source: ClassVar[str] = "Andersson, Soderberg & Bjorklund 2007, Tribol. Int. 40, 580"
+    source: ClassVar[str] = "Coulomb 1785; on smoothing: Andersson, Soderberg & Bjorklund 2007, Tribol. Int. 40, 580"
     torque = staticmethod(smooth_friction)
     by_velocity = staticmethod(smooth_friction_by_velocity)
 
