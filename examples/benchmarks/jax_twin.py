@@ -291,18 +291,21 @@ def draw(points: dict[str, list[tuple[float, float, float]]], seconds: float, pa
     from pendulum_env.plots import style
     from pendulum_env.render.palette import OKABE_ITO
 
-    hues = [hue for name, hue in OKABE_ITO.items() if name != "yellow"]
+    own = iter(hue for name, hue in OKABE_ITO.items() if name not in ("yellow", "black"))
+    others = iter(("black", "0.55"))  # grey
+    hues = {name: next(own if name.startswith("twin") else others) for name in points}
     with style.styled():
         figure = Figure(figsize=(9.0, 4.2), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
         for mode, (axes, title) in enumerate(zip(panels, ("backward, jax.grad", "forward, jax.jvp"), strict=True), 1):
-            for i, (name, own) in enumerate(points.items()):
-                line = sorted((one[mode] / 1e3, one[0]) for one in own)
+            for name, found in points.items():
+                line = sorted((one[mode] / 1e3, one[0]) for one in found)
                 peer = not name.startswith("twin")
-                axes.plot(*zip(*line, strict=True), label=name, color=hues[i % len(hues)], marker="s" if peer else "o",
+                axes.plot(*zip(*line, strict=True), label=name, color=hues[name], marker="s" if peer else "o",
                           linestyle="--" if peer else "-")
+            axes.margins(0.06)
             axes.set(xscale="log", yscale="log", title=title, xlabel="time of value and derivative [s]")
-        panels[0].set_ylabel("relative error of the derivative [1]")
+        panels[0].set_ylabel("relative error of the derivative")
         panels[0].invert_yaxis()
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
