@@ -288,6 +288,7 @@ def draw(points: dict[str, list[tuple[float, float, float]]], seconds: float, pa
     """Draw the error of the derivative against the time that value and derivative take, one panel for each mode."""
     from matplotlib.figure import Figure
 
+    from pendulum_env.common.provenance import provenance
     from pendulum_env.plots import style
     from pendulum_env.render.palette import OKABE_ITO
 
@@ -311,7 +312,7 @@ def draw(points: dict[str, list[tuple[float, float, float]]], seconds: float, pa
         figure.legend(handles, labels, loc="outside lower center", ncols=4)
         figure.suptitle(f"Derivative of the angle after {seconds:g} s by the damping: further left is faster, further "
                         "up more accurate", x=0.01, ha="left", fontsize=12)
-    style.save(figure, path, {})
+    style.save(figure, path, provenance(Seconds=seconds))
 
 
 def main() -> None:
