@@ -1,6 +1,6 @@
 """Many pendulums with the same effects and method, stored in blocks and advanced by one call of a generated program.
 
-A block holds 256 pendulums (BLOCK) in one array, so that the compiled loop over them uses SIMD instructions.
+A block holds 248 pendulums (BLOCK) in one array, so that the compiled loop over them uses SIMD instructions.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from pendulum_env.engine import threads
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.kernels import Backend, functions, resolve
-from pendulum_env.engine.layout import BLOCK, SLOTS
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, checked_tolerance, find_method
 from pendulum_env.engine.pieces import Pace
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import SLACKENED, STATE
 from pendulum_env.engine.streams import Streams
+from pendulum_env.engine.team import Team
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.random import started
 from pendulum_env.physics.scene import Scene
@@ -128,6 +129,7 @@ class Blocks:
         self._work = self._slots(self._state)
         for name in self.layout.varying:
             self._put(self._state, name, np.asarray(numbers[name], dtype=np.float64))
+        self._threads_given = num_threads is not None
         self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
         parts = max(1, min(self.num_threads, len(self._state)))
         self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
@@ -260,19 +262,19 @@ class Blocks:
     def _blocks(self, size: int) -> Array:
         """Return zero-filled memory for ``size`` pendulums, an array ``(blocks, fields * BLOCK)``.
 
-        A row is one block: for every field, such as angle or velocity, it holds the numbers of 256 (BLOCK) pendulums.
+        A row is one block: for every field, such as angle or velocity, it holds the numbers of 248 (BLOCK) pendulums.
         """
         return np.zeros((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
 
     def _slots(self, state: Array) -> Array:
         """Return the zero-filled work arrays of blocks, ``(blocks, numbers)``; see :attr:`Layout.work`."""
-        width = 1 + len(self.layout.work) * SLOTS if self.tolerance else 0
+        width = 1 + len(self.layout.work) * BLOCK if self.tolerance else 0
         return np.zeros((len(state), width))
 
     def _fields(self, state: Array) -> Array:
         """Return a view of the blocks in ``state`` with the shape ``(blocks, fields, BLOCK)``.
 
-        A field is one quantity, such as angle or velocity, and BLOCK = 256 is the number of pendulums in a block.
+        A field is one quantity, such as angle or velocity, and BLOCK = 248 is the number of pendulums in a block.
         """
         return state.reshape(-1, len(self.layout.fields), BLOCK)
 
@@ -341,6 +343,7 @@ class Batch(Blocks):
 
     def __init__(self, *arguments: Any, substeps: int, most: float, **options: Any) -> None:
         super().__init__(*arguments, **options)
+        self._reused: Results | None = None
         self._width = len(self.layout.goal.seen) if self.layout.goal else 0
         self.substeps, self._bound = substeps, (most - 1.0) * substeps
         self._set_usual()
@@ -352,6 +355,31 @@ class Batch(Blocks):
         at_once = short and self._compiled and len(self._scratch) == 1
         self._usual = (self._state, self._scratch[0], 0, len(self._state), self.size, self.h, substeps, substeps,
                        self._bound) if at_once else ()
+        self._team: Team | None = None
+
+    def reuse(self, into: Results) -> None:
+        """Have all steps write to these results, so that threads whose number was given can share them as a team.
+
+        A team has at most one thread for each core, and no part in adaptive steps; see
+        :mod:`pendulum_env.engine.team`.
+        """
+        fits = self._compiled and not self.tolerance and 1 < len(self._scratch) <= threads.cores()
+        if fits and self._threads_given:
+            self._reused, self._action = into, np.zeros(self.size, SINGLE)
+
+    def _as_team(self, action: NDArray[np.floating[Any]], into: Results) -> None:
+        """Take one control step by the threads of a team."""
+        team = self._team
+        if team is None or not team.here:
+            substeps = self.substeps
+            team = self._team = Team(self.program, self._backend, self._state, self._scratch, (
+                self.size, self.h, substeps, substeps, self._bound, self._action, *into, *self._shared))
+        self._action[:] = action
+        self.wrong = team.step()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes to pickle; the threads of a team are started again when they are needed."""
+        return {**super().__getstate__(), "_team": None}
 
     def vary(self, names: Iterable[str]) -> None:
         """Give every environment its own value of the numbers ``names``; see :meth:`Blocks.vary`."""
@@ -371,6 +399,9 @@ class Batch(Blocks):
         """
         if self._usual:
             self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
+            return
+        if into is self._reused and self.substeps <= self._at_once:
+            self._as_team(action, into)
             return
         self.wrong = False
         self._take(action, self.substeps, self.substeps, into)

@@ -1,6 +1,6 @@
 """Generated source of the loops over blocks of environments, without branches, so that they compile to SIMD code.
 
-One array holds a block of 256 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
+One array holds a block of 248 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
 one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
 check of their sign. The state of environments that have stopped is preserved by selection, not by branches.
 
@@ -20,7 +20,7 @@ from pendulum_env.engine import report, slack
 from pendulum_env.engine.advance import advanced, attempt, landed
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
-from pendulum_env.engine.layout import BLOCK, SLOTS, Layout, block_loop, side_of_turns
+from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.shape import (
     ADAPTED,
     DIVERGED,
@@ -133,7 +133,7 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
                 "active -= 1",
                 "if place < active:",
                 f"    for k in range({len(layout.under_way)}):",
-                f"        w[i + U({SLOTS}*k)] = w[U(active) + U({SLOTS}*k)]",
+                f"        w[i + U({BLOCK}*k)] = w[U(active) + U({BLOCK}*k)]",
             ], 2),
             "    return active",
             "",

@@ -85,7 +85,8 @@ class Each:
         own = {name: values for name, value in parameters.items() if (values := _sequence(value, name, size, what))}
         limits = _sequence(speed_limit, "speed_limit", size, what)
         self._own, self._watched, self._size, self._what = own, watched, size, what
-        self._limits, self._shared_limit = limits or [speed_limit] * size, () if limits else (speed_limit,)
+        self._limits = limits
+        self._shared_limit: tuple[Any, ...] = () if limits else (speed_limit,)
         self.episode: dict[str, Array] = {}
         first = {name: values[0] for name, values in own.items()}
         mixed = {name.rpartition(".")[2] for name, values in own.items() if any(values) and not all(values)}
@@ -128,7 +129,7 @@ class Each:
             scene = self.scene.replace(**{name: Many(values[places]) for name, values in own.items()})
             if program_parts(scene) != self._parts:
                 raise SceneError("These need another program.")
-            for name, value in self._numbers(scene, Many(ends[places]) if limits else self._limits[0]).items():
+            for name, value in self._numbers(scene, Many(ends[places]) if limits else self._limit(0)).items():
                 columns.setdefault(name, np.empty(self._size))[places] = plain(value)
             if validity and not validity.clear(scene, places):
                 doubtful.extend(places.tolist())
@@ -153,7 +154,7 @@ class Each:
         built: dict[tuple[Any, ...], tuple[Scene, Numbers]] = {}
         rows = []
         for i in places:
-            key = (self._limits[i], *(values[i] for values in self._own.values()))
+            key = (self._limit(i), *(values[i] for values in self._own.values()))
             if key not in built:
                 try:
                     built[key] = self._same_program(i)
@@ -173,7 +174,7 @@ class Each:
         if program_parts(scene) != self._parts:
             names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
             raise SceneError(f"its {names} would need another program than that of the first, but all share one.")
-        return scene, self._numbers(scene, self._limits[place])
+        return scene, self._numbers(scene, self._limit(place))
 
     @property
     def alike(self) -> bool:
@@ -193,6 +194,10 @@ class Each:
         """
         omega0 = self.numbers["omega0"]
         return [*self.corners(), *([self.of(int(np.argmax(omega0)))] if isinstance(omega0, np.ndarray) else [])]
+
+    def _limit(self, place: int) -> Any:
+        """Return the speed limit of the environment with the index ``place``."""
+        return self._limits[place] if self._limits else self._shared_limit[0]
 
     def _numbers(self, scene: Scene, speed_limit: Any) -> Numbers:
         """Return the numbers of one scene that a generated program for many environments takes, by name."""
@@ -217,7 +222,7 @@ class Each:
         These are scenes that later episodes may have, so that the program is made for them from the start.
         """
         for scene in scenes:
-            for name, value in self._numbers(scene, self._limits[0]).items():
+            for name, value in self._numbers(scene, self._limit(0)).items():
                 own = self.numbers[name]
                 if not isinstance(own, np.ndarray) and value != own:
                     self.numbers[name] = np.full(self._size, own)
@@ -276,7 +281,7 @@ class Each:
                     raise SceneError(f"{' and '.join(values)} would need another program than that of the environment.")
             except SceneError as error:
                 raise SceneError(f"In {self._what} {place} of {self._size}: {error}") from None
-            for name, value in self._numbers(scene, self._limits[place]).items():
+            for name, value in self._numbers(scene, self._limit(place)).items():
                 columns.setdefault(name, np.empty(len(which)))[i] = value
         return columns
 

@@ -10,10 +10,12 @@ from pendulum_env.engine import report
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.shape import ADAPTED, TOLERANCE, Shape, derived, indent, joined
 
-BLOCK = 256
-"""Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache."""
-SLOTS = BLOCK + 8
-"""Distance of the fields of a block's work array; with a power of 2 they would displace each other from the cache."""
+BLOCK = 248
+"""Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache.
+
+A field is an odd number of cache lines of 64 bytes, 31. With a power of 2, equal places of all fields would share a
+few lines of the cache and displace each other.
+"""
 
 LIMITS = ("omega0", "speed_limit")
 """Parameters of a batch's programs beside the scene's numbers; each is one number, or one number per environment."""
@@ -92,12 +94,12 @@ class Layout:
 
     def slot(self, name: str, index: str = "i") -> str:
         """Return the source of the element of the work array that holds ``name`` of slot ``i``; see ``work``."""
-        return f"w[{index} + U({self.work.index(name) * SLOTS})]"
+        return f"w[{index} + U({self.work.index(name) * BLOCK})]"
 
     @property
     def active(self) -> str:
         """Return the source of the element of the work array that holds the number of slots in use."""
-        return f"w[U({len(self.work) * SLOTS})]"
+        return f"w[U({len(self.work) * BLOCK})]"
 
     def out(self, name: str, index: str = "i") -> str:
         """Return the source of the array element that holds the result ``name`` of environment ``i`` in a block."""

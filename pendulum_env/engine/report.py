@@ -26,8 +26,9 @@ Without it, the reduced angle of a huge angle, which has no fractional digits, c
 
 
 CALLED: tuple[Plain, ...] = (
-    elementary.sin, elementary.cos, wrap.half_turns, wrap.without_half_turns, wrap.without_half_turns_kept,
-    wrap.side_of, wrap.left_out, energy.residual_of, energy.beyond_sense,
+    elementary.sin, elementary.cos, elementary.sin_near_zero, elementary.cos_near_zero, wrap.half_turns,
+    wrap.without_half_turns, wrap.without_half_turns_kept, wrap.side_of, wrap.left_out,
+    energy.residual_of, energy.beyond_sense,
 )
 """Plain functions that the generated reports and the steps between them call."""
 
@@ -36,16 +37,18 @@ def motion(shape: Shape) -> list[str]:
     """Return the source lines that compute the observation and ``phi``, the angle from upright in [-pi, pi].
 
     The lines use the sine of half the angle, because the gravitational potential needs it too: it is computed only
-    once.
+    once. Without energies there is no potential, and where the angle is wrapped, its half needs no reduction.
     """
     turned = ["tilt = q"] if shape.periodic else [
         "halves = half_turns(q)", f"tilt = max(-{RESOLVED}, min({RESOLVED}, without_half_turns(q, halves)))",
         "side = side_of(0.5*halves)"]
+    sine, cosine = ("sin_near_zero(0.5*tilt, 0.0)", "cos_near_zero(0.5*tilt, 0.0)") if (
+        shape.periodic and not shape.ledger) else ("sin(0.5*tilt)", "cos(0.5*tilt)")
     return [
         *turned,
-        "half = sin(0.5*tilt)",
+        f"half = {sine}",
         "cosine = side*(1.0 - 2.0*half*half)",
-        "sine = side*(2.0*half*cos(0.5*tilt))",
+        f"sine = side*(2.0*half*{cosine})",
         f"rate = max(-{FASTEST}, min({FASTEST}, v))",
         "phi = tilt if side < 0.0 else (tilt - 3.141592653589793 if tilt > 0.0 else tilt + 3.141592653589793)",
     ]

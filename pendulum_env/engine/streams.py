@@ -21,6 +21,9 @@ Seeds = Sequence[int] | Words
 MOST_SEED = 2**128 - 1
 """Largest seed of a stream; it fills the 128-bit pool of NumPy's SeedSequence."""
 
+AT_ONCE = 4096
+"""Number of streams that are seeded or drawn from at once: few enough for what is computed on the way to be small."""
+
 _HALF, _LOW = np.uint64(32), np.uint64(0xFFFFFFFF)
 _STEP_HIGH, _STEP_LOW = np.uint64(0x2360ED051FC65DA4), np.uint64(0x4385DF649FCCF645)
 
@@ -62,6 +65,10 @@ class Streams:
 
     def seed(self, which: NDArray[np.intp], seeds: Seeds) -> None:
         """Restart the random streams with the indices ``which`` from new seeds."""
+        for first in range(0, len(which), AT_ONCE):
+            self._seed(which[first:first + AT_ONCE], seeds[first:first + AT_ONCE])
+
+    def _seed(self, which: NDArray[np.intp], seeds: Seeds) -> None:
         words = _seed_sequence(seeds)
         with np.errstate(over="ignore"):
             one = np.uint64(1)
@@ -81,6 +88,12 @@ class Streams:
 
     def uniform(self, which: NDArray[np.intp]) -> NDArray[np.float64]:
         """Return the next random number in [0, 1) of every stream in ``which``, an array of distinct indices."""
+        numbers = np.empty(len(which))
+        for first in range(0, len(which), AT_ONCE):
+            numbers[first:first + AT_ONCE] = self._uniform(which[first:first + AT_ONCE])
+        return numbers
+
+    def _uniform(self, which: NDArray[np.intp]) -> NDArray[np.float64]:
         increment = (self._increment[0][which], self._increment[1][which])
         with np.errstate(over="ignore"):
             high, low = _next((self._state[0][which], self._state[1][which]), increment)

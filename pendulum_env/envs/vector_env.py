@@ -71,7 +71,8 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
       registered 500 steps do not count. With ``integrator="auto"`` the accuracy holds for an episode of this length
       (500 steps for None), tested in the environments with the smallest and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
-    - ``num_threads``: by default one thread per core for many environments, and one thread for few.
+    - ``num_threads``: by default one thread per core for many environments, and one thread for few. With a number given
+      and ``copy=False`` the threads look out for the next step for up to 1 ms before they sleep, which shortens steps.
     - ``rtol``, ``atol``: every environment takes adaptive steps of its own.
     - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
@@ -172,12 +173,13 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self.observation_space = batched(self.single_observation_space, self._num_envs)
         self.action_space = batched(self.single_action_space, self._num_envs)
         self._reused = None if truth(copy, "copy") else self._batch.results()
+        if self._reused is not None:
+            self._batch.reuse(self._reused)
         self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None
         self._streams: Streams | None = None
-        self._seeds: NDArray[np.object_] = np.empty(0, dtype=object)
+        self._seeds: NDArray[Any] = np.empty(0, dtype=np.uint64)
         self._over, self._everyone = NOBODY, np.ones(self._num_envs, dtype=np.bool_)
-        self._running = np.full(self._num_envs, "", dtype=object)
-        self._running.flags.writeable = False
+        self._running = np.broadcast_to(np.array("", dtype=object), (self._num_envs,))
         shown = np.ones(self._num_envs, dtype=np.bool_)
         shown.flags.writeable = False
         self._marks: Infos = {**dict.fromkeys((*self._masks, "_stop_reason"), shown), "stop_reason": self._running}
@@ -517,7 +519,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         if seeds is None:
             return
         if isinstance(seeds, np.ndarray) and len(which) == self._num_envs:
-            self._seeds, self._streams = seeds.astype(object), Streams(seeds)
+            self._seeds, self._streams = seeds, Streams(seeds)
             self._forget(which)
             return
         streams = self._seeded()
@@ -528,6 +530,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             return
         places = [place for place in which.tolist() if seeds[place] is not None]
         wanted = [seed for place in places if (seed := seeds[place]) is not None]
+        self._seeds = self._seeds.astype(object)  # a seed may be larger than 2**64
         self._seeds[places] = wanted
         streams.seed(np.array(places, dtype=np.intp), wanted)
         self._forget(np.array(places, dtype=np.intp))
@@ -536,7 +539,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         """Return the random streams of all environments, created when first used."""
         if self._streams is None:
             fresh = fresh_seeds(self._num_envs)
-            self._seeds, self._streams = np.array(fresh, dtype=object), Streams(fresh)
+            self._seeds, self._streams = fresh, Streams(fresh)
         return self._streams
 
     @property

@@ -37,7 +37,7 @@ def _quadrant(x: float) -> tuple[float, float, float]:
     return m, y, k * 1.2706558760139879e-29 - (((a - b) - p) + ((b - y) - q))
 
 
-def _sin_near_zero(y: float, low: float) -> float:
+def sin_near_zero(y: float, low: float) -> float:
     """Return sin(y - low) for |y| <= pi/4."""
     z = y * y
     r = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
@@ -45,7 +45,7 @@ def _sin_near_zero(y: float, low: float) -> float:
     return y - (low * (1.0 - 0.5 * z) - z * y * (-1.66666666666666324348e-01 + z * r))
 
 
-def _cos_near_zero(y: float, low: float) -> float:
+def cos_near_zero(y: float, low: float) -> float:
     """Return cos(y - low) for |y| <= pi/4."""
     z = y * y
     r = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
@@ -61,8 +61,8 @@ def sin(x: float) -> float:
     Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
-    s = _sin_near_zero(y, low)
-    c = _cos_near_zero(y, low)
+    s = sin_near_zero(y, low)
+    c = cos_near_zero(y, low)
     f = c if abs(m) == 1.0 else s
     f = f if abs(m - 0.5) < 1.0 else -f
     return f if abs(x) <= 843314856.5 else 1e999 - 1e999
@@ -74,8 +74,8 @@ def cos(x: float) -> float:
     Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
-    s = _sin_near_zero(y, low)
-    c = _cos_near_zero(y, low)
+    s = sin_near_zero(y, low)
+    c = cos_near_zero(y, low)
     f = s if abs(m) == 1.0 else c
     f = f if abs(m + 0.5) < 1.0 else -f
     return f if abs(x) <= 843314856.5 else 1e999 - 1e999

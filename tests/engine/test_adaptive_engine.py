@@ -16,6 +16,7 @@ import integrators
 import pendulum_env
 from integrators import MethodError
 from pendulum_env import SCENES, Scene, rollout
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import Machine
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.exact import pendulum
@@ -247,7 +248,7 @@ def test_threads_blocks_and_files_do_not_touch_a_bit(tmp_path: Path) -> None:
     angles = np.random.default_rng(1).permutation(np.linspace(0.02, 3.12, 700))
     case = {**LAB, "integrator": "dopri5", "rtol": 1e-5, "backend": "compiled", "duration": 0.9}
     del case["angle"]
-    one = check_alone({**case, "num_threads": 1}, [0, 255, 256, 699], angle=angles)
+    one = check_alone({**case, "num_threads": 1}, [0, BLOCK - 1, BLOCK, 699], angle=angles)
     for options in ({"num_threads": 3}, {"file": tmp_path / "runs.npy"}):
         other = rollout(**case, angle=angles, warn=False, **options)
         for name in RECORDED[:-1]:

@@ -18,6 +18,7 @@ import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, Rollout, Scene, SceneError, rollout
 from pendulum_env.engine import runs
 from pendulum_env.engine.generate import batch_program, program
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import VELOCITY, Machine
 from pendulum_env.engine.streams import Streams
 from pendulum_env.physics.body import Body
@@ -174,7 +175,7 @@ def test_a_batch_of_several_blocks_is_its_single_runs(method: str) -> None:
     assert same(batch, rollout(**options, angle=angles, seed=10, num_threads=1))
     parts = rollout(**options, angle=angles, seed=10, every=7)
     assert same(batch, parts, (..., slice(0, 60, 7)), (..., slice(0, -1)))
-    for i in (0, 1, 255, 256, 299):
+    for i in (0, 1, BLOCK - 1, BLOCK, 299):
         for backend in ("python", "compiled"):
             assert same(batch, rollout(**options, angle=angles[i], seed=10 + i, backend=backend), i)
 

@@ -29,6 +29,8 @@ PLACES = {name: scene.with_effects(effect.smoothed(0.1) for effect in scene.effe
 STEPS, FEW = 200, 8
 NEAR = {"verner6": 1e-11, "verner8": 1e-12}
 """Method -> its bound on relative differences of values, where large coefficients of its table magnify rounding."""
+SENSITIVE = {("gymnasium", "verner6"): 5e-11}
+"""Scene and method -> bound, where a change of the start by its last digit alone moves the end by 1e-11."""
 
 
 @pytest.fixture(autouse=True)
@@ -65,7 +67,7 @@ def test_values_are_those_of_the_run_in_floats(scene: str, method: str) -> None:
     ours = twin.rollout(place, integrator=method, dt=h, steps=STEPS, control=share)
     assert ours.dtype == "float64"
     assert ours.stop_reason == run.stop_reason
-    taken, bound = len(run.angle), NEAR.get(method, 1e-12)
+    taken, bound = len(run.angle), SENSITIVE.get((scene, method), NEAR.get(method, 1e-12))
     for name in ("angle", "velocity"):
         truth = getattr(run, name)
         assert np.asarray(getattr(ours, name))[:taken] == pytest.approx(truth, rel=0, abs=bound * np.abs(truth).max())

@@ -1,0 +1,81 @@
+"""How numba compiles a generated program: every function is optimised once, inside the function that Python calls.
+
+By itself numba optimises each function together with all that it calls, and translates it to machine code. In a
+generated program, functions call each other several levels deep and are always inlined, so the innermost would be
+optimised at every level, and only the code of the outermost is used. Here the inner functions stay as they are until
+the outermost is optimised. That takes half the time, and no bit of a result depends on it: no pass of the optimiser
+may change a floating-point operation.
+
+numba has no public way to choose this, so that this module replaces methods of its classes CodeLibrary.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import codegen, compiler
+
+__all__ = ["Entry", "Inlined"]
+
+
+class _Unloaded:
+    """numba's code generator for functions that are not loaded: they have no variable that could be set."""
+
+    def __init__(self, generator: Any) -> None:
+        self._generator = generator
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._generator, name)
+
+    def set_env(self, name: str, value: Any) -> None:
+        """Do nothing: ``name`` is the variable of a function with the objects of Python that it uses, such as None."""
+
+
+class _Optimised(codegen.JITCodeLibrary):  # type: ignore[misc]
+    """Code of a function that Python calls, with all that it inlines: optimised once, as a whole."""
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+    def _optimize_final_module(self) -> None:
+        passes = self._codegen._module_pass_manager()
+        if isinstance(passes, tuple):  # numba 0.62 and later
+            passes[0].run(self._final_module, passes[1])
+        else:
+            passes.run(self._final_module)
+
+
+class _Unoptimised(_Optimised):
+    """Code of a function that others inline: neither optimised nor translated to machine code."""
+
+    @property
+    def codegen(self) -> Any:
+        return _Unloaded(self._codegen)
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: the function has no machine code."""
+        return 0
+
+
+class Entry(compiler.Compiler):  # type: ignore[misc]
+    """numba's compiler for the functions of a program that Python calls."""
+
+    def define_pipelines(self) -> Any:
+        self.state.library = _Optimised(self.state.targetctx.codegen(), "entry")
+        self.state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
+class Inlined(compiler.Compiler):  # type: ignore[misc]
+    """numba's compiler for the functions of a program that its other functions inline."""
+
+    def define_pipelines(self) -> Any:
+        self.state.library = _Unoptimised(self.state.targetctx.codegen(), "inlined")
+        return super().define_pipelines()

@@ -1,0 +1,171 @@
+"""Threads that share the steps of a vector of environments, and look out for the next step in between.
+
+To wake a thread that sleeps takes some 50 µs, as long as a step of some thousand environments. The threads of a team
+therefore do not sleep at the end of a step: for at most :data:`LIMIT` they read a number in memory again and again,
+which changes when the next step begins. After that they sleep, and the next step wakes them.
+
+Every thread has a range of blocks of its own, which stay in its core's cache from step to step, and takes them one by
+one; a thread that is done helps the others. So a step does not wait for a thread that is still asleep.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import weakref
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.engine.generate import BatchProgram
+from pendulum_env.engine.kernels import functions
+
+LIMIT = 1e-3
+"""Longest time for which the threads of a team look out for the next step before they sleep [s]."""
+LOOKS = 20_000
+"""Number of looks by which the time of one is measured."""
+
+APART = 8
+"""Distance of the numbers on a board, so that each has a cache line of 64 bytes of its own."""
+TURN, DONE, WRONG = 0, APART, 2 * APART
+"""Places on the board: number of the present step, of its blocks that are done, of its rewards that are not finite."""
+FIRST = 3 * APART
+"""Place on the board of the next block in the range of the first thread; those of the others follow."""
+
+Board = NDArray[np.int64]
+
+TEAM = f'''
+from pendulum_env.engine.atomic import add, load, store
+
+
+@entry
+def team(board, ends, me, seen, looks, state, o, {{arguments}}):
+    """Take part in steps until the board stays as it is for ``looks`` looks; return the number of the last step.
+
+    The first thread begins a step, waits for its end and returns the number of rewards that are not finite.
+    """
+    count = len(ends) - 1
+    if me == 0:
+        store(board, {DONE}, 0)
+        store(board, {WRONG}, 0)
+        for i in range(count):
+            store(board, {FIRST} + {APART}*i, ends[i])
+        add(board, {TURN}, 1)
+    idle = 0
+    while idle < looks:
+        turn = load(board, {TURN})
+        if turn == seen:
+            idle += 1
+            continue
+        if turn < 0:
+            break
+        seen = turn
+        idle = 0
+        for k in range(count):
+            i = (me + k) % count
+            b = add(board, {FIRST} + {APART}*i, 1)
+            while b < ends[i + 1]:
+                add(board, {WRONG}, step_blocks(state, o, b, b + 1, {{arguments}}))
+                add(board, {DONE}, 1)
+                b = add(board, {FIRST} + {APART}*i, 1)
+        if me == 0:
+            break
+    if me == 0:
+        while load(board, {DONE}) < ends[count]:
+            idle += 1
+        return load(board, {WRONG})
+    return seen
+'''
+
+
+def with_team(program: BatchProgram) -> BatchProgram:
+    """Return the program with the function ``team``, in which threads share the blocks of a step."""
+    head, found = program.text.split("@entry\ndef step_blocks(", 1)
+    arguments = ", ".join(found.split(")", 1)[0].replace("\n", " ").split(",")[4:])
+    named = ", ".join(name.strip() for name in arguments.split(","))
+    text = f"{head}@inline\ndef step_blocks({found}\n{TEAM.format(arguments=named)}"
+    return replace(program, text=text, title=f"{program.title}-team")
+
+
+@dataclass
+class Seat:
+    """Place of a thread in a team: a lock that it waits for when it sleeps, and True while it sleeps."""
+
+    gate: threading.Lock
+    asleep: bool = False
+
+
+class Team:
+    """Threads that share each step of the blocks of a batch.
+
+    Args:
+        program: the batch's program.
+        backend: its backend.
+        state: array of the blocks.
+        scratch: for each thread, an array of the results of a block.
+        arguments: all further arguments of the program's ``step_blocks``, the same arrays in every step.
+    """
+
+    def __init__(self, program: BatchProgram, backend: Any, state: NDArray[np.float64],
+                 scratch: Sequence[NDArray[np.float64]], arguments: tuple[Any, ...]) -> None:
+        count = len(scratch)
+        self._call: Callable[..., int] = functions(with_team(program), backend)["team"]
+        self._ends = np.array([len(state) * i // count for i in range(count + 1)])
+        self._board: Board = np.zeros(FIRST + APART * count, dtype=np.int64)
+        self._board[FIRST::APART] = self._ends[1:]
+        self._arguments = [(state, own, *arguments) for own in scratch]
+        self._process, self._seats = os.getpid(), [Seat(threading.Lock()) for _ in scratch[1:]]
+        looks = self._looks()
+        for number, seat in enumerate(self._seats, 1):
+            seat.gate.acquire()
+            threading.Thread(target=_work, name="lab-pendulum team", daemon=True, args=(
+                self._call, seat, self._board, (self._ends, number), looks, self._arguments[number])).start()
+        self.end = weakref.finalize(self, _end, self._board, self._seats)
+
+    def _looks(self) -> int:
+        """Return the number of looks at the board that take LIMIT."""
+        def look(count: int) -> float:
+            begun = perf_counter()
+            self._call(self._board, self._ends, 1, 0, count, *self._arguments[0])
+            return perf_counter() - begun
+
+        look(1)
+        return int(LIMIT / (look(LOOKS) / LOOKS))
+
+    @property
+    def here(self) -> bool:
+        """True in the process in which the threads were started; a forked process inherits none."""
+        return self._process == os.getpid()
+
+    def step(self) -> bool:
+        """Take a step of all blocks; return True if a reward is not finite."""
+        for seat in self._seats:
+            if seat.asleep:
+                seat.asleep = False
+                seat.gate.release()
+        turn = int(self._board[TURN])
+        return self._call(self._board, self._ends, 0, turn, 1, *self._arguments[0]) != 0
+
+
+def _work(call: Callable[..., int], seat: Seat, board: Board, place: tuple[Any, int], looks: int,
+          arguments: tuple[Any, ...]) -> None:
+    """Take part in the steps of a team until it ends; run in a thread of its own."""
+    seen = 0
+    while board[TURN] >= 0:
+        seen = call(board, *place, seen, looks, *arguments)
+        seat.asleep = True
+        if board[TURN] >= 0:  # a team that ends later sees that this thread is asleep
+            seat.gate.acquire()
+
+
+def _end(board: Board, seats: Sequence[Seat]) -> None:
+    """End the threads of a team."""
+    board[TURN] = -1
+    for seat in seats:
+        if seat.asleep:
+            seat.asleep = False
+            seat.gate.release()
