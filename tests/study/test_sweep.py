@@ -20,6 +20,7 @@ import pendulum_env
 from pendulum_env import SCENES, SceneError, sweep
 from pendulum_env.common.provenance import OutputError
 from pendulum_env.engine.rollout import rollout
+from pendulum_env.study.sweep.study import TASK
 from pendulum_env.truth.reference import StudyError
 
 
@@ -141,7 +142,7 @@ def test_an_interrupted_sweep_goes_on_with_its_file(tmp_path, workers):
         if not workers:
             return sweep(GRID, run=run, file=path, **more)
         with ThreadPoolExecutor(workers) as executor:
-            return sweep(GRID, executor, run=run, file=path, in_flight=2, **more)
+            return sweep(GRID, executor, run=run, file=path, in_flight=2, per_task=1, **more)
 
     first = swept(on_row=stop_after(3))
     assert not first.complete
@@ -298,10 +299,44 @@ def test_what_was_finished_but_not_yet_asked_for_is_kept(tmp_path):
 def test_a_bounded_number_of_tasks_waits():
     with ThreadPoolExecutor(2) as inner:
         executor = Watched(inner)
-        found = sweep({"a": range(40)}, executor, run=lambda point: {"square": point["a"] ** 2}, in_flight=3)
+        found = sweep({"a": range(40)}, executor, run=lambda point: {"square": point["a"] ** 2}, in_flight=3,
+                      per_task=1)
     assert found.column("square") == [a * a for a in range(40)]
     assert executor.count == 40
     assert 1 <= executor.most <= 3
+
+
+def double(point):
+    return {"double": 2 * point["a"]}
+
+
+def long(point):
+    time.sleep(1.1 * TASK)
+    return double(point)
+
+
+@pytest.mark.parametrize(("run", "count", "options", "least", "most"), [
+    (double, 1000, {"in_flight": 32}, 33, 200),  # one point in each of the first tasks, then many
+    (long, 24, {"in_flight": 8}, 24, 24),
+    (double, 1000, {"per_task": 7}, 143, 143),
+])
+def test_short_points_share_a_task(run, count, options, least, most):
+    with ThreadPoolExecutor(8) as inner:
+        executor = Watched(inner)
+        found = sweep({"a": range(count)}, executor, run=run, **options)
+    assert found.column("double") == [2 * a for a in range(count)]
+    assert least <= executor.count <= most
+
+
+def test_points_of_a_task_before_one_that_fails_are_kept(tmp_path):
+    path = tmp_path / "sweep.jsonl"
+
+    def run(point):
+        return {"inverse": 1 / (point["a"] - 5)}
+
+    with ThreadPoolExecutor(1) as executor, pytest.raises(StudyError, match="Point 6 of 9"):
+        sweep({"a": range(9)}, executor, run=run, file=path, in_flight=1, per_task=8)
+    assert [entry["point"]["a"] for entry in lines_of(path)[1:]] == [0, 1, 2, 3, 4]
 
 
 @pytest.mark.parametrize(
@@ -315,7 +350,7 @@ def test_what_was_done_before_an_executor_broke_down_is_in_the_file(tmp_path, fa
     path = tmp_path / "sweep.jsonl"
     with ThreadPoolExecutor(1) as inner:
         with pytest.raises(StudyError, match=message):
-            sweep(GRID, Watched(inner, **faults), run=add, file=path, in_flight=1)
+            sweep(GRID, Watched(inner, **faults), run=add, file=path, in_flight=1, per_task=1)
         assert [entry["result"] for entry in lines_of(path)[1:]] == [{"sum": row["sum"]} for row in ROWS[:3]]
         fresh = Watched(inner)
         assert list(sweep(GRID, fresh, run=add, file=path).rows) == ROWS

@@ -93,7 +93,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
                 " separator decimal y_axis time_unit zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
         "least": "observation_delay action_delay level tau friction_ratio speed_penalty",
-        "count": "history substeps every num_envs max_episode_steps num_threads repeats in_flight steps n"
+        "count": "history substeps every num_envs max_episode_steps num_threads repeats in_flight per_task steps n"
                  " render_size size",
         "number": "release at until",
         "one and more": "periods",

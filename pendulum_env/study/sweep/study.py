@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import closing
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from functools import partial
 from itertools import islice, product
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from time import perf_counter
 from typing import Any
 
 from pendulum_env.common.progress import Progress, telling_of
@@ -32,6 +34,11 @@ SAME = ("Software", "Run", "Shared", "Points", "Fingerprint")
 """Facts that a journal must share with the sweep that continues it."""
 PATIENCE = 0.5
 """Longest uninterrupted wait for a result [s], so that Ctrl-C is noticed on every system."""
+TASK, LEAST = 0.5, 0.05
+"""Longest and shortest duration of a task of an executor [s] for which short points are put together.
+
+A cluster's scheduler hands over some 400 tasks a second (``examples/benchmarks/cluster.py``).
+"""
 
 
 @dataclass(frozen=True, repr=False)
@@ -110,6 +117,7 @@ def sweep(
     on_row: Callable[[Point, Point], None] | None = None,
     work: Callable[[Point], float] | None = None,
     in_flight: int = 256,
+    per_task: int | None = None,
     name: str = "",
     anew: bool = False,
     **shared: Any,
@@ -131,6 +139,10 @@ def sweep(
         on_row: called with each point that is run now and its result.
         work: function that estimates the work of a point, for the fraction done; by default all points are equal.
         in_flight: largest number of tasks submitted to the executor at a time.
+        per_task: number of points in a task of the executor, which are lost with it where a process dies. By default
+            one, or of short points as many as take 0.05 to 0.5 s: a share 1/in_flight of those that are left, so that
+            all processes end at the same time (guided self-scheduling; Polychronopoulos & Kuck 1987, IEEE Trans.
+            Comput. C-36, 1425).
         name: name of ``run`` in the file, by default its own with the arguments that ``functools.partial`` bound. A
             change of its code, or of variables that it closes over, is not noticed.
         anew: True empties the file first, even if it belongs to another sweep.
@@ -153,6 +165,8 @@ def sweep(
     called = summary if run is None else run
     points, common = points_of(grid, shared), plain(shared, "A keyword")
     whole_number(in_flight, "in_flight")
+    if per_task is not None:
+        whole_number(per_task, "per_task")
     keys = keys_of(points)
     prints = hashlib.sha256("\n".join([text_of(common, sort=True), *sorted(keys)]).encode()).hexdigest()
     known_as = name or _name(called, file is not None)
@@ -173,7 +187,7 @@ def sweep(
 
     try:
         with reporting as tell:
-            _run_missing(points, common, called, executor, results, weights, keep, tell, in_flight)
+            _run_missing(points, common, called, executor, results, weights, keep, tell, in_flight, per_task)
     finally:
         if journal is not None:
             journal.close()
@@ -183,16 +197,18 @@ def sweep(
 def _run_missing(
     points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Point | None],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
+    per_task: int | None,
 ) -> None:
     """Run all combinations of parameters that have no result yet, and store their results.
 
     On a KeyboardInterrupt the function stores the finished results and returns without an error.
     """
-    total, waiting = sum(weights) or 1.0, dict[Future[Any], int]()
+    total, waiting = sum(weights) or 1.0, dict[Future[Any], list[int]]()
     todo = [i for i, result in enumerate(results) if result is None]
     done = sum(weights) - sum(weights[i] for i in todo)
     tasks = ((i, {**common, **points[i]}) for i in todo)
-    source = _here(run, tasks) if executor is None else _elsewhere(executor, run, tasks, waiting, in_flight)
+    source = _here(run, tasks) if executor is None else _elsewhere(
+        executor, run, tasks, len(todo), waiting, in_flight, per_task)
     try:
         with closing(source):
             for i, ask in source:
@@ -201,9 +217,10 @@ def _run_missing(
                 done += weights[i]
         tell(1.0, "done")
     except (KeyboardInterrupt, StudyError, BrokenExecutor) as end:
-        for future, i in waiting.items():
+        for future, places in waiting.items():
             if future.done() and not future.cancelled() and future.exception() is None:
-                keep(i, future.result())
+                for i, result in zip(places, future.result()[0], strict=False):  # shorter if one of them failed
+                    keep(i, result)
         if isinstance(end, KeyboardInterrupt):
             return
         if isinstance(end, StudyError):
@@ -221,28 +238,69 @@ def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Source:
 
 
 def _elsewhere(
-    executor: Executor, run: Run, tasks: Iterator[tuple[int, Point]], waiting: dict[Future[Any], int], most: int
+    executor: Executor, run: Run, tasks: Iterator[tuple[int, Point]], left: int, waiting: dict[Future[Any], list[int]],
+    most: int, per_task: int | None,
 ) -> Source:
-    """Run the tasks of a sweep in an executor, and yield them in the order in which they finish.
+    """Run the points of a sweep in an executor, and yield them in the order in which they finish.
 
-    Each task is a pair of an index and the arguments of ``run``. ``waiting`` holds the submitted tasks, at most
-    ``most`` at a time; tasks left over at the end are cancelled.
+    Each of ``tasks``, of which ``left`` are left, is a pair of a point's index and the arguments of ``run``.
+    ``waiting`` holds what is submitted, at most ``most`` at a time; what is left over at the end is cancelled.
     """
     finished: SimpleQueue[Future[Any]] = SimpleQueue()
+    taken, seconds = 0, math.inf
     try:
         while True:
-            for i, arguments in islice(tasks, most - len(waiting)):
-                future = executor.submit(run, arguments)
-                waiting[future] = i
+            while left and len(waiting) < most:
+                rate = taken / seconds
+                short = max(1, int(LEAST * rate), min(left // most, int(TASK * rate)))
+                some = list(islice(tasks, short if per_task is None else per_task))
+                left -= len(some)
+                future = executor.submit(_several, run, [arguments for _, arguments in some])
+                waiting[future] = [i for i, _ in some]
                 future.add_done_callback(finished.put)
             if not waiting:
                 return
             future = _next(finished)
-            yield waiting[future], future.result
+            places, outcome = waiting[future], _outcome(future)
+            if outcome is None:
+                yield places[0], future.result
+            else:
+                results, failure, spent = outcome
+                taken, seconds = taken + len(results), spent + (seconds if taken else 0.0)
+                for i, result in zip(places, results, strict=False):
+                    yield i, partial(_returned, result)
+                if failure is not None:
+                    yield places[len(results)], partial(_raised, failure)
             del waiting[future]
     finally:
         for future in waiting:
             future.cancel()
+
+
+def _several(run: Run, points: Sequence[Point]) -> tuple[list[Any], Exception | None, float]:
+    """Run several points in an executor; return their results, the exception that ended them, and the time [s]."""
+    results: list[Any] = []
+    begun = perf_counter()
+    for point in points:
+        try:
+            results.append(run(point))
+        except Exception as failure:
+            return results, failure, perf_counter() - begun
+    return results, None, perf_counter() - begun
+
+
+def _outcome(future: Future[Any]) -> tuple[list[Any], Exception | None, float] | None:
+    """Return what :func:`_several` returned, None if the task itself failed or was cancelled."""
+    failed = future.cancelled() or future.exception() is not None
+    return None if failed else future.result()
+
+
+def _returned(result: Any) -> Any:
+    return result
+
+
+def _raised(failure: Exception) -> Any:
+    raise failure
 
 
 def _next(finished: SimpleQueue[Future[Any]]) -> Future[Any]:
