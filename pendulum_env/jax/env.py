@@ -23,7 +23,7 @@ from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
-from pendulum_env.envs.settings import spaces_of, usual
+from pendulum_env.envs.settings import UNBOUNDED, spaces_of, usual
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, smoothed, twin
@@ -32,7 +32,7 @@ from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, number, whole_number
+from pendulum_env.physics.units import SceneError, number, truth, whole_number
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
 from pendulum_env.tasks.task import steps_of
 
@@ -92,6 +92,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     Args:
         scene, integrator, damping, task, dt, substeps, diagnostics, speed_limit: as in ``gym.make``.
         max_steps: control steps in an episode; ``duration``: its length [s], in its place.
+        velocity_bound, speed_penalty, reward_rate: as in ``gym.make``.
         randomize: parameters drawn for every episode, as in ``gym.make``: ranges by name, such as ``(low, high)``, a
             fit, its bootstrap or posterior, or a list of these. A draw from a bootstrap or posterior is one of its
             rows.
@@ -123,6 +124,9 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         speed_limit: float | None = None,
         max_steps: int | None = None,
         duration: float | None = None,
+        velocity_bound: float | None = None,
+        speed_penalty: float = 0.0,
+        reward_rate: bool = False,
         randomize: Any = None,
         observation: str = "full",
         history: int | None = None,
@@ -155,7 +159,10 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         self._hold = 1 if plan is not None and remembers and plan.changes else self.substeps
         self._sensing = None if plan is None else TwinSensing(plan, self.scene.periodic, remembers, self.kind)
         self.noisy = plan is not None and plan.draws
-        _, self.observation_space, self.action_space = spaces_of(None, self.task, plan)
+        self._bound, self.observation_space, self.action_space = spaces_of(velocity_bound, self.task, plan)
+        self._bounded = self._bound < UNBOUNDED and (plan is None or bool(plan.swift))
+        self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
+        self._rate = self.dt if truth(reward_rate, "reward_rate") else 1.0
         self._randomization = randomization(randomize)
         if self._randomization:
             self._check_draws(self._randomization)
@@ -289,6 +296,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         else:
             seen = self._reports(state.values, self._of(state, params))
             entries = [seen["cosine"], seen["sine"], seen["rate"]]
+        if self._bounded:
+            entries = [*entries[:2], jnp.clip(entries[2], -self._bound, self._bound), *entries[3:]]
         if self.task.goal.upright:
             turned = len(entries) // 2 * 2
             entries = [*(-entry for entry in entries[:turned]), *entries[turned:]]
@@ -298,11 +307,20 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
     def reward(self, state: EnvState, action: Any, next_state: EnvState, rng: Any = None,
                params: EnvParams | None = None) -> Any:
-        """Return the task's reward of the control step from a state to the next, for the action that acts."""
+        """Return the task's reward of the control step from a state to the next, for the action that acts.
+
+        With ``reward_rate`` it is a rate per second, times ``dt``. ``speed_penalty`` is subtracted where the episode
+        ends in this step, unless because the task is lost.
+        """
         share = self._share(action)
         if self._sensing is not None:
             share = self._sensing.acting(next_state.sensed, share, self._sensing.last)
         reward, _ = self._judged(state, next_state.values, share, self._of(state, params))
+        if self._rate != 1.0:
+            reward = reward * self._rate
+        if self._penalty:
+            ends = (state.stop == 0.0) & (next_state.stop != 0.0) & (next_state.stop != FELL)
+            reward = jnp.where(ends, reward - self._penalty, reward)
         return reward
 
     def terminal(self, state: EnvState, rng: Any = None, params: EnvParams | None = None) -> Any:

@@ -99,6 +99,8 @@ def test_a_task_is_that_of_gym_make(task: Any) -> None:
 @pytest.mark.parametrize("keywords", [
     {"integrator": "ab4", "substeps": 12}, {"lag": 0.1, "substeps": 3}, {"scene": "lab_rod", "length": 0.5},
     {"task": "free", "speed_limit": 5.0}, {"integrator": "gauss4", "dt": 0.05},
+    {"speed_limit": 5.0, "speed_penalty": 100.0, "reward_rate": True}, {"velocity_bound": 2.0},
+    {"task": "balance", "speed_penalty": 100.0, "reward_rate": True, "velocity_bound": 1.0},
     {"scene": "gymnasium", "task": "gymnasium"},
 ], ids=str)
 def test_other_settings_are_those_of_gym_make(keywords: dict[str, Any]) -> None:
@@ -203,6 +205,7 @@ def test_the_return_has_a_derivative_by_the_actions() -> None:
      "lag": 0.05, "action_delay": 0.015},
     {"integrator": "ab2", "substeps": 12, "action_delay": 0.005},
     {"task": "track", "observation": "angle", "observation_delay": 0.02},
+    {"observation": "encoder", "velocity_bound": 2.0}, {"observation": "history", "velocity_bound": 0.1},
     {"scene": "textbook", "task": "free", "observation": "history"},
     {"scene": "gymnasium", "task": "gymnasium", "observation": "encoder", "observation_delay": 0.05},
     {"scene": "windy", "task": "free", "sensor": {"scale": 0.9}, "action_delay": 0.02},
