@@ -1,4 +1,4 @@
-"""Whole numbers in memory that several threads read and change at once, for compiled functions.
+"""Whole numbers in memory that several threads read and change at once, and arrays at addresses that these hold.
 
 Each access is one indivisible operation in the order of the program (sequentially consistent), so that what a thread
 wrote before it changed such a number is seen by a thread that has read the change.
@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import types
+from numba.core import types
 from numba.core.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-__all__ = ["add", "load", "store"]
+__all__ = ["add", "load", "pointer", "store"]
 
 ORDER = "seq_cst"
 
@@ -50,3 +50,12 @@ def add(typing: Any, array: Any, index: Any, value: Any) -> Any:
         return builder.atomic_rmw("add", _at(context, builder, signature.args[0], *place), more, ORDER)
 
     return types.int64(array, types.int64, types.int64), written
+
+
+@intrinsic
+def pointer(typing: Any, address: Any) -> Any:
+    """Return a pointer to float32 numbers for their address in memory."""
+    def written(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(types.float32)(types.int64), written

@@ -365,17 +365,16 @@ class Batch(Blocks):
         """
         fits = self._compiled and not self.tolerance and 1 < len(self._scratch) <= threads.cores()
         if fits and self._threads_given:
-            self._reused, self._action = into, np.zeros(self.size, SINGLE)
+            self._reused = into
 
-    def _as_team(self, action: NDArray[np.floating[Any]], into: Results) -> None:
+    def _as_team(self, action: NDArray[np.float32], into: Results) -> None:
         """Take one control step by the threads of a team."""
         team = self._team
         if team is None or not team.here:
             substeps = self.substeps
             team = self._team = Team(self.program, self._backend, self._state, self._scratch, (
-                self.size, self.h, substeps, substeps, self._bound, self._action, *into, *self._shared))
-        self._action[:] = action
-        self.wrong = team.step()
+                self.size, self.h, substeps, substeps, self._bound, *into, *self._shared))
+        self.wrong = team.step(action)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes to pickle; the threads of a team are started again when they are needed."""
@@ -400,7 +399,7 @@ class Batch(Blocks):
         if self._usual:
             self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
             return
-        if into is self._reused and self.substeps <= self._at_once:
+        if into is self._reused and self.substeps <= self._at_once and action.dtype == SINGLE:
             self._as_team(action, into)
             return
         self.wrong = False

@@ -31,19 +31,23 @@ LOOKS = 20_000
 
 APART = 8
 """Distance of the numbers on a board, so that each has a cache line of 64 bytes of its own."""
-TURN, DONE, WRONG = 0, APART, 2 * APART
-"""Places on the board: number of the present step, of its blocks that are done, of its rewards that are not finite."""
-FIRST = 3 * APART
+TURN, DONE, WRONG, ACTION = 0, APART, 2 * APART, 3 * APART
+"""Places on the board: number of the present step, of its blocks that are done, of its rewards that are not finite, and
+the address of its actions.
+"""
+FIRST = 4 * APART
 """Place on the board of the next block in the range of the first thread; those of the others follow."""
 
 Board = NDArray[np.int64]
 
 TEAM = f'''
-from pendulum_env.engine.atomic import add, load, store
+from numba import carray
+
+from pendulum_env.engine.atomic import add, load, pointer, store
 
 
 @entry
-def team(board, ends, me, seen, looks, state, o, {{arguments}}):
+def team(board, ends, me, seen, looks, state, o, {{given}}):
     """Take part in steps until the board stays as it is for ``looks`` looks; return the number of the last step.
 
     The first thread begins a step, waits for its end and returns the number of rewards that are not finite.
@@ -69,7 +73,8 @@ def team(board, ends, me, seen, looks, state, o, {{arguments}}):
             i = (me + k) % count
             b = add(board, {FIRST} + {APART}*i, 1)
             while b < ends[i + 1]:
-                add(board, {WRONG}, step_blocks(state, o, b, b + 1, {{arguments}}))
+                action = carray(pointer(load(board, {ACTION})), (size,))
+                add(board, {WRONG}, step_blocks(state, o, b, b + 1, {{taken}}))
                 add(board, {DONE}, 1)
                 b = add(board, {FIRST} + {APART}*i, 1)
         if me == 0:
@@ -85,9 +90,9 @@ def team(board, ends, me, seen, looks, state, o, {{arguments}}):
 def with_team(program: BatchProgram) -> BatchProgram:
     """Return the program with the function ``team``, in which threads share the blocks of a step."""
     head, found = program.text.split("@entry\ndef step_blocks(", 1)
-    arguments = ", ".join(found.split(")", 1)[0].replace("\n", " ").split(",")[4:])
-    named = ", ".join(name.strip() for name in arguments.split(","))
-    text = f"{head}@inline\ndef step_blocks({found}\n{TEAM.format(arguments=named)}"
+    taken = [name.strip() for name in found.split(")", 1)[0].split(",")[4:]]
+    given = [name for name in taken if name != "action"]
+    text = f"{head}@inline\ndef step_blocks({found}\n{TEAM.format(given=', '.join(given), taken=', '.join(taken))}"
     return replace(program, text=text, title=f"{program.title}-team")
 
 
@@ -107,7 +112,7 @@ class Team:
         backend: its backend.
         state: array of the blocks.
         scratch: for each thread, an array of the results of a block.
-        arguments: all further arguments of the program's ``step_blocks``, the same arrays in every step.
+        arguments: all further arguments of the program's ``step_blocks`` but the actions, the same in every step.
     """
 
     def __init__(self, program: BatchProgram, backend: Any, state: NDArray[np.float64],
@@ -141,8 +146,9 @@ class Team:
         """True in the process in which the threads were started; a forked process inherits none."""
         return self._process == os.getpid()
 
-    def step(self) -> bool:
-        """Take a step of all blocks; return True if a reward is not finite."""
+    def step(self, action: NDArray[np.float32]) -> bool:
+        """Take a step of all blocks with these actions, contiguous in memory; return True if a reward is not finite."""
+        self._board[ACTION] = action.ctypes.data
         for seat in self._seats:
             if seat.asleep:
                 seat.asleep = False

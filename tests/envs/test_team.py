@@ -95,6 +95,15 @@ def test_copies_and_pickles_start_threads_of_their_own() -> None:
     assert members() == 3
 
 
+@pytest.mark.parametrize("given", [lambda action: action.astype(np.float64) * 0.99, lambda action: action.tolist(),
+                                   lambda action: np.repeat(action, 2, axis=1)[:, 1:]])
+def test_actions_of_any_kind_are_those_of_one_thread(given: Any) -> None:
+    one, env = vector(1), stepped(vector(2))
+    for action in ACTIONS:
+        for found, wanted in zip(env.step(given(action))[:4], one.step(given(action))[:4], strict=True):
+            assert found.tobytes() == wanted.tobytes()
+
+
 def test_a_parameter_that_varies_from_now_on_is_seen_by_all_threads() -> None:
     env, one = stepped(vector(2)), vector(1)
     for each in (env, one):
