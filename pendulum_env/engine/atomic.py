@@ -58,4 +58,4 @@ def pointer(typing: Any, address: Any) -> Any:
     def written(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
 
-    return types.CPointer(types.float32)(types.int64), written
+    return types.CPointer(types.float32)(types.int64), written  # type: ignore[attr-defined]
