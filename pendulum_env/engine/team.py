@@ -15,7 +15,7 @@ import threading
 import weakref
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from time import perf_counter
+from time import perf_counter, sleep
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ from pendulum_env.engine.atomic import add, load, pointer, store
 def team(board, ends, me, seen, looks, state, o, {{given}}):
     """Take part in steps until the board stays as it is for ``looks`` looks; return the number of the last step.
 
-    The first thread begins a step, waits for its end and returns the number of rewards that are not finite.
+    The first thread begins a step, and looks out for the end of the blocks that others have taken.
     """
     count = len(ends) - 1
     if me == 0:
@@ -80,9 +80,8 @@ def team(board, ends, me, seen, looks, state, o, {{given}}):
         if me == 0:
             break
     if me == 0:
-        while load(board, {DONE}) < ends[count]:
+        while load(board, {DONE}) < ends[count] and idle < looks:
             idle += 1
-        return load(board, {WRONG})
     return seen
 '''
 
@@ -124,7 +123,7 @@ class Team:
         self._board[FIRST::APART] = self._ends[1:]
         self._arguments = [(state, own, *arguments) for own in scratch]
         self._process, self._seats = os.getpid(), [Seat(threading.Lock()) for _ in scratch[1:]]
-        looks = self._looks()
+        looks = self._most = self._looks()
         for number, seat in enumerate(self._seats, 1):
             seat.gate.acquire()
             threading.Thread(target=_work, name="lab-pendulum team", daemon=True, args=(
@@ -153,8 +152,11 @@ class Team:
             if seat.asleep:
                 seat.asleep = False
                 seat.gate.release()
-        turn = int(self._board[TURN])
-        return self._call(self._board, self._ends, 0, turn, 1, *self._arguments[0]) != 0
+        board = self._board
+        self._call(board, self._ends, 0, int(board[TURN]), self._most, *self._arguments[0])
+        while board[DONE] < self._ends[-1]:  # another program has the core of a thread
+            sleep(0)
+        return bool(board[WRONG])
 
 
 def _work(call: Callable[..., int], seat: Seat, board: Board, place: tuple[Any, int], looks: int,

@@ -266,7 +266,7 @@ def _elsewhere(
                 yield places[0], future.result
             else:
                 results, failure, spent = outcome
-                taken, seconds = taken + len(results), spent + (seconds if taken else 0.0)
+                taken, seconds = taken + len(results), max(spent, 1e-9) + (seconds if taken else 0.0)
                 for i, result in zip(places, results, strict=False):
                     yield i, partial(_returned, result)
                 if failure is not None:
