@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import time
+import tracemalloc
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context
@@ -452,6 +453,61 @@ def test_a_scheduler_without_dask_is_said(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(StudyError, match="pip install distributed"), executor_at("tcp://127.0.0.1:8786"):
         pass
+
+
+# --- results that stay in the file ------------------------------------------------------------------------------------
+
+
+def test_results_that_stay_in_the_file_are_the_same(tmp_path):
+    usual = sweep(GRID, run=add, file=tmp_path / "a.jsonl")
+    first = sweep(GRID, run=add, file=tmp_path / "b.jsonl", in_memory=False, on_row=stop_after(3))
+    assert not first.complete
+    assert list(first.results) == [*usual.results[:3], None, None, None]
+    with ThreadPoolExecutor(2) as executor:
+        found = sweep(GRID, executor, run=add, file=tmp_path / "b.jsonl", in_memory=False)
+    assert found.complete
+    assert found.rows == tuple(found) == usual.rows
+    assert tuple(found.results) == usual.results
+    assert (found.results[4], len(found.results), *found.results[1:3]) == (
+        usual.results[4], len(usual.results), *usual.results[1:3])
+    assert found.column("sum") == usual.column("sum")
+    assert repr(found) == repr(usual)
+    texts = [one.write(tmp_path / "c.csv").read_text() for one in (found, usual)]
+    assert texts[0] == texts[1]
+
+
+def test_results_that_stay_in_the_file_take_no_memory(tmp_path):
+    path, size = tmp_path / "large.jsonl", 5000
+
+    def series(point):
+        return {"values": [point["a"] + i / size for i in range(size)]}
+
+    def peak(**options):
+        tracemalloc.start()
+        found = sweep({"a": range(100)}, run=series, file=path, **options)
+        last = sum(row["values"][-1] for row in found)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most, last
+
+    least, one = peak(in_memory=False)
+    again, two = peak(in_memory=False)  # all results are in the file by now
+    most, three = peak()
+    assert one == two == three
+    assert max(least, again) < 0.1 * most
+
+
+def test_a_file_that_is_gone_or_changed_after_the_sweep_is_said(tmp_path):
+    path = tmp_path / "a.jsonl"
+    found = sweep(GRID, run=add, file=path, in_memory=False)
+    path.write_text("another text")
+    with pytest.raises(StudyError, match="was changed after the sweep"):
+        found.results[3]
+    path.unlink()
+    with pytest.raises(StudyError, match="cannot be read: No such file"):
+        list(found)
+    with pytest.raises(StudyError, match="has its results in a file; give one"):
+        sweep(GRID, run=add, in_memory=False)
 
 
 # --- bad input ------------------------------------------------------------------------------------------------------

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import errno
+import io
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from weakref import WeakSet
@@ -68,6 +69,7 @@ class Journal:
         facts: description of the sweep (function, keywords, versions), which is written into the first line.
         same: names of those facts that must be equal to the ones in the file if an existing file is continued.
         anew: True empties an existing file, unless another process is writing it.
+        in_memory: False keeps the places of results in the file in place of the results; see :class:`WrittenResults`.
 
     Attributes:
         done: results that the file had when it was opened, by the JSON text of their combination of parameters.
@@ -76,8 +78,9 @@ class Journal:
     left unchanged, or that another process is writing; OutputError for a file that cannot be read or written.
     """
 
-    def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str], anew: bool = False) -> None:
-        self.path = file_path(path, "file")
+    def __init__(self, path: str | Path, facts: Mapping[str, str], same: Sequence[str], anew: bool = False,
+                 in_memory: bool = True) -> None:
+        self.path, self._in_memory = file_path(path, "file"), in_memory
         self.done: dict[str, Any] = {}
         output_folder(self.path.parent)
         try:
@@ -103,14 +106,19 @@ class Journal:
             self._file.close()
             raise
 
-    def add(self, point: Any, result: Any) -> None:
-        """Append a combination of parameters and its result to the file at once; raises OutputError on failure."""
+    def add(self, point: Any, result: Any) -> Any:
+        """Append a combination of parameters and its result to the file at once; raises OutputError on failure.
+
+        Return the result, or its place in the file if results are not kept in memory.
+        """
         line = text_of({"point": point, "result": result}).encode() + b"\n"
         try:
+            place = self._file.tell()
             while line:
                 line = line[self._file.write(line) :]
         except OSError as error:
             raise self._unwritable(error) from None
+        return result if self._in_memory else place
 
     def close(self) -> None:
         """Close the file, which also releases its lock."""
@@ -133,8 +141,10 @@ class Journal:
     def _read(self, facts: Mapping[str, str], same: Sequence[str]) -> int:
         """Read the results of the journal file into ``done``, and return the length of its complete lines [bytes]."""
         self._file.seek(0)
-        end, lines = 0, self._file.read().splitlines(keepends=True)
-        for number, line in enumerate(lines):
+        reader = io.BufferedReader(self._file)
+        end, number, line = 0, 0, reader.readline()
+        while line:
+            after = reader.readline()
             try:
                 if not line.endswith(b"\n"):
                     raise ValueError
@@ -142,7 +152,8 @@ class Journal:
                 if number == 0:
                     self._check(entry[HEAD], facts, same)
                 else:
-                    self.done.setdefault(text_of(entry["point"], sort=True), plain(entry["result"], "A result"))
+                    result = plain(entry["result"], "A result")
+                    self.done.setdefault(text_of(entry["point"], sort=True), result if self._in_memory else end)
             except (ValueError, KeyError, TypeError) as fault:
                 if isinstance(fault, StudyError):
                     raise
@@ -150,10 +161,11 @@ class Journal:
                     raise StudyError(
                         f"The file {self.path} is not the journal of a sweep; give another file name."
                     ) from None
-                if number == len(lines) - 1:
+                if not after:
                     break
                 raise StudyError(f"Line {number + 1} of {self.path} is damaged; delete the line to continue.") from None
-            end += len(line)
+            end, number, line = end + len(line), number + 1, after
+        reader.detach()
         return end
 
     def _check(self, head: Any, facts: Mapping[str, str], same: Sequence[str]) -> None:
@@ -163,6 +175,48 @@ class Journal:
                     f"The file {self.path} belongs to another sweep, {_difference(name, head.get(name), facts[name])}; "
                     "the file is left unchanged. Give another file name."
                 )
+
+
+class WrittenResults(Sequence[Any]):
+    """Results of a sweep that stay in its journal, and are read when they are asked for.
+
+    Args:
+        path: the journal.
+        places: for each point the place of its line in the file [bytes], None without a result.
+    """
+
+    def __init__(self, path: str | Path, places: Sequence[int | None]) -> None:
+        self.path, self.places = Path(path).absolute(), tuple(places)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return WrittenResults(self.path, self.places[i])
+        with self._opened() as file:
+            return self._at(file, self.places[i])
+
+    def __iter__(self) -> Iterator[Any]:
+        with self._opened() as file:
+            for place in self.places:
+                yield self._at(file, place)
+
+    def _opened(self) -> io.BufferedReader:
+        """Return the open file; raises StudyError if it cannot be read."""
+        try:
+            return self.path.open("rb")
+        except OSError as error:
+            raise StudyError(f"The results in {self.path} cannot be read: {error.strerror or error}.") from None
+
+    def _at(self, file: io.BufferedReader, place: int | None) -> Any:
+        if place is None:
+            return None
+        file.seek(place)
+        try:
+            return plain(json.loads(file.readline())["result"], "A result")
+        except (ValueError, KeyError, TypeError):
+            raise StudyError(f"The file {self.path} was changed after the sweep; continue the sweep with it.") from None
 
 
 _OPEN: WeakSet[Journal] = WeakSet()

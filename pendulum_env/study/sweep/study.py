@@ -20,7 +20,7 @@ from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.units import SceneError, file_path, function, several, shown, truth, whole_number
-from pendulum_env.study.sweep.journal import Journal, plain, text_of
+from pendulum_env.study.sweep.journal import Journal, WrittenResults, plain, text_of
 from pendulum_env.study.sweep.summary import UNITS, summary
 from pendulum_env.truth.reference import StudyError
 
@@ -47,26 +47,33 @@ class Sweep(Displayed):
 
     Attributes:
         points: combinations of parameters, dicts of keywords, in the order of the grid.
-        results: result of each point, in the order of the points; None where an interrupted sweep has none.
+        results: result of each point, in the order of the points; None where an interrupted sweep has none. With
+            ``in_memory=False`` each is read from the file when it is asked for.
         shared: keywords that all runs share.
         facts: origin of the results, written into the head of output files.
         complete: False if the sweep was interrupted.
     """
 
     points: tuple[Point, ...]
-    results: tuple[Point | None, ...]
+    results: Sequence[Point | None]
     shared: Point
     facts: Mapping[str, str]
     complete: bool = True
 
     def __repr__(self) -> str:
-        return one_line(self, f"{len(self.rows)} of {len(self.points)} points, columns {', '.join(self.columns)}")
+        return one_line(self, f"{sum(result is not None for result in self.results)} of {len(self.points)} points, "
+                        f"columns {', '.join(self.columns)}")
+
+    def __iter__(self) -> Iterator[Point]:
+        """Yield finished runs in the order of the grid, each as one dict of its parameters and its results."""
+        for point, result in zip(self.points, self.results, strict=True):
+            if result is not None:
+                yield {**point, **result}
 
     @property
     def rows(self) -> tuple[Point, ...]:
         """Finished runs in the order of the grid, each as one dict of its parameters and its results."""
-        pairs = zip(self.points, self.results, strict=True)
-        return tuple({**point, **result} for point, result in pairs if result is not None)
+        return tuple(self)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -83,23 +90,25 @@ class Sweep(Displayed):
         """
         if not isinstance(name, str) or name not in self.columns:
             raise StudyError(f"There is no column {shown(name)}; the columns are {', '.join(self.columns)}.")
-        return [row.get(name) for row in self.rows]
+        return [row.get(name) for row in self]
 
     @property
     def table(self) -> Table:
         """Table of the parameters and results of all finished runs as text, with numbers to six digits."""
-        return Table(self.columns, tuple(tuple(map(_cell, self._cells(row, ""))) for row in self.rows))
+        columns = self.columns
+        return Table(columns, tuple(tuple(map(_cell, self._cells(row, columns))) for row in self))
 
     def write(self, path: str | Path) -> Path:
         """Write parameters and results of all finished runs as a CSV file; raises OutputError on failure."""
         place = file_path(path, "path")
         output_folder(place.parent)
-        facts = {**self.facts, "Complete": text_of(self.complete)}
-        write_csv(place, self.columns, (self._cells(row, "") for row in self.rows), facts)
+        facts, columns = {**self.facts, "Complete": text_of(self.complete)}, self.columns
+        write_csv(place, columns, (self._cells(row, columns) for row in self), facts)
         return place
 
-    def _cells(self, row: Point, missing: str) -> list[Any]:
-        values = [row.get(name, missing) for name in self.columns]
+    @staticmethod
+    def _cells(row: Point, columns: Sequence[str]) -> list[Any]:
+        values = [row.get(name, "") for name in columns]
         return [text_of(value) if isinstance(value, (dict, list)) else value for value in values]
 
 
@@ -120,6 +129,7 @@ def sweep(
     per_task: int | None = None,
     name: str = "",
     anew: bool = False,
+    in_memory: bool = True,
     **shared: Any,
 ) -> Sweep:
     """Run a function for every point (combination of values) of a grid of parameters and return all results.
@@ -146,6 +156,9 @@ def sweep(
         name: name of ``run`` in the file, by default its own with the arguments that ``functools.partial`` bound. A
             change of its code, or of variables that it closes over, is not noticed.
         anew: True empties the file first, even if it belongs to another sweep.
+        in_memory: False keeps no result in memory once it is in the file, for results larger than memory; the sweep's
+            ``results`` are then read from the file when they are asked for, and iterating over the sweep yields its
+            rows one by one.
         **shared: keywords that all points share, such as ``scene="lab"``.
 
     Returns a :class:`Sweep` in the grid's order. KeyboardInterrupt ends the sweep early: finished results are returned,
@@ -161,7 +174,9 @@ def sweep(
         raise SceneError(f"executor must be an Executor of concurrent.futures or None, not {shown(executor)}.")
     if not isinstance(name, str):
         raise SceneError(f"name must be text, not {shown(name)}.")
-    reporting, empty = telling_of(progress, "sweep"), truth(anew, "anew")
+    reporting, empty, kept = telling_of(progress, "sweep"), truth(anew, "anew"), truth(in_memory, "in_memory")
+    if not kept and file is None:
+        raise StudyError("A sweep with in_memory=False has its results in a file; give one, such as file='a.jsonl'.")
     called = summary if run is None else run
     points, common = points_of(grid, shared), plain(shared, "A keyword")
     whole_number(in_flight, "in_flight")
@@ -172,16 +187,14 @@ def sweep(
     known_as = name or _name(called, file is not None)
     facts = provenance(Run=known_as, Points=str(len(points)), Shared=text_of(common, sort=True),
                        Fingerprint=prints[:32], **({"Units": UNITS} if called is summary else {}))
-    journal = None if file is None else Journal(file, facts, SAME, empty)
-    results: list[Point | None] = [None if journal is None else journal.done.get(key) for key in keys]
+    journal = None if file is None else Journal(file, facts, SAME, empty, kept)
+    results: list[Any] = [None if journal is None else journal.done.get(key) for key in keys]
     weights = [1.0 if work is None else work(point) for point in points]
 
     def keep(i: int, returned: Any) -> None:
         if results[i] is None:
             result = _checked(returned, points[i])
-            if journal is not None:
-                journal.add(points[i], result)
-            results[i] = result
+            results[i] = result if journal is None else journal.add(points[i], result)
             if on_row is not None:
                 on_row(points[i], result)
 
@@ -191,11 +204,12 @@ def sweep(
     finally:
         if journal is not None:
             journal.close()
-    return Sweep(tuple(points), tuple(results), common, facts, None not in results)
+    found = WrittenResults(journal.path, results) if journal is not None and not kept else tuple(results)
+    return Sweep(tuple(points), found, common, facts, None not in results)
 
 
 def _run_missing(
-    points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Point | None],
+    points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Any],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
     per_task: int | None,
 ) -> None:
