@@ -5,10 +5,13 @@ import json
 import math
 import os
 import signal
+import socket
+import subprocess
 import sys
 import time
 import tracemalloc
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -434,6 +437,57 @@ def test_a_cost_study_on_a_cluster_is_that_of_one_process(cluster, tmp_path):
     for mine, other in zip(found.points, plain.points, strict=True):
         assert [getattr(mine, name) for name in known] == [getattr(other, name) for name in known]
         assert len(mine.times) == 2
+
+
+@contextmanager
+def scheduler_at(port):
+    """Run a Dask scheduler and a worker in processes of their own; yield the scheduler's process and its executor."""
+    from pendulum_env.study.sweep.cluster import executor_at
+
+    address = f"tcp://127.0.0.1:{port}"
+    words = (["dask_scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-show"],
+             ["dask_worker", address, "--nthreads", "1"])
+    paths = os.pathsep.join(sys.path)
+    started = [subprocess.Popen([sys.executable, "-m", f"distributed.cli.{name}", *rest, "--no-dashboard"],
+                                stderr=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": paths})
+               for name, *rest in words]
+    try:
+        with ExitStack() as stack:
+            found = None
+            while found is None:
+                with suppress(StudyError):  # until scheduler and worker are there
+                    found = stack.enter_context(executor_at(address))
+            yield started[0], found
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_that_is_killed_and_started_again_loses_nothing(tmp_path):
+    pytest.importorskip("distributed")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    grid, path, said = {"a": range(30), "b": [1]}, tmp_path / "sweep.jsonl", []
+    with scheduler_at(port) as (process, executor):
+        def on_row(point, row):
+            if point["a"] == 10:
+                process.kill()
+
+        try:
+            sweep(grid, executor, run=add, file=path, per_task=1, on_row=on_row, in_flight=4)
+        except StudyError as error:
+            said.append(str(error))
+    kept = [entry["point"]["a"] for entry in lines_of(path)[1:]]
+    assert "repeat the sweep with" in said[0]
+    assert {*range(9)} <= {*kept} < {*range(30)}
+    with scheduler_at(port) as (_, executor):
+        found = sweep(grid, executor, run=add, file=path)
+    assert found.rows == sweep(grid, run=add).rows
+    assert sorted(entry["point"]["a"] for entry in lines_of(path)[1:]) == [*range(30)]
 
 
 @pytest.mark.slow
