@@ -39,8 +39,8 @@ FIELD_OF = STATE[:4]
 """Entries of a Machine's state that have shorter names in blocks."""
 FEW_BLOCKS = 2**6
 """Number of steps of blocks in the first call of a program for a run; see :mod:`pendulum_env.engine.pieces`."""
-GROUP = 16
-"""Largest number of blocks whose parts of a control step are taken one after the other."""
+GROUP = 17
+"""Largest number of blocks whose parts of a control step are taken one after the other: 4096 environments at once."""
 Numbers = Mapping[str, float | Array]
 UNCHANGED: Mapping[str, Array] = {}
 """Numbers of new episodes that change no parameter of the program."""
