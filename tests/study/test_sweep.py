@@ -4,10 +4,12 @@ import csv
 import json
 import math
 import os
+import re
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import tracemalloc
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -551,12 +553,41 @@ def test_results_that_stay_in_the_file_take_no_memory(tmp_path):
     assert max(least, again) < 0.1 * most
 
 
+def same_length(point):
+    return {"sum": 1 + point["a"] + point["b"]}
+
+
+class UnsentError(Exception):
+    """An exception that cannot be sent to another process."""
+
+    def __init__(self, one, two):
+        super().__init__("of no use elsewhere")
+        self.lock = threading.Lock()
+
+
+def unsent(point):
+    if point["a"] == 2:
+        raise UnsentError(1, 2)
+    return double(point)
+
+
+def test_an_exception_that_cannot_be_sent_names_its_point():
+    said = "Point 3 of 9, {'a': 2}, failed with RuntimeError: UnsentError: of no use elsewhere"
+    with ThreadPoolExecutor(1) as executor, pytest.raises(StudyError, match=re.escape(said)):
+        sweep({"a": range(9)}, executor, run=unsent, per_task=4)
+
+
 def test_a_file_that_is_gone_or_changed_after_the_sweep_is_said(tmp_path):
     path = tmp_path / "a.jsonl"
     found = sweep(GRID, run=add, file=path, in_memory=False)
-    path.write_text("another text")
-    with pytest.raises(StudyError, match="was changed after the sweep"):
-        found.results[3]
+    usual = path.read_bytes()
+    *lines, last = usual.splitlines(keepends=True)
+    sweep(GRID, run=same_length, file=path, anew=True, name=found.facts["Run"] + "s")  # results in the same places
+    changed = [path.read_bytes(), b"another text", lines[0] + last + b"".join(lines[1:]), lines[0] + usual[40:]]
+    for text in changed:
+        path.write_bytes(text)
+        with pytest.raises(StudyError, match="was changed after the sweep"):
+            list(found.results)
     path.unlink()
     with pytest.raises(StudyError, match="cannot be read: No such file"):
         list(found)

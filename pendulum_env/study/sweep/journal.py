@@ -73,6 +73,7 @@ class Journal:
 
     Attributes:
         done: results that the file had when it was opened, by the JSON text of their combination of parameters.
+        head: the file's first line.
 
     An incomplete last line is cut off. Raises StudyError for a file that is not the journal of this sweep, which is
     left unchanged, or that another process is writing; OutputError for a file that cannot be read or written.
@@ -93,6 +94,7 @@ class Journal:
         _OPEN.add(self)
         try:
             self._lock()
+            self.head = b""
             if anew:
                 self._file.truncate(0)
                 self._file.write(text_of({HEAD: dict(facts)}).encode() + b"\n")
@@ -151,6 +153,7 @@ class Journal:
                 entry = json.loads(line)
                 if number == 0:
                     self._check(entry[HEAD], facts, same)
+                    self.head = line
                 else:
                     result = plain(entry["result"], "A result")
                     self.done.setdefault(text_of(entry["point"], sort=True), result if self._in_memory else end)
@@ -181,42 +184,56 @@ class WrittenResults(Sequence[Any]):
     """Results of a sweep that stay in its journal, and are read when they are asked for.
 
     Args:
-        path: the journal.
+        journal: the journal.
+        points: combinations of parameters in the order of the results.
         places: for each point the place of its line in the file [bytes], None without a result.
+
+    Reading raises StudyError if the file is gone, or is no longer that of the sweep.
     """
 
-    def __init__(self, path: str | Path, places: Sequence[int | None]) -> None:
-        self.path, self.places = Path(path).absolute(), tuple(places)
+    def __init__(self, journal: Journal, points: Sequence[Any], places: Sequence[int | None]) -> None:
+        self._path, self._head = journal.path.absolute(), journal.head
+        self._points, self._places = points, places
 
     def __len__(self) -> int:
-        return len(self.places)
+        return len(self._places)
 
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
-            return WrittenResults(self.path, self.places[i])
+            return [self[k] for k in range(*i.indices(len(self)))]
         with self._opened() as file:
-            return self._at(file, self.places[i])
+            return self._at(file, i)
 
     def __iter__(self) -> Iterator[Any]:
         with self._opened() as file:
-            for place in self.places:
-                yield self._at(file, place)
+            for i in range(len(self)):
+                yield self._at(file, i)
 
     def _opened(self) -> io.BufferedReader:
-        """Return the open file; raises StudyError if it cannot be read."""
         try:
-            return self.path.open("rb")
+            file = self._path.open("rb")
         except OSError as error:
-            raise StudyError(f"The results in {self.path} cannot be read: {error.strerror or error}.") from None
+            raise StudyError(f"The results in {self._path} cannot be read: {error.strerror or error}.") from None
+        if file.readline() != self._head:
+            file.close()
+            raise self._changed()
+        return file
 
-    def _at(self, file: io.BufferedReader, place: int | None) -> Any:
+    def _at(self, file: io.BufferedReader, i: int) -> Any:
+        place = self._places[i]
         if place is None:
             return None
         file.seek(place)
         try:
-            return plain(json.loads(file.readline())["result"], "A result")
+            entry = json.loads(file.readline())
+            if entry["point"] != json.loads(text_of(self._points[i])):
+                raise ValueError
+            return plain(entry["result"], "A result")
         except (ValueError, KeyError, TypeError):
-            raise StudyError(f"The file {self.path} was changed after the sweep; continue the sweep with it.") from None
+            raise self._changed() from None
+
+    def _changed(self) -> StudyError:
+        return StudyError(f"The file {self._path} was changed after the sweep; run the sweep again.")
 
 
 _OPEN: WeakSet[Journal] = WeakSet()

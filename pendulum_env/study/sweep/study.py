@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import pickle
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import closing
@@ -204,7 +205,7 @@ def sweep(
     finally:
         if journal is not None:
             journal.close()
-    found = WrittenResults(journal.path, results) if journal is not None and not kept else tuple(results)
+    found = WrittenResults(journal, points, results) if journal is not None and not kept else tuple(results)
     return Sweep(tuple(points), found, common, facts, None not in results)
 
 
@@ -299,8 +300,17 @@ def _several(run: Run, points: Sequence[Point]) -> tuple[list[Any], Exception | 
         try:
             results.append(run(point))
         except Exception as failure:
-            return results, failure, perf_counter() - begun
+            return results, _sendable(failure), perf_counter() - begun
     return results, None, perf_counter() - begun
+
+
+def _sendable(failure: Exception) -> Exception:
+    """Return an exception that can be sent to another process: itself, or one with its name and its message."""
+    try:
+        pickle.loads(pickle.dumps(failure))
+    except Exception:
+        return RuntimeError(f"{type(failure).__name__}: {failure}")
+    return failure
 
 
 def _outcome(future: Future[Any]) -> tuple[list[Any], Exception | None, float] | None:
