@@ -5,8 +5,8 @@ from __future__ import annotations
 import copy
 import gc
 import multiprocessing
+import os
 import pickle
-import sys
 import threading
 import time
 from typing import Any
@@ -118,7 +118,8 @@ def test_threads_end_with_their_environment() -> None:
     del env
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no fork on Windows")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_forked_process_starts_threads_of_its_own() -> None:
     wanted, env = bits(vector(1)), stepped(vector(2))
     receive, send = multiprocessing.Pipe(duplex=False)

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from compiled_code import library_calls
 
+from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics import elementary
 
 INF, NAN = math.inf, math.nan
@@ -213,3 +214,24 @@ def test_a_libm_call_would_be_seen() -> None:
     import numba
 
     assert library_calls(loop(numba.njit(forceinline=True)(lambda x: math.sin(x)), 1))
+
+
+def test_halves_of_wrapped_angles_need_no_reduction() -> None:
+    """``sin_near_zero`` and ``cos_near_zero`` have the bits of sin and cos there, up to the horizontal itself."""
+    edge = math.pi / 2
+    angles = [x for near in (edge, -edge, 0.0) for x in around(near)] + np.linspace(-edge, edge, 100_001).tolist()
+    wrapped = [without_half_turns(angle, half_turns(angle)) for turns in (1.0, 3.0, -5.0, 1001.0)
+               for angle in around(turns * edge)]
+    for angle in [*(x for x in angles if abs(x) <= edge), *(x for x in wrapped if abs(x) <= edge), 0.0, -0.0]:
+        for near, far in ((elementary.sin_near_zero, elementary.sin), (elementary.cos_near_zero, elementary.cos)):
+            one, other = near(0.5 * angle, 0.0), far(0.5 * angle)
+            assert (one, math.copysign(1.0, one)) == (other, math.copysign(1.0, other))
+    assert max(map(abs, wrapped)) < edge + 1e-12
+
+
+def around(value: float, count: int = 20) -> list[float]:
+    """The numbers of double precision next to a value."""
+    found = [value]
+    for _ in range(count):
+        found = [math.nextafter(found[0], -math.inf), *found, math.nextafter(found[-1], math.inf)]
+    return found
