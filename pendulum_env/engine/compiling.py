@@ -6,7 +6,7 @@ optimised at every level, and only the code of the outermost is used. Here the i
 the outermost is optimised. That takes three quarters of the time, and no bit of a result depends on it, because no
 pass of the optimiser may change a floating-point operation.
 
-numba has no public way to choose this, so that this module replaces methods of its classes CodeLibrary.
+numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Entry(compiler.Compiler):  # type: ignore[misc]
     """numba's compiler for the functions of a program that Python calls, with all that they inline."""
 
     def compile_extra(self, function: Any) -> Any:
-        """Compile without looking for garbage, which takes a tenth of the time; hardly any arises."""
+        """Compile without looking for garbage in between, which would take some 5 % of the time."""
         collects = gc.isenabled()
         gc.disable()
         try:

@@ -1,6 +1,6 @@
 """Threads that share the steps of a vector of environments, and look out for the next step in between.
 
-To wake a thread that sleeps takes some 50 µs, as long as a step of some thousand environments. The threads of a team
+To wake a thread that sleeps takes some 50 µs, as long as a step of several thousand environments. The threads of a team
 therefore do not sleep at the end of a step: for at most :data:`LIMIT` they read a number in memory again and again,
 which changes when the next step begins. After that they sleep, and the next step wakes them.
 
@@ -128,7 +128,7 @@ class Team:
             seat.gate.acquire()
             threading.Thread(target=_work, name="lab-pendulum team", daemon=True, args=(
                 self._call, seat, self._board, (self._ends, number), looks, self._arguments[number])).start()
-        self.end = weakref.finalize(self, _end, self._board, self._seats)
+        weakref.finalize(self, _end, self._board, self._seats)
 
     def _looks(self) -> int:
         """Return the number of looks at the board that take LIMIT."""

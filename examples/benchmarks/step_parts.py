@@ -1,0 +1,109 @@
+"""What the compiled step of a vector of environments consists of, in ns for one environment, one thread.
+
+Parts of the generated program are left out one after the other: the copies to the user's arrays, the observation with
+reward, endings and energies, and the motion. Python is the rest of a whole step of 1024 environments. Then: adaptive
+steps of 1024 pendulums at once beside one run after the other, and a step of a single Taylor series by its order.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import re
+import time
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from machine import describe
+
+from pendulum_env import rollout
+from pendulum_env.engine.kernels import PREAMBLE
+
+SIZE, REPEATS = 1024, 9
+KINDS: dict[str, dict[str, Any]] = {
+    "rk4, energies": {"integrator": "rk4", "diagnostics": ("energy",)},
+    "symplectic_euler, no diagnostics": {"integrator": "symplectic_euler", "diagnostics": ()},
+}
+COPIES = "        seen = observation[base:base + n]\n"
+"""Line of the program with which the copies begin."""
+
+
+def shortest(work: Callable[[], Any], times: int = 1) -> float:
+    """Return the shortest time of a call [s], of several series of ``times`` calls."""
+    work()
+    found = []
+    for _ in range(REPEATS):
+        begun = time.perf_counter()
+        for _ in range(times):
+            work()
+        found.append((time.perf_counter() - begun) / times)
+    return min(found)
+
+
+def parts(name: str) -> None:
+    """Print the parts of a step of one kind."""
+    env = gym.make_vec("LabPendulum-v0", SIZE, vectorization_mode="vector_entry_point", num_threads=1, copy=False,
+                       damping="none", max_episode_steps=10**9, **KINDS[name])
+    action = np.random.default_rng(0).uniform(-1, 1, (SIZE, 1)).astype(np.float32)
+    env.reset(seed=0)
+    whole = shortest(lambda: env.step(action), 500)
+    batch = env.unwrapped._batch
+    arguments = (batch._state, batch._scratch[0], 0, len(batch._state), SIZE, batch.h, 1, 1, batch._bound,
+                 action.ravel(), *batch.results(), *batch._shared)
+
+    def of(text: str) -> float:
+        space: dict[str, Any] = {}
+        exec(PREAMBLE + text, space)
+        env.reset(seed=0)
+        return shortest(lambda: space["step_blocks"](*arguments), 500)
+
+    text = batch.program.text
+    full = of(text)
+    copied = full - of(text.split(COPIES)[0] + "    return 0\n")
+    observed = full - of(re.sub(r"        observe\(.*\n", "", text))
+    each = 1e9 / SIZE
+    print(f"{name}: {each * whole:.1f} ns, of which motion {each * (full - copied - observed):.1f}, observation, "
+          f"reward, endings and energies {each * observed:.1f}, copies {each * copied:.1f}, Python "
+          f"{each * (whole - full):.1f}")
+
+
+def at_once(method: str, every: float) -> None:
+    """Print the time of adaptive steps of many pendulums beside that of one run after the other."""
+    angles = np.radians(np.linspace(1.0, 179.0, SIZE))
+    given: dict[str, Any] = {"scene": "vacuum", "integrator": method, "rtol": 1e-6, "duration": 20.0, "dt": every,
+                             "diagnostics": (), "num_threads": 1}
+    batch = shortest(lambda: rollout(angle=angles, **given))
+    begun = time.perf_counter()
+    for angle in angles.tolist():
+        rollout(angle=angle, **given)
+    single = time.perf_counter() - begun
+    print(f"{method}, rtol = 1e-6, records every {every:g} s: {1e6 * batch / SIZE:.1f} us a pendulum, "
+          f"{single / batch:.0f} times as fast as one after the other")
+
+
+def series(order: int, steps: int = 20_000) -> None:
+    """Print the time of a step of a Taylor series for one pendulum."""
+    took = shortest(lambda: rollout("vacuum", integrator=f"taylor{order}", duration=0.1 * steps, dt=0.1, every=steps,
+                                    angle=2.0, diagnostics=()))
+    print(f"taylor{order}: {1e9 * took / steps:.0f} ns a step of one pendulum")
+
+
+def main() -> None:
+    warnings.simplefilter("ignore")
+    print(describe())
+    for name in KINDS:
+        parts(name)
+    for method in ("dopri5", "dop853", "taylor16"):
+        for every in (20.0, 0.1):
+            at_once(method, every)
+    for order in (6, 12, 24):
+        series(order)
+
+
+if __name__ == "__main__":
+    main()
