@@ -202,8 +202,10 @@ class _CodeCache:
         """Return the cached compiled function, or None if its file is missing or damaged."""
         from numba.core import compiler
 
+        from numba.core.runtime import rtsys
+
         result: Any = compiler.CompileResult  # its _rebuild and _reduce are private, and numba's own cache uses them
-        context.refresh()
+        rtsys.initialize(context)  # all that machine code needs; numba's context.refresh() also loads what compiles
         try:
             content = own_bytes(self._file(signature, context.codegen()))
             digest, payload = content[: self.digest], content[self.digest :]
