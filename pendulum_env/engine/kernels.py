@@ -201,7 +201,6 @@ class _CodeCache:
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the cached compiled function, or None if its file is missing or damaged."""
         from numba.core import compiler
-
         from numba.core.runtime import rtsys
 
         result: Any = compiler.CompileResult  # its _rebuild and _reduce are private, and numba's own cache uses them
