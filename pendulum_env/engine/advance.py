@@ -12,7 +12,7 @@ from integrators import Method
 from integrators.solving.step_size import ratio_powers, step_power, step_power_of_many, step_ratio
 from integrators.steps.estimates import embedded_orders, order_of_estimate
 from pendulum_env.engine import slack
-from pendulum_env.engine.calls import stepped
+from pendulum_env.engine.calls import potential, stepped
 from pendulum_env.engine.shape import (
     ADAPTED,
     CLIPPED,
@@ -135,7 +135,7 @@ def _clipped(shape: Shape) -> list[str]:
     if shape.compensated:
         lines.append("lost_v1 = lost_v1 if v1 == free_v else 0.0")
     if CLIPPED in shape.sums:
-        before, after = (f"potential({joined((q,), shape.place)})" for q in ("free_q", "q1"))
+        before, after = (potential(shape, q, wrapped=False) for q in ("free_q", "q1"))
         fallen = f" + ({before} - {after})" if shape.drift else ""
         lines.append(f"d_{CLIPPED} = 0.5*(free_v - v1)*(free_v + v1){fallen}")
     return lines

@@ -114,7 +114,8 @@ def exact_flow(problem: Problem) -> str:
 def potential(problem: Problem) -> str:
     """Write the source of ``potential``: the potential energy per moment of inertia at an angle."""
     holders = [effect for effect in problem.effects if effect.potential]
-    return problem.define("potential", "q", [f"return {problem.sum_of(holders, 'potential')}"], problem.shape.place)
+    first = "q, half_sine" if problem.shape.periodic else "q"
+    return problem.define("potential", first, [f"return {problem.sum_of(holders, 'potential')}"], problem.shape.place)
 
 
 def remember(problem: Problem) -> str:

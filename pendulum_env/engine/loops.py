@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pendulum_env.engine import report, watch
 from pendulum_env.engine.advance import advanced
-from pendulum_env.engine.calls import begin
+from pendulum_env.engine.calls import begin, potential
 from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, UNSURE, Shape, indent, joined
 
 
@@ -16,8 +16,8 @@ def _unpack(shape: Shape) -> list[str]:
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
         lines.append("side = side_of(turns)")
-    kinetic, potential, _ = report.energy_of(shape).values()
-    lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {potential}"]
+    kinetic, height, _ = report.energy_of(shape).values()
+    lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {height}"]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(shape.kept[1:], len(shape.recorded) + 1)]
     if shape.adaptive:
         tried = " + ".join(f"params[{shape.params.index(f'paused_{name}')}]" for name in ("taken", "rejected"))
@@ -68,8 +68,7 @@ def _store(shape: Shape, target: str) -> list[str]:
 
     ``target`` is the source of the array entry, with {} for the index.
     """
-    potential = f"potential({joined(('q',), shape.place)})"
-    values = ["index", "q", "turns", "v", "0.5*v*v", potential, *shape.sums, *shape.lost]
+    values = ["index", "q", "turns", "v", "0.5*v*v", potential(shape), *shape.sums, *shape.lost]
     values += watch.values(shape).values()
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 

@@ -26,6 +26,9 @@ AT_REST = "0.0"
 WHOLE_ANGLE = "(q + 1.5707963267948966*(1.0 - side))"
 """Source of the angle from the bottom in periodic scenes; their ``q`` is that from the nearer of bottom and top."""
 
+HALF_SINE = "sin(0.5*q)"
+"""Source of the sine of half the angle where it is not wrapped."""
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -90,7 +93,7 @@ class Problem:
 
         ``renamed`` maps names of its arguments to the source of other values.
         """
-        whole = {"angle": WHOLE_ANGLE} if self.shape.periodic else {"side": "1.0"}
+        whole = {"angle": WHOLE_ANGLE} if self.shape.periodic else {"side": "1.0", "half_sine": HALF_SINE}
         names = {**ARGUMENTS, **({} if self.windy else STILL), **whole, **renamed}
         return f"{function.__name__}({', '.join(names.get(name, name) for name in arguments(function))})"
 

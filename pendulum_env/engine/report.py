@@ -8,7 +8,8 @@ in local names, and serve single environments and blocks of environments.
 from __future__ import annotations
 
 from pendulum_env.engine import watch, wrap
-from pendulum_env.engine.shape import DIVERGED, SLACK, Shape, joined
+from pendulum_env.engine.calls import potential
+from pendulum_env.engine.shape import DIVERGED, SLACK, Shape
 from pendulum_env.engine.source import Plain
 from pendulum_env.physics import elementary, energy
 
@@ -36,14 +37,14 @@ CALLED: tuple[Plain, ...] = (
 def motion(shape: Shape) -> list[str]:
     """Return the source lines that compute the observation and ``phi``, the angle from upright in [-pi, pi].
 
-    The lines use the sine of half the angle, because the gravitational potential needs it too: it is computed only
-    once. Without energies there is no potential, and where the angle is wrapped, its half needs no reduction.
+    The lines use the sine of half the angle, because the gravitational potential needs it too: the compiler computes it
+    only once. Where the angle is wrapped, its half needs no reduction.
     """
     turned = ["tilt = q"] if shape.periodic else [
         "halves = half_turns(q)", f"tilt = max(-{RESOLVED}, min({RESOLVED}, without_half_turns(q, halves)))",
         "side = side_of(0.5*halves)"]
     sine, cosine = ("sin_near_zero(0.5*tilt, 0.0)", "cos_near_zero(0.5*tilt, 0.0)") if (
-        shape.periodic and not shape.ledger) else ("sin(0.5*tilt)", "cos(0.5*tilt)")
+        shape.periodic) else ("sin(0.5*tilt)", "cos(0.5*tilt)")
     return [
         *turned,
         f"half = {sine}",
@@ -66,7 +67,7 @@ def energy_of(shape: Shape) -> dict[str, str]:
     """Return the source formulas of the kinetic, potential and total energy [J]."""
     return {
         "r_kinetic_energy": "inertia*(0.5*v*v)",
-        "r_potential_energy": f"inertia*potential({joined(('q',), shape.place)})",
+        "r_potential_energy": f"inertia*{potential(shape)}",
         "r_energy": "r_kinetic_energy + r_potential_energy",
     }
 

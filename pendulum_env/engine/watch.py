@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 from pendulum_env.engine import air
+from pendulum_env.engine.calls import potential
 from pendulum_env.engine.problem import Problem, slipping
 from pendulum_env.engine.shape import Shape, joined
 from pendulum_env.physics.elementary import cos
@@ -57,8 +58,7 @@ def flow(problem: Problem) -> list[str]:
     shape = problem.shape
     speed = "speed" if problem.windy else "abs(v)"
     relative = problem.define("relative_speed", "t, q, v", [*air.motion(problem), f"return {speed}"])
-    potential = f"potential({joined(('q',), shape.place)})"
-    bottom = problem.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential})"], shape.place)
+    bottom = problem.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential(shape)})"], shape.place)
     lines, terms = ["u = u if u > 1e-150 else 1e-150"], []
     idle = dict.fromkeys(("control", *(name for effect in problem.drives for name in effect.memory)), "0.0")
     for k in range(NODES):

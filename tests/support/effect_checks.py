@@ -40,9 +40,10 @@ def bound(function: Callable[..., float], scene: Scene, side: float = 1.0) -> Ca
         speed: Any = None,
     ) -> Any:
         known = {
-            "time": time, "angle": angle, "tilt": angle, "side": mpmath.mpf(side), "velocity": velocity,
-            "slip": velocity, "speed": abs(velocity) if speed is None else speed, "control": control,
-            "duration": duration, "spread": spread, **numbers(scene), **scene.coefficients,
+            "time": time, "angle": angle, "tilt": angle, "half_sine": mpmath.sin(mpmath.mpf(angle) / 2),
+            "side": mpmath.mpf(side), "velocity": velocity, "slip": velocity,
+            "speed": abs(velocity) if speed is None else speed, "control": control, "duration": duration,
+            "spread": spread, **numbers(scene), **scene.coefficients,
         }
         return exact(*(mpmath.mpf(known[name]) for name in wanted))
 

@@ -5,7 +5,8 @@ copied into the generated step, compiled or interpreted, so they may use only ar
 :mod:`pendulum_env.physics.elementary`. Their arguments are matched by name: ``time`` [s], ``angle`` [rad],
 ``velocity`` [rad/s], ``control`` [1], ``duration`` [s], ``spread`` [rad], the effect's own coefficients and the names
 in its ``memory``. Two pairs replace these where needed. ``tilt`` and ``side`` replace ``angle`` where accuracy near the
-top matters: the angle from the nearer of bottom and top, and +1 or -1, so that sin(angle) = side sin(tilt). ``slip``
+top matters: the angle from the nearer of bottom and top, and +1 or -1, so that sin(angle) = side sin(tilt). A potential
+may take ``half_sine`` = sin(tilt/2) in place of ``tilt``, which the observation needs, too. ``slip``
 and ``speed`` replace ``velocity`` in drags: the bob's velocity relative to the medium along its path, and the size of
 the whole relative velocity, with the part across the path, both over the length [rad/s]. In a still medium, with a
 pivot at rest, these are ``velocity`` and its absolute value. A drag is proportional to ``slip`` at a given ``speed``.

@@ -20,9 +20,8 @@ def gravity_by_angle(tilt: float, side: float, gravity_rate: float) -> float:
     return -gravity_rate * side * cos(tilt)
 
 
-def gravity_potential(tilt: float, side: float, gravity_rate: float) -> float:
-    half = sin(0.5 * tilt)
-    return gravity_rate * ((1.0 - side) + side * (2.0 * half * half))
+def gravity_potential(half_sine: float, side: float, gravity_rate: float) -> float:
+    return gravity_rate * ((1.0 - side) + side * (2.0 * half_sine * half_sine))
 
 
 def gravity_mean(tilt: float, side: float, spread: float, gravity_rate: float) -> float:
