@@ -6,6 +6,7 @@ A block holds 248 pendulums (BLOCK) in one array, so that the compiled loop over
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -19,7 +20,7 @@ from pendulum_env.engine import threads
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.kernels import Backend, functions, resolve
-from pendulum_env.engine.layout import BLOCK
+from pendulum_env.engine.layout import BLOCK, aligned
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, checked_tolerance, find_method
 from pendulum_env.engine.pieces import Pace
 from pendulum_env.engine.sensing import Sensing
@@ -132,7 +133,7 @@ class Blocks:
         self._threads_given = num_threads is not None
         self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
         parts = max(1, min(self.num_threads, len(self._state)))
-        self._scratch = [np.empty(len(self.layout.results) * BLOCK) for _ in range(parts)]
+        self._scratch = [aligned((len(self.layout.results) * BLOCK,)) for _ in range(parts)]
         self._set_pace()
 
     def _set_program(self, varying: frozenset[str]) -> None:
@@ -264,12 +265,12 @@ class Blocks:
 
         A row is one block: for every field, such as angle or velocity, it holds the numbers of 248 (BLOCK) pendulums.
         """
-        return np.zeros((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
+        return aligned((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
 
     def _slots(self, state: Array) -> Array:
         """Return the zero-filled work arrays of blocks, ``(blocks, numbers)``; see :attr:`Layout.work`."""
         width = 1 + len(self.layout.work) * BLOCK if self.tolerance else 0
-        return np.zeros((len(state), width))
+        return aligned((len(state), width))
 
     def _fields(self, state: Array) -> Array:
         """Return a view of the blocks in ``state`` with the shape ``(blocks, fields, BLOCK)``.
@@ -388,8 +389,9 @@ class Batch(Blocks):
     def results(self, size: int | None = None) -> Results:
         """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch."""
         count = self.size if size is None else size
-        return Results(np.empty((count, self._width), SINGLE), np.empty(count), np.empty(count, TRUTH),
-                       np.empty(count, TRUTH), np.empty((len(self.names), count)))
+        make: Any = np.empty if count < BLOCK else partial(aligned, make=np.empty)
+        return Results(make((count, self._width), SINGLE), make((count,)), np.empty(count, TRUTH),
+                       np.empty(count, TRUTH), make((len(self.names), count)))
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
         """Take one control step of every environment that has not stopped, and write the results to ``into``.

@@ -69,7 +69,8 @@ class Streams:
             self._seed(which[first:first + AT_ONCE], seeds[first:first + AT_ONCE])
 
     def _seed(self, which: NDArray[np.intp], seeds: Seeds) -> None:
-        words = _seed_sequence(seeds)
+        small = isinstance(seeds, range) and seeds.stop <= 2**64
+        words = _seed_sequence(words_of_range(seeds) if small else seeds)  # type: ignore[arg-type]
         with np.errstate(over="ignore"):
             one = np.uint64(1)
             increment = (words[2] << one | words[3] >> np.uint64(63), words[3] << one | one)
@@ -126,6 +127,11 @@ def words_of(state: Mapping[str, Any]) -> Words:
     """Return the four words of a stream from the ``state`` of a NumPy generator PCG64."""
     return np.array([state["state"][name] >> shift & 2**64 - 1 for name in ("state", "inc") for shift in (64, 0)],
                     dtype=np.uint64)
+
+
+def words_of_range(seeds: range) -> Words:
+    """Return consecutive whole numbers from 0 to 2**64 - 1 as an array."""
+    return np.arange(len(seeds), dtype=np.uint64) + np.uint64(seeds.start)
 
 
 def fresh_seeds(size: int) -> Words:

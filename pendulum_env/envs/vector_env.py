@@ -21,7 +21,7 @@ from pendulum_env.engine.machine import check_diagnostics
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds
+from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
@@ -177,7 +177,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             self._batch.reuse(self._reused)
         self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None
         self._streams: Streams | None = None
-        self._seeds: NDArray[Any] = np.empty(0, dtype=np.uint64)
+        self._seeds: NDArray[Any] | range = range(0)
         self._over, self._everyone = NOBODY, np.ones(self._num_envs, dtype=np.bool_)
         self._running = np.broadcast_to(np.array("", dtype=object), (self._num_envs,))
         shown = np.ones(self._num_envs, dtype=np.bool_)
@@ -212,13 +212,11 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         own = {name: checked_values(name, values, which, size) for name, values in given.items()}
         if own:
             self._each.numbers_with(which, own)
-        angle, velocity = checked_starts(self._spec, {**dict.fromkeys(START, 0.0), **asked}, which, size)
+        starts = checked_starts(self._spec, asked, which, size)
         self._seed(checked_seeds(seed, size), which)
         numbers = self._take_parameters(which, own)
-        if len(asked) < len(START):
-            drawn = self._random(which, numbers, task)
-            angle = angle if "angle" in asked else drawn[0]
-            velocity = velocity if "velocity" in asked else drawn[1]
+        drawn = dict(zip(START, self._random(which, numbers, task), strict=True)) if len(starts) < len(START) else {}
+        angle, velocity = ({**drawn, **starts}[name] for name in START)
         results = self._batch.results() if self._reused is None else self._reused
         if some:
             self._batch.look(results)
@@ -514,18 +512,21 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         angle, velocity = task.starts(first, second, omega)
         return np.asarray(angle), np.asarray(velocity)
 
-    def _seed(self, seeds: NDArray[np.uint64] | list[int | None] | None, which: Places) -> None:
+    def _seed(self, seeds: range | list[int | None] | None, which: Places) -> None:
         """Seed the random streams of the environments ``which``, except where the seed is None."""
         if seeds is None:
             return
-        if isinstance(seeds, np.ndarray) and len(which) == self._num_envs:
+        if isinstance(seeds, range) and len(which) == self._num_envs:
             self._seeds, self._streams = seeds, Streams(seeds)
             self._forget(which)
             return
         streams = self._seeded()
-        if isinstance(seeds, np.ndarray):
-            self._seeds[which] = seeds[which]
-            streams.seed(which, seeds[which])
+        if isinstance(self._seeds, range):
+            self._seeds = words_of_range(self._seeds)
+        if isinstance(seeds, range):
+            own = words_of_range(seeds)[which]
+            self._seeds[which] = own
+            streams.seed(which, own)
             self._forget(which)
             return
         places = [place for place in which.tolist() if seeds[place] is not None]
@@ -576,14 +577,17 @@ def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:
     return mask
 
 
-def checked_starts(spec: RunSpec, asked: Mapping[str, Any], which: Places, size: int) -> tuple[Array, Array]:
-    """Return start angles [rad] and velocities [rad/s] of the environments ``which``, from the options of ``reset``.
+def checked_starts(spec: RunSpec, asked: Mapping[str, Any], which: Places, size: int) -> dict[str, Array]:
+    """Return the asked ones of start angles [rad] and velocities [rad/s] of the environments ``which``, by name.
 
-    Options are one number, or an array with one for each environment. Raises SceneError for another shape, or values
-    that are no valid start.
+    Options of ``reset`` are one number, or an array with one for each environment. Raises SceneError for another shape,
+    or values that are no valid start.
     """
-    starts = {name: checked_shape(name, values, which, size) for name, values in asked.items()}
-    return spec.tell_of_start(starts["angle"], starts["velocity"])
+    if not asked:
+        return {}
+    starts = {name: checked_shape(name, asked.get(name, 0.0), which, size) for name in START}
+    found = zip(START, spec.tell_of_start(starts["angle"], starts["velocity"]), strict=True)
+    return {name: values for name, values in found if name in asked}
 
 
 def checked_shape(name: str, values: Any, which: Places, size: int) -> NDArray[Any]:
@@ -610,14 +614,17 @@ def checked_values(name: str, values: Any, which: Places, size: int) -> Array:
     return np.array([number(value, name) for value in own.tolist()])
 
 
-def checked_seeds(seed: Any, size: int) -> NDArray[np.uint64] | list[int | None] | None:
-    """Return the seeds of all environments, None without a seed; raises SceneError for an invalid seed."""
+def checked_seeds(seed: Any, size: int) -> range | list[int | None] | None:
+    """Return the seeds of all environments, None without a seed; raises SceneError for an invalid seed.
+
+    Those that follow from one number are a range, which takes no memory, if they are below 2**64.
+    """
     if seed is None:
         return None
     seeds: list[int | None] = []
     if isinstance(seed, (int, np.integer)) and not isinstance(seed, bool):
         if 0 <= seed <= 2**64 - size:
-            return np.arange(size, dtype=np.uint64) + np.uint64(seed)
+            return range(int(seed), int(seed) + size)
         seeds = [int(seed) + place for place in range(size)]
     elif isinstance(seed, (list, tuple)) or (isinstance(seed, np.ndarray) and seed.ndim):
         seeds = [entry.item() if isinstance(entry, np.generic) else entry for entry in seed]

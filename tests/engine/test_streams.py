@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from gymnasium.utils import seeding
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -17,6 +18,13 @@ def test_a_stream_is_numpys_generator(seeds: list[int]) -> None:
     generators = [seeding.np_random(seed)[0] for seed in seeds]
     for _ in range(20):
         assert streams.uniform(which).tolist() == [generator.random() for generator in generators]
+
+
+@pytest.mark.parametrize("first", [0, 2**32 - 2, 2**64 - 5, 2**64 - 2, MOST_SEED - 3])
+def test_consecutive_seeds_may_be_a_range(first: int) -> None:
+    seeds = range(first, first + 4)
+    assert Streams(seeds).uniform(np.arange(4)).tolist() == [
+        np.random.default_rng(np.random.PCG64(seed)).random() for seed in seeds]
 
 
 def test_each_stream_goes_on_by_itself() -> None:

@@ -28,7 +28,7 @@ from vector_steps import MODES, same, side_by_side, vector
 import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Scene, SceneError
 from pendulum_env.engine import batch, generate, kernels, threads
-from pendulum_env.engine.layout import BLOCK
+from pendulum_env.engine.layout import BLOCK, aligned
 from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import ActionError
 
@@ -341,6 +341,20 @@ def test_each_step_has_an_info_of_its_own(copied: bool) -> None:
     assert second["_angle"].all()
     assert np.all(second["angle"] != 7.0)
     assert second is not first
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_arrays_of_blocks_begin_with_a_cache_line(dtype: Any) -> None:
+    for size in range(1, 40):
+        array = aligned((3, size), dtype)
+        assert array.shape == (3, size)
+        assert array.dtype == dtype
+        assert not array.any()
+        assert array.ctypes.data % 64 == 0
+    env = vector(2 * BLOCK, copy=False)
+    env.reset(seed=0)
+    seen, reward, *_, infos = env.step(np.zeros((2 * BLOCK, 1), np.float32))
+    assert [array.ctypes.data % 64 for array in (seen, reward, infos["angle"], infos["energy"])] == [0] * 4
 
 
 def test_a_copy_tells_of_itself_where_arrays_are_reused() -> None:
