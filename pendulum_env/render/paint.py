@@ -40,9 +40,10 @@ def blend(patch: Image, cover: Floats, colour: Floats) -> None:
     """Mix `colour`, (3,) or (..., 3), into pixels `patch` (..., 3) in place; `cover` (...) is the opacity, 0 to 1."""
     flat = patch.reshape(*patch.shape[:-2], 3 * patch.shape[-2])
     tone = spread(colour, patch.shape[-2]) if colour.ndim == 1 else colour.reshape(flat.shape)
-    mixed = tone - flat
+    under = flat.astype(np.float32)
+    mixed = tone - under
     mixed *= cover.repeat(3, axis=-1)
-    mixed += flat
+    mixed += under
     mixed += np.float32(0.5)
     patch[...] = mixed.reshape(patch.shape)
 
@@ -121,19 +122,22 @@ def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: 
         return
     first, last = math.ceil(left), math.floor(right)
     if first > last:
-        image[top:bottom, last] = mix(image[top:bottom, last], colour, right - left)
+        mix(image[top:bottom, last], colour, right - left)
         return
-    image[top:bottom, first:last] = colour
+    image[top:bottom, first:last] = spread(colour, last - first).reshape(-1, 3)
     if left < first:
-        image[top:bottom, first - 1] = mix(image[top:bottom, first - 1], colour, first - left)
+        mix(image[top:bottom, first - 1], colour, first - left)
     if right > last:
-        image[top:bottom, last] = mix(image[top:bottom, last], colour, right - last)
+        mix(image[top:bottom, last], colour, right - last)
 
 
-def mix(under: Image, over: Floats, share: float) -> Image:
-    """Return a mixture of the colours `under` and the colour `over`; `share`, 0 to 1, is the fraction of `over`."""
-    mixed: Image = (under + (over - under) * np.float32(share) + np.float32(0.5)).astype(np.uint8)
-    return mixed
+def mix(patch: Image, colour: Floats, share: float) -> None:
+    """Mix a colour, (3,), into pixels `patch` (..., 3) in place; `share`, 0 to 1, is the fraction of the colour."""
+    mixed = colour - patch
+    mixed *= np.float32(share)
+    mixed += patch
+    mixed += np.float32(0.5)
+    patch[...] = mixed
 
 
 def box(

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from pendulum_env.render.paint import Floats, Image, blend
 
 TURN = 2 * math.pi
+PIXEL = np.dtype("V3")
+"""The three bytes of a pixel as one item, which is copied at once."""
 HEAD = 0.6
 """Ratio of half the width of an arrow's head to its length."""
 
@@ -112,9 +114,9 @@ class Ring:
     @staticmethod
     def _paint(image: Image, where: NDArray[np.intp], share: Floats, colour: Floats) -> None:
         """Mix a colour into pixels of an image, given by flat indices ``where``, with the opacities ``share``."""
-        pixels = image.reshape(-1, 3)
-        patch = pixels.take(where, axis=0)
-        blend(patch, share, colour)
+        pixels = image.reshape(-1).view(PIXEL)
+        patch = pixels.take(where)
+        blend(patch.view(np.uint8).reshape(-1, 3), share, colour)
         pixels[where] = patch
 
 

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 _FONTS: dict[int, pygame.font.Font] = {}
 _MOST_FONTS = 32
-_DIGIT = re.compile(r"([0-9])")
+_PART = re.compile(r"[0-9]{1,2}(?:\.(?=[0-9]))?|[^0-9]+")
+"""Part of a text that recurs in others: up to two digits, with a decimal point after them, or what is between."""
+_DIGITS = frozenset("0123456789")
 MINUS = "\N{MINUS SIGN}"
 LEAST_SIZE = 14
 """Smallest font size in pixels that can still be read: its capitals are about 9 pixels high."""
@@ -55,9 +57,14 @@ def _render(text: str, size: int) -> pygame.Surface:
         return _font(size).render(text, True, (0, 0, 0))
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=4096)
 def piece(text: str, size: int) -> NDArray[np.uint8]:
-    """Return the opacity, 0 to 255, of every pixel of a short text; the results for recent texts are cached."""
+    """Return the opacity, 0 to 255, of every pixel of a short text; the results for recent texts are cached.
+
+    Digits and a point after them are painted one beside the other.
+    """
+    if len(text) > 1 and text[0] in _DIGITS:
+        return np.concatenate([piece(sign, size) for sign in text], axis=1)
     surface = _render(text, size)
     import pygame.surfarray
 
@@ -76,7 +83,7 @@ def _height(size: int) -> int:
     return _render("Å(gjpqy|0", size).get_height()
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=4096)
 def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
     """Return the picture (H, W, 3) of a short text in the hex colour ``colour`` on the background colour ``paper``."""
     return _inks(paper, colour).take(piece(text, size), axis=0)
@@ -84,8 +91,8 @@ def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
 
 @lru_cache(maxsize=32)
 def _pieces(text: str) -> tuple[str, ...]:
-    """Divide a text into single digits and the parts between them, which recur in other texts and are cached."""
-    return tuple(part for part in _DIGIT.split(text) if part)
+    """Divide a text into parts that recur in other texts, and whose pictures are cached."""
+    return tuple(_PART.findall(text))
 
 
 def mask(text: str, size: int) -> NDArray[np.uint8]:
@@ -125,13 +132,13 @@ def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
     """
     if not text:
         return
-    width, height = measure(text, size)
+    picture = mask(text, size) if paper is None else np.concatenate(
+        [_inked(part, size, colour, paper) for part in _pieces(text)], axis=1)
+    height, width = picture.shape[:2]
     left, top = round(x - anchor[0] * width), round(y - anchor[1] * height)
     patch = image[max(top, 0):max(top + height, 0), max(left, 0):max(left + width, 0)]
-    rows, columns = slice(max(0, -top), None), slice(max(0, -left), None)
+    shown = picture[max(0, -top):, max(0, -left):][:patch.shape[0], :patch.shape[1]]
     if paper is None:
-        cover = mask(text, size)[rows, columns][:patch.shape[0], :patch.shape[1]]
-        blend(patch, cover * np.float32(1 / 255), rgb(colour))
+        blend(patch, shown * np.float32(1 / 255), rgb(colour))
     else:
-        inked = np.concatenate([_inked(part, size, colour, paper) for part in _pieces(text)], axis=1)
-        patch[...] = inked[rows, columns][:patch.shape[0], :patch.shape[1]]
+        patch[...] = shown
