@@ -23,7 +23,7 @@ from numba import njit
 
 import integrators
 from pendulum_env.engine.each import Each
-from pendulum_env.engine.layout import BLOCK
+from pendulum_env.engine.layout import BLOCK, aligned
 from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.physics import elementary
@@ -50,9 +50,9 @@ def by_hand() -> Callable[[], None]:
     sin, unsigned = names["sin"], np.uint64
 
     @njit(error_model="numpy", nogil=True)
-    def steps(state: np.ndarray, n: int, count: int, h: float, rate: float) -> None:
+    def steps(state: np.ndarray, size: int, count: int, h: float, rate: float) -> None:
         for b in range(len(state)):
-            s = state[b]
+            s, n = state[b], min(BLOCK, size - BLOCK * b)
             for _ in range(count):
                 for i in range(unsigned(n)):
                     index, q, turns = s[i], s[i + unsigned(BLOCK)], s[i + unsigned(2 * BLOCK)]
@@ -73,9 +73,9 @@ def by_hand() -> Callable[[], None]:
                     stop = 2.0 if abs(v1) > 1e300 else 0.0
                     s[i + unsigned(4 * BLOCK)] = stop if good else (1.0 if status == 0.0 else status)
 
-    state = np.zeros((SIZE // BLOCK, 5 * BLOCK))
-    state[:, BLOCK : 2 * BLOCK] = np.random.default_rng(0).uniform(-2.0, 2.0, (SIZE // BLOCK, BLOCK))
-    return lambda: steps(state, BLOCK, STEPS, H, 9.81)
+    state = aligned((-(-SIZE // BLOCK), 5 * BLOCK))
+    state[:, BLOCK : 2 * BLOCK] = np.random.default_rng(0).uniform(-2.0, 2.0, (len(state), BLOCK))
+    return lambda: steps(state, SIZE, STEPS, H, 9.81)
 
 
 def seconds(work: Callable[[], None]) -> float:
