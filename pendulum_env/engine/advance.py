@@ -63,7 +63,7 @@ def advance(shape: Shape) -> str:
         arguments = joined(("t", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra, pull, shape.slackened)
         lines = [f"{joined(interval_results(shape))} = adapt({arguments})", f"return {landed(shape)}"]
     else:
-        lines = [f"{joined(shape.step_results)} = {stepped(shape)}", *_checked(shape)]
+        lines = [f"{joined(shape.step_results)} = {stepped(shape)}", *checked(shape), _returned(shape)]
     title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
     return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
 
@@ -75,7 +75,7 @@ def land(shape: Shape) -> str:
     state before the step and :func:`interval_results`, and returns what ``advance`` returns.
     """
     title = '"""Return the stop code (0.0 if the run continues) and the state after adaptive steps over h."""'
-    return "\n".join(["@inline", f"def {landed(shape)}:", *indent([title, *_checked(shape)], 1), ""])
+    return "\n".join(["@inline", f"def {landed(shape)}:", *indent([title, *checked(shape), _returned(shape)], 1), ""])
 
 
 def landed(shape: Shape) -> str:
@@ -89,8 +89,8 @@ def interval_results(shape: Shape) -> tuple[str, ...]:
     return ("q1", "v1", *(f"d_{name}" for name in shape.quadratures), "size", "steps", "vain", "reason", *_found(shape))
 
 
-def _checked(shape: Shape) -> list[str]:
-    """Return the source lines that check the end of a step, and return the stop code and the new state."""
+def checked(shape: Shape) -> list[str]:
+    """Return the source lines that check the end of a step, and assign ``stop`` and the new state, such as ``q1``."""
     parts = [f"d_{name}" for name in shape.quadratures]
     finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
     if parts:
@@ -118,9 +118,14 @@ def _checked(shape: Shape) -> list[str]:
     lines.append(f"stop = stop if good else {DIVERGED}.0")
     if shape.adaptive:
         lines.append(f"stop = stop if reason == {OK}.0 else reason")
+    return lines
+
+
+def _returned(shape: Shape) -> str:
+    """Return the source line that returns the stop code and the state after a step."""
     adapted = ("size", "taken + steps", "rejected + vain") if shape.adaptive else ()
     portion = slack.portion(shape) if shape.adaptive else ()
-    return [*lines, f"return {joined(('stop',), [f'{name}1' for name in shape.carried], adapted, portion)}"]
+    return f"return {joined(('stop',), [f'{name}1' for name in shape.carried], adapted, portion)}"
 
 
 def _clipped(shape: Shape) -> list[str]:

@@ -133,7 +133,7 @@ class Blocks:
         self._threads_given = num_threads is not None
         self.num_threads = threads.usual(len(self._state)) if num_threads is None else num_threads
         parts = max(1, min(self.num_threads, len(self._state)))
-        self._scratch = [aligned((len(self.layout.results) * BLOCK,)) for _ in range(parts)]
+        self._scratch = [aligned((self.layout.room,)) for _ in range(parts)]
         self._set_pace()
 
     def _set_program(self, varying: frozenset[str]) -> None:

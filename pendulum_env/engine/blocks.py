@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping
 from integrators import Method
 from integrators.solving.step_size import step_power_of_many
 from pendulum_env.engine import report, slack
-from pendulum_env.engine.advance import advanced, attempt, landed
+from pendulum_env.engine.advance import advanced, attempt, checked, landed
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
@@ -30,6 +30,7 @@ from pendulum_env.engine.shape import (
     OK,
     TOO_SHORT,
     UNSURE,
+    Shape,
     indent,
     joined,
 )
@@ -63,18 +64,42 @@ def _starts(begin: Plain) -> str:
     ])
 
 
+def in_stages(shape: Shape) -> bool:
+    """Return True if steps of blocks may be divided into stages: if they are the method's own, without more."""
+    return not (shape.adaptive or shape.slack or shape.slides or shape.compensated)
+
+
 def _advance(layout: Layout) -> str:
-    """Write the source of ``advance_block``: one step of every environment of a block that has not stopped."""
+    """Write the source of ``advance_block``: one step of every environment of a block that has not stopped.
+
+    It has one loop, or one for every stage of the step.
+    """
     unsure = f" & (stop != {UNSURE}.0)" if layout.shape.slack else ""
+    loops, step = [], [advanced(layout.shape)]
+    for number, stage in enumerate(layout.stages):
+        taken = [f"{name} = {layout.between(name)}" for name in stage.taken]
+        if number == len(layout.stages) - 1:
+            step = [*taken, *stage.lines, *checked(layout.shape)]
+            continue
+        loops.append(block_loop(f"stage_{number}", "s, o, n, h", layout, [
+            *layout.load("index", "q", "turns", "v", *layout.shape.memory, *layout.shape.extra),
+            *side_of_turns(layout),
+            "t = index*h",
+            *taken,
+            *stage.lines,
+            *(f"{layout.between(name)} = {name}" for name in stage.handed),
+        ]))
+    calls = [f"stage_{number}({joined(('s', 'o', 'n', 'h'), layout.shared)})" for number in range(len(loops))]
     lines = [
         *_state(layout),
-        advanced(layout.shape),
+        *(["t = index*h"] if loops else []),
+        *step,
         "live = status == 0.0",
         f"good = live & (stop != {DIVERGED}.0){unsure}",
         *_kept(layout, "(1.0 if good else 0.0)"),
         f"{layout.at('status')} = stop if live else status",
     ]
-    return block_loop("advance_block", "s, o, n, h", layout, lines)
+    return "\n\n".join([*loops, block_loop("advance_block", "s, o, n, h", layout, lines, calls)])
 
 
 def _adapt(layout: Layout, method: Method) -> list[str]:

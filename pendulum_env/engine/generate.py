@@ -21,6 +21,7 @@ from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
 from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, called_in, check_names, constants_of, copied, with_callees
+from pendulum_env.engine.stages import divided
 from pendulum_env.engine.subflows import sub_flows
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -103,7 +104,8 @@ def _program(problem: Problem) -> Program:
 def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None) -> BatchProgram:
     """Return the program for blocks of environments or runs of a Problem, a scene's equation of motion with a method.
     """
-    layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, goal)
+    stages = divided(_unrolled(problem), problem.shape.step_results) if blocks.in_stages(problem.shape) else ()
+    layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, goal, stages)
     text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())
     return BatchProgram(text, problem.shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
                         python_functions=tuple(problem.method.python_functions.items()))
@@ -129,33 +131,47 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     return "\n\n".join([head + constants, body])
 
 
+def _called(problem: Problem) -> tuple[str, ...]:
+    """Return the names of the functions of an equation of motion that a step of its method calls."""
+    shape = problem.shape
+    called = problem.method.calls(bool(shape.quadratures), shape.adaptive)
+    # Dry friction cuts steps at zeros of v: there the acceleration at rest decides, and moving air goes on working.
+    at_rest = (*(("acceleration",) if shape.slides else ()), *(("rates",) if _held(problem) else ()))
+    return (*(name for name in at_rest if name not in called), *called)
+
+
+def _held(problem: Problem) -> bool:
+    """Return True if moving air works on a bob that dry friction holds, and this work is reported."""
+    return problem.shape.slides and problem.windy and bool(problem.shape.quadratures)
+
+
+def _unrolled(problem: Problem) -> str:
+    """Write the source of one step of a Problem's method, and of the start of its history."""
+    shape, (_, hooks) = problem.shape, sub_flows(problem, _called(problem))
+    return unroll(
+        problem.method, quadratures=shape.quadratures, extra=shape.forces, hooks=hooks,
+        exact_drag=len(problem.flows) < 2, estimates=shape.adaptive, compensated=shape.compensated,
+        glides=bool(shape.dry), refines=problem.refines,
+    )
+
+
 def _step(problem: Problem) -> list[str]:
     """Write the source of the functions of an equation of motion, and of one step of its method.
 
     The step checks for divergence, the speed limit and a slack wire.
     """
-    shape, method = problem.shape, problem.method
-    called = method.calls(bool(shape.quadratures), shape.adaptive)
-    # Dry friction cuts steps at zeros of v: there the acceleration at rest decides, and moving air goes on working.
-    held = shape.slides and problem.windy and bool(shape.quadratures)
-    at_rest = (*(("acceleration",) if shape.slides else ()), *(("rates",) if held else ()))
-    called = (*(name for name in at_rest if name not in called), *called)
-    flows, hooks = sub_flows(problem, called)
-    step = unroll(
-        method, quadratures=shape.quadratures, extra=problem.shape.forces, hooks=hooks,
-        exact_drag=len(problem.flows) < 2, estimates=shape.adaptive, compensated=shape.compensated,
-        glides=bool(shape.dry), refines=problem.refines,
-    )
+    shape, held, called = problem.shape, _held(problem), _called(problem)
+    flows, _ = sub_flows(problem, called)
     return [
         *(WRITTEN[name](problem) for name in called if name in WRITTEN),
         *flows,
-        step.replace("def ", "@inline\ndef "),
+        _unrolled(problem).replace("def ", "@inline\ndef "),
         *([equations.resting(problem)] if held else []),
         *([stick_slip(shape, equations.in_time(problem), held)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),
         *([watch.tension(problem)] if shape.pull else []),
-        *([slack.taut(shape), slack.slack_after(shape, errors_of(method) if shape.adaptive else ())]
+        *([slack.taut(shape), slack.slack_after(shape, errors_of(problem.method) if shape.adaptive else ())]
           if shape.slack else []),
         *([land(shape)] if shape.adaptive else []),
         *(watch.flow(problem) if "quality_factor" in shape.watched else []),

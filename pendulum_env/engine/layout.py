@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from pendulum_env.engine import report
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.shape import ADAPTED, TOLERANCE, Shape, derived, indent, joined
+from pendulum_env.engine.stages import Stage
 
 BLOCK = 248
 """Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache.
@@ -51,6 +52,7 @@ class Layout:
         shape: interface of the program.
         varying: names of the parameters that differ between environments.
         goal: the task's functions and the form of its observation; None for runs without a task.
+        stages: the parts of a step that a block takes in loops of their own; none if it takes the step in one.
 
     Attributes derived from these:
         numbers: names of all parameters of the generated loops, equal or not between environments.
@@ -69,6 +71,7 @@ class Layout:
     shape: Shape
     varying: frozenset[str]
     goal: Goal | None
+    stages: tuple[Stage, ...] = ()
 
     numbers: tuple[str, ...] = derived()
     shared: tuple[str, ...] = derived()
@@ -113,6 +116,16 @@ class Layout:
         ``index`` is the source of another index to use in place of ``i``.
         """
         return f"s[{index} + U({self.fields.index(name) * BLOCK})]"
+
+    def between(self, name: str) -> str:
+        """Return the source of the array element that holds a number that a stage hands to later ones."""
+        names = sorted({name for stage in self.stages for name in stage.handed})
+        return f"o[i + U({(len(self.results) + names.index(name)) * BLOCK})]"
+
+    @property
+    def room(self) -> int:
+        """Return the length of the array of a block's results, with room for what stages hand to later ones."""
+        return BLOCK * (len(self.results) + len({name for stage in self.stages for name in stage.handed}))
 
     def slot(self, name: str, index: str = "i") -> str:
         """Return the source of the element of the work array that holds ``name`` of slot ``i``; see ``work``."""
