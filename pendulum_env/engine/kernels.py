@@ -201,16 +201,17 @@ class _CodeCache:
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the cached compiled function, or None if its file is missing or damaged."""
         from numba.core import compiler
-        from numba.core.runtime import rtsys
 
         result: Any = compiler.CompileResult  # its _rebuild and _reduce are private, and numba's own cache uses them
-        rtsys.initialize(context)  # all that machine code needs; numba's context.refresh() also loads what compiles
         try:
+            from numba.core.runtime import rtsys
+
+            rtsys.initialize(context)  # all that machine code needs; numba's context.refresh() also loads what compiles
             content = own_bytes(self._file(signature, context.codegen()))
             digest, payload = content[: self.digest], content[self.digest :]
             if digest == hashlib.sha256(payload).digest():
                 return result._rebuild(context, *pickle.loads(payload))
-        except Exception:  # a damaged file must not stop the run: the program is compiled again
+        except Exception:  # a damaged file, or another numba, must not stop the run: the program is compiled again
             pass
         return None
 

@@ -339,13 +339,16 @@ class Machine:
         return int(self.run(state, self.parameters, control, h, 1, steps, speed_limit, NOWHERE, UNSEEN))
 
     def ledger(self, rows: Any, initial: Any) -> Ledger:
-        """Return the energy ledger of one state, or of an array of states, shape ``(..., states, entries)``."""
-        inertia = self.scene.inertia
-        columns = np.asarray(rows, dtype=float)
-        kinetic, potential = inertia * columns[..., KINETIC], inertia * columns[..., POTENTIAL]
-        zero = np.zeros_like(kinetic)
-        work = inertia * columns[..., self.sums["work"]] if "work" in self.sums else zero
-        heat = sum((inertia * columns[..., i] for name, i in self.sums.items() if name.startswith("heat")), zero)
+        """Return the energy ledger of one state, or of an array of states, shape ``(..., states, entries)``.
+
+        That of a list of numbers, one state, holds floats.
+        """
+        inertia, sums = self.scene.inertia, self.sums
+        columns = rows if type(rows) is list else np.moveaxis(np.asarray(rows, dtype=float), -1, 0)
+        kinetic, potential = inertia * columns[KINETIC], inertia * columns[POTENTIAL]
+        zero: Any = 0.0 if type(rows) is list else np.zeros_like(kinetic)
+        work = inertia * columns[sums["work"]] if "work" in sums else zero
+        heat = sum((inertia * columns[i] for name, i in sums.items() if name.startswith("heat")), zero)
         return Ledger(kinetic, potential, work, heat, initial)
 
     def heat_by_effect(self, rows: Any) -> dict[str, NDArray[np.float64]]:
