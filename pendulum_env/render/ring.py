@@ -79,11 +79,13 @@ class Ring:
         path = np.array(angles, dtype=float)
         steps = path[1:] - path[:-1]
         sizes = np.abs(steps)
-        if sizes.max() > TURN:
+        low, high = min(angles), max(angles)
+        if high - low > TURN and sizes.max() > TURN:
             np.minimum(np.maximum(steps, -TURN), TURN).cumsum(out=path[1:])
             path[0] = 0.0
             path += angles[-1] - path[-1]
             sizes = np.minimum(sizes, TURN)
+            low, high = float(path.min()), float(path.max())
         ends = np.zeros(len(path))
         np.ceil(sizes * (self.bins / TURN) + 1).cumsum(out=ends[1:])
         moments = np.arange(1.0, ends[-1] + 1)
@@ -91,7 +93,7 @@ class Ring:
         places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
         strength[places] = np.interp(moments, ends, strongest * _fade(len(path)))
-        for part, _ in self._between(float(path.min()), float(path.max())):
+        for part, _ in self._between(low, high):
             self._paint(image, self.pixel[part], self.cover[part] * strength.take(self.bin[part]), colour)
 
     def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
