@@ -90,7 +90,7 @@ def test_which_steps_are_divided() -> None:
 
 
 @pytest.mark.parametrize("method", ["rk4", "pefrl", "yoshida6a", "chin4a", "dprkn8", "abm4", "dop853"])
-@pytest.mark.parametrize("scene", ["vacuum", "lab", "water"])
+@pytest.mark.parametrize("scene", ["vacuum", "lab", "windy", "kapitza"])
 def test_compiled_blocks_take_the_single_steps(method: str, scene: str) -> None:
     """Check compiled blocks, of which the second is not full, against interpreted single runs."""
     if method not in fitting(SCENES[scene]):
@@ -99,9 +99,9 @@ def test_compiled_blocks_take_the_single_steps(method: str, scene: str) -> None:
     many = rollout(scene, integrator=method, angle=angle, duration=0.2, diagnostics=("energy",))
     for i in (0, 100, 247, 248, 250):
         one = rollout(scene, integrator=method, angle=float(angle[i]), duration=0.2, diagnostics=("energy",),
-                      backend="python")
+                      backend="python", seed=i)
         count = len(one.time)
-        assert count > 5 or scene == "water"
+        assert count > 20
         for name in ("angle", "velocity", "energy"):
             assert getattr(many, name)[i][:count].tolist() == getattr(one, name).tolist()
         assert many.ledger.work[i][:count].tolist() == one.ledger.work.tolist()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import mpmath
 import numpy as np
 import pytest
 from beside import environment
@@ -251,3 +252,19 @@ def test_dm_controls_start_and_length() -> None:
     while not single.step(np.zeros(1, np.float32))[3]:
         count += 1
     assert count == 1000
+
+
+def test_heat_of_the_clip_beyond_the_horizontal_is_exact() -> None:
+    """Compare it in 30 digits for a step of symplectic Euler that is clipped while it passes the horizontal."""
+    scene, h, start = SCENES["gymnasium"], 0.05, -1.7
+    run = rollout(scene, integrator="symplectic_euler", angle=start, velocity=8.0, dt=h, duration=h,
+                  diagnostics=("heat_by_effect",), backend="python")
+    with mpmath.workdps(30):
+        rate = mpmath.mpf(scene.coefficients["gravity_rate"])
+        speed = 8 - mpmath.mpf(h) * rate * mpmath.sin(start)
+        free = start + h * speed
+        fallen = rate * (mpmath.cos(free - h * (speed - 8)) - mpmath.cos(free))
+        heat = scene.inertia * ((speed**2 - 64) / 2 + fallen)
+        assert speed > 8
+        assert run.velocity[-1] == 8.0
+        assert abs(run.heat_by_effect["clip"][-1] / heat - 1) < 1e-14
