@@ -1,7 +1,7 @@
 """Division of a method's step into stages, each of which a block takes in a loop of its own.
 
 A step is a chain of operations, each of which waits for the one before. A processor therefore works on several
-pendulums of a block at once, as many as fit into its window of some 400 instructions. A whole step of several forces is
+pendulums of a block at once, as far as it looks ahead: a few hundred instructions. A whole step of several forces is
 longer than that; one stage, which ends with a force, is not. The operations, and so the bits, are the same.
 """
 
