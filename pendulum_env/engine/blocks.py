@@ -35,6 +35,7 @@ from pendulum_env.engine.shape import (
     joined,
 )
 from pendulum_env.engine.source import Plain, arguments
+from pendulum_env.engine.stages import TURNED, Stage, Value
 
 
 def loops(layout: Layout, method: Method) -> list[str]:
@@ -72,13 +73,13 @@ def in_stages(shape: Shape) -> bool:
 def _advance(layout: Layout) -> str:
     """Write the source of ``advance_block``: one step of every environment of a block that has not stopped.
 
-    It has one loop, or one for every stage of the step.
+    It has one loop, or one for every stage of the step, with those that compute sines between them.
     """
     unsure = f" & (stop != {UNSURE}.0)" if layout.shape.slack else ""
-    loops, step = [], [advanced(layout.shape)]
-    for number, stage in enumerate(layout.stages):
+    loops, calls, step = [], [], [advanced(layout.shape)]
+    for number, stage in enumerate(layout.division.stages):
         taken = [f"{name} = {layout.between(name)}" for name in stage.taken]
-        if number == len(layout.stages) - 1:
+        if number == len(layout.division.stages) - 1:
             step = [*taken, *stage.lines, *checked(layout.shape)]
             continue
         loops.append(block_loop(f"stage_{number}", "s, o, n, h", layout, [
@@ -89,7 +90,8 @@ def _advance(layout: Layout) -> str:
             *stage.lines,
             *(f"{layout.between(name)} = {name}" for name in stage.handed),
         ]))
-    calls = [f"stage_{number}({joined(('s', 'o', 'n', 'h'), layout.shared)})" for number in range(len(loops))]
+        calls.append(f"stage_{number}({joined(('s', 'o', 'n', 'h'), layout.shared)})")
+        calls += [f"{names.replace(' ', '_')}_block({given})" for names, given in _values(layout, stage)]
     lines = [
         *_state(layout),
         *(["t = index*h"] if loops else []),
@@ -99,7 +101,49 @@ def _advance(layout: Layout) -> str:
         *_kept(layout, "(1.0 if good else 0.0)"),
         f"{layout.at('status')} = stop if live else status",
     ]
-    return "\n\n".join([*loops, block_loop("advance_block", "s, o, n, h", layout, lines, calls)])
+    last = block_loop("advance_block", "s, o, n, h", layout, lines, calls)
+    return "\n\n".join([*_between(layout), *layout.division.functions, *loops, last])
+
+
+def _values(layout: Layout, stage: Stage) -> list[tuple[str, str]]:
+    """Return the calls that compute the values after a stage: names of functions in BETWEEN, and the call's arguments.
+
+    A sine and a cosine of one angle are computed by one call.
+    """
+    together: dict[tuple[str, ...], list[Value]] = {}
+    for value in sorted(stage.values, key=lambda value: value.function):
+        alike = "" if value.function in TURNED else value.function
+        together.setdefault((value.argument, alike, *value.constants), []).append(value)
+    calls = []
+    for (argument, *_), values in together.items():
+        field = argument in layout.fields
+        place = layout.fields.index(argument) * BLOCK if field else layout.row(argument)
+        to = [f"U({layout.row(value.name)})" for value in values]
+        calls.append((" ".join(value.function for value in values),
+                      joined(("s" if field else "o", "o", "n", f"U({place})"), to, values[0].constants)))
+    return calls
+
+
+def _between(layout: Layout) -> list[str]:
+    """Write the source of the functions that compute values of a block between the stages of a step.
+
+    They take the row of memory that begins at ``x`` in an array ``a``, and write to others in ``o``, which begin at
+    ``to_sin``, for instance. Sines and cosines are computed in two loops, of which the first reduces the angles.
+    """
+    m, y, low = (f"o[i + U({place})]" for place in layout.reduced)
+    texts = []
+    for names in sorted({names for stage in layout.division.stages for names, _ in _values(layout, stage)}):
+        functions, constants = names.split(), ("exponent",) if names == "power" else ()
+        results = [f"to_{name}" for name in functions]
+        if functions[0] in TURNED:
+            loops = [[f"{m}, {y}, {low} = _quadrant(a[i + x])"],
+                     [f"o[i + to_{name}] = {name}_reduced(a[i + x], {m}, {y}, {low})" for name in functions]]
+        else:
+            loops = [[f"o[i + to_{names}] = {names}({joined(('a[i + x]',), constants)})"]]
+        lines = [line for loop in loops for line in ("for i in range(U(n)):", *indent(loop, 1))]
+        head = f"def {'_'.join(functions)}_block({joined(('a', 'o', 'n', 'x'), results, constants)}):"
+        texts.append("\n".join(["@apart", head, *indent(lines, 1), ""]))
+    return texts
 
 
 def _adapt(layout: Layout, method: Method) -> list[str]:

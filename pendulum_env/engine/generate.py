@@ -21,7 +21,7 @@ from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
 from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import Plain, called_in, check_names, constants_of, copied, with_callees
-from pendulum_env.engine.stages import divided
+from pendulum_env.engine.stages import WHOLE, divided
 from pendulum_env.engine.subflows import sub_flows
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -104,10 +104,13 @@ def _program(problem: Problem) -> Program:
 def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None) -> BatchProgram:
     """Return the program for blocks of environments or runs of a Problem, a scene's equation of motion with a method.
     """
-    stages = divided(_unrolled(problem), problem.shape.step_results) if blocks.in_stages(problem.shape) else ()
-    layout = Layout(problem.shape, varying & {*problem.shape.numbers, *LIMITS}, goal, stages)
+    shape = problem.shape
+    division = WHOLE
+    if blocks.in_stages(shape):
+        division = divided(_text(problem, ()), shape.step_results, ("h", *shape.parameters))
+    layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, division)
     text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())
-    return BatchProgram(text, problem.shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
+    return BatchProgram(text, shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
                         python_functions=tuple(problem.method.python_functions.items()))
 
 

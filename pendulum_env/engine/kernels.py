@@ -34,6 +34,7 @@ from pendulum_env.engine.compiling import Entry, Inlined
 
 inline = njit(error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True,
               pipeline_class=Inlined)
+apart = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=Inlined)
 entry = njit(error_model="numpy", nogil=True, pipeline_class=Entry)
 
 '''
@@ -127,7 +128,7 @@ def interpreted(text: str, title: str, names: Mapping[str, Any] | None = None) -
 
     ``names`` maps names of functions in the program to functions that replace them.
     """
-    namespace: dict[str, Any] = {"inline": _unchanged, "entry": _unchanged, "U": int}
+    namespace: dict[str, Any] = {"inline": _unchanged, "apart": _unchanged, "entry": _unchanged, "U": int}
     exec(compile(text, f"<lab-pendulum {title}>", "exec"), namespace)
     namespace.update(names or {})
     return namespace

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 from pendulum_env.engine import report
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.shape import ADAPTED, TOLERANCE, Shape, derived, indent, joined
-from pendulum_env.engine.stages import Stage
+from pendulum_env.engine.stages import WHOLE, Division, rows_of
 
 BLOCK = 248
 """Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache.
@@ -52,7 +53,7 @@ class Layout:
         shape: interface of the program.
         varying: names of the parameters that differ between environments.
         goal: the task's functions and the form of its observation; None for runs without a task.
-        stages: the parts of a step that a block takes in loops of their own; none if it takes the step in one.
+        division: the parts of a step that a block takes in loops of their own.
 
     Attributes derived from these:
         numbers: names of all parameters of the generated loops, equal or not between environments.
@@ -71,7 +72,7 @@ class Layout:
     shape: Shape
     varying: frozenset[str]
     goal: Goal | None
-    stages: tuple[Stage, ...] = ()
+    division: Division = WHOLE
 
     numbers: tuple[str, ...] = derived()
     shared: tuple[str, ...] = derived()
@@ -118,14 +119,29 @@ class Layout:
         return f"s[{index} + U({self.fields.index(name) * BLOCK})]"
 
     def between(self, name: str) -> str:
-        """Return the source of the array element that holds a number that a stage hands to later ones."""
-        names = sorted({name for stage in self.stages for name in stage.handed})
-        return f"o[i + U({(len(self.results) + names.index(name)) * BLOCK})]"
+        """Return the source of the array element that holds a number that a stage hands to later ones.
+
+        It lies in the rows of results other than the action, which are written after the step, or in further rows.
+        """
+        return f"o[i + U({self.row(name)})]"
+
+    def row(self, name: str) -> int:
+        """Return where the row of memory begins that holds a number which a stage hands to later ones."""
+        return (4 + self._rows[name]) * BLOCK
+
+    @cached_property
+    def _rows(self) -> dict[str, int]:
+        return rows_of(self.division.stages)
+
+    @property
+    def reduced(self) -> tuple[int, int, int]:
+        """Return where the rows of memory begin that hold the reduced angles of a block."""
+        return BLOCK, 2 * BLOCK, 3 * BLOCK
 
     @property
     def room(self) -> int:
         """Return the length of the array of a block's results, with room for what stages hand to later ones."""
-        return BLOCK * (len(self.results) + len({name for stage in self.stages for name in stage.handed}))
+        return BLOCK * max(len(self.results), 5 + max(self._rows.values(), default=0))
 
     def slot(self, name: str, index: str = "i") -> str:
         """Return the source of the element of the work array that holds ``name`` of slot ``i``; see ``work``."""

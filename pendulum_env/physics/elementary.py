@@ -55,16 +55,30 @@ def cos_near_zero(y: float, low: float) -> float:
     return c + (((1.0 - c) - h) + (z * z * (4.16666666666666019037e-02 + z * r) + y * low))
 
 
+def sin_reduced(x: float, m: float, y: float, low: float) -> float:
+    """Return the sine of x [rad], which ``_quadrant`` has reduced to m, y and low."""
+    s = sin_near_zero(y, low)
+    c = cos_near_zero(y, low)
+    f = c if abs(m) == 1.0 else s
+    f = f if abs(m - 0.5) < 1.0 else -f
+    return f if abs(x) <= 843314856.5 else 1e999 - 1e999
+
+
 def sin(x: float) -> float:
     """Return the sine of x [rad], within 0.9 ulp for |x| <= 843314856.5, nearly 2**29 pi/2; nan beyond.
 
     Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
+    return sin_reduced(x, m, y, low)
+
+
+def cos_reduced(x: float, m: float, y: float, low: float) -> float:
+    """Return the cosine of x [rad], which ``_quadrant`` has reduced to m, y and low."""
     s = sin_near_zero(y, low)
     c = cos_near_zero(y, low)
-    f = c if abs(m) == 1.0 else s
-    f = f if abs(m - 0.5) < 1.0 else -f
+    f = s if abs(m) == 1.0 else c
+    f = f if abs(m + 0.5) < 1.0 else -f
     return f if abs(x) <= 843314856.5 else 1e999 - 1e999
 
 
@@ -74,11 +88,7 @@ def cos(x: float) -> float:
     Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
-    s = sin_near_zero(y, low)
-    c = cos_near_zero(y, low)
-    f = s if abs(m) == 1.0 else c
-    f = f if abs(m + 0.5) < 1.0 else -f
-    return f if abs(x) <= 843314856.5 else 1e999 - 1e999
+    return cos_reduced(x, m, y, low)
 
 
 def _power_of_two(h: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from typing import Any
 
 import numpy as np
@@ -11,86 +13,125 @@ import integrators
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.stages import divided
+from pendulum_env.engine.stages import Stage, divided, rows_of
 
 STEP = '''
-def other(q):
-    return q
+def push(q, rate):
+    return rate*sin(q)
 
-
-@inline
-def step(t, q, v, h, rate):
-    """A step that changes its arguments, as splittings do, and uses its first force again at its end."""
-    a1 = force(t, q, rate)
-    slope, _ = jacobian(t, q, v, rate)
-    v = v + 0.25*h*(a1 + slope)
-    q = q + 0.5*h*v
-    a2 = force(t + 0.5*h, q, rate)
-    v = v + 0.5*h*a2
-    q = q + 0.5*h*v
-    unused = 2.0
-    a3 = force(t + h, q, rate)
-    return q, v + 0.25*h*(a3 - a1)
-'''
-FORCE = '''
 def force(t, q, rate):
-    return -rate*q + t
+    shifted = q + t
+    return -push(shifted, rate) + cos(shifted)*q
 
 def jacobian(t, q, v, rate):
-    return -rate, 0.0
+    return -rate*cos(q + t), 0.0
+
+def step(t, q, v, h, rate):
+    """A step that changes its arguments, as splittings do, and uses its first force again at its end."""
+    half = 0.5*h
+    a1 = force(t, q, rate)
+    slope, _ = jacobian(t, q, v, rate)
+    v = v + half*(a1 + slope)
+    q = q + half*v
+    a2 = force(t + half, q, rate)
+    v = v + half*a2*power(abs(q), 0.75)
+    q = q + half*v + (sin(v) if v > 100.0 else 0.0)
+    unused = sin(q - v)
+    a3 = force(t + h, q, rate) + sin(rate)
+    return q, v + half*(a3 - a1)
 '''
+FUNCTIONS: dict[str, Any] = {"inline": lambda function: function, "sin": math.sin, "cos": math.cos, "power": math.pow}
+ARGUMENTS = {"t": 0.3, "q": 0.7, "v": -0.2, "h": 0.1, "rate": 9.0}
+SAME = ("h", "rate")
 
 
-def loops_of(method: str, scene: str = "vacuum", **options: Any) -> int:
-    """Return the number of loops in which a block takes a step of a method."""
-    text = batch_program(SCENES[scene], integrators.get(method), (), frozenset(), **options).text
-    return 1 + text.count("def stage_")
+def program_of(method: str, scene: str = "vacuum", **options: Any) -> str:
+    """Return the program of blocks of runs with a method."""
+    return batch_program(SCENES[scene], integrators.get(method), (), frozenset(), **options).text
+
+
+def calls_in_step(text: str) -> list[str]:
+    """Return the functions that a block's step calls before its last loop, in order: stages and values."""
+    before = text.split("def advance_block(")[1].split("    for i in range")[0]
+    return re.findall(r"^    (\w+)\(", before, re.MULTILINE)
+
+
+def run_in_turn(stages: tuple[Stage, ...], functions: tuple[str, ...]) -> dict[str, Any]:
+    """Run stages, each of which sees the arguments and what earlier ones hand to it, in the rows of memory."""
+    space = dict(FUNCTIONS)
+    exec(STEP, space)
+    for text in functions:
+        exec(text, space)
+    rows, memory = rows_of(stages), dict[int, float]()
+    local: dict[str, Any] = {}
+    for stage in stages:
+        local = {**space, **ARGUMENTS, **{name: memory[rows[name]] for name in stage.taken}}
+        exec("\n".join(stage.lines), local)
+        memory |= {rows[name]: local[name] for name in stage.handed}
+        for name, function, argument, constants in stage.values:
+            at = ARGUMENTS[argument] if argument in ARGUMENTS else memory[rows[argument]]
+            memory[rows[name]] = space[function](at, *map(float, constants))
+    return local
 
 
 def test_stages_in_turn_are_the_step() -> None:
-    stages = divided(STEP, ("q1", "v1"))
-    space: dict[str, Any] = {"inline": lambda function: function}
-    exec(FORCE + STEP, space)
-    known: dict[str, Any] = {**space, "t": 0.3, "q": 0.7, "v": -0.2, "h": 0.1, "rate": 9.0}
-    carried: dict[str, float] = {}
-    for stage in stages:
-        assert set(stage.taken) <= set(carried)
-        local = {**known, **{name: carried[name] for name in stage.taken}}
-        exec("\n".join(stage.lines), local)
-        carried |= {name: local[name] for name in stage.handed}
-    assert (local["q1"], local["v1"]) == space["step"](0.3, 0.7, -0.2, 0.1, 9.0)
+    division = divided(STEP, ("q1", "v1"), SAME)
+    assert len(division.stages) == 4
+    found, space = run_in_turn(division.stages, division.functions), dict(FUNCTIONS)
+    exec(STEP, space)
+    assert (found["q1"], found["v1"]) == space["step"](**ARGUMENTS)
 
 
-def test_a_stage_ends_with_its_force_and_hands_on_what_is_needed() -> None:
-    stages = divided(STEP, ("q1", "v1"))
-    assert [stage.handed for stage in stages] == [
-        ("s_a1", "s_q", "s_slope", "s_v"), ("s_a2", "s_q", "s_v"), ("s_a3", "s_q", "s_v"), ()]
-    assert [stage.taken for stage in stages] == [
-        (), ("s_a1", "s_q", "s_slope", "s_v"), ("s_a2", "s_q", "s_v"), ("s_a1", "s_a3", "s_q", "s_v")]
-    assert stages[0].lines[-1].startswith("s_slope, s__ = jacobian(")
+def test_values_are_computed_once_between_stages() -> None:
+    """The force and its slope share a cosine, ``unused`` needs no sine, and those of ``rate`` and of a choice stay."""
+    stages = divided(STEP, ("q1", "v1"), SAME).stages
+    assert [sorted(value.function for value in stage.values) for stage in stages] == [
+        ["cos", "sin"], ["cos", "power", "sin"], ["cos", "sin"], []]
+    lines = [line for stage in stages for line in stage.lines]
+    assert [line for line in lines if "sin(" in line] == [
+        line for line in lines if "sin(rate)" in line or "if s_v > 100.0" in line.replace("s2_v", "s_v")]
+    assert stages[1].values[-1].constants == ("0.75",)
+
+
+def test_what_is_the_same_for_all_pendulums_is_not_handed_on() -> None:
+    """The first stage only adds angle and time, and needs no half step; all others compute it themselves."""
+    stages = divided(STEP, ("q1", "v1"), SAME).stages
+    assert [sum(line.startswith("s_half =") for line in stage.lines) for stage in stages] == [0, 1, 1, 1]
+    assert not any(name.endswith("half") for stage in stages for name in stage.handed)
+    handed = divided(STEP, ("q1", "v1"), ("rate",)).stages
+    assert any(name.endswith("half") for stage in handed for name in stage.handed)
 
 
 @pytest.mark.parametrize("line", ["for k in range(2):\n        v = v + h", "if v > 0.0:\n        v = 0.0"])
 def test_other_steps_are_taken_whole(line: str) -> None:
-    assert divided(STEP.replace("unused = 2.0", line), ("q1", "v1")) == ()
+    assert divided(STEP.replace("unused = sin(q - v)", line), ("q1", "v1"), SAME).stages == ()
 
 
-def test_which_steps_are_divided() -> None:
-    """An explicit step of two forces or more is; one of a single force, and one that may be cut or repeated, is not.
-
-    chin4a takes a force and its slope at one place, dprkn12 two forces of which neither needs the other.
-    """
+def test_a_block_computes_as_many_sines_as_the_method_has_forces() -> None:
+    """An undamped pendulum's force needs one sine; chin4a's slope needs the cosine of an angle whose sine it has."""
     for name, method in fitting(SCENES["vacuum"]).items():
-        forces = 0 if method.implicit or method.needs & {"exact_flow", "taylor"} else int(method.evaluations)
-        wanted = 1 if forces < 2 else forces if name in ("chin4a", "dprkn12") else forces + 1
-        assert loops_of(name) == wanted, name
-    assert loops_of("rk4", adaptive=False, compensated=True) == 1
-    assert loops_of("dopri5", adaptive=True) == 1
-    assert loops_of("rk4", "sticky_bearing") == 1
+        if method.implicit or method.needs & {"exact_flow", "taylor"}:
+            continue
+        values = [call for call in calls_in_step(program_of(name)) if not call.startswith("stage_")]
+        assert sorted(values) == (["cos_sin_block", "sin_block"] if name == "chin4a" else
+                                  ["sin_block"] * int(method.evaluations)), name
+    assert calls_in_step(program_of("rk4", "rod")).count("power_block") == 4
 
 
-@pytest.mark.parametrize("method", ["rk4", "pefrl", "yoshida6a", "chin4a", "dprkn8", "abm4", "dop853"])
-@pytest.mark.parametrize("scene", ["vacuum", "lab", "windy", "kapitza"])
+def test_a_stage_ends_with_a_force_where_there_is_no_sine() -> None:
+    assert len(calls_in_step(program_of("rk4", "textbook"))) == 4
+    assert calls_in_step(program_of("symplectic_euler", "textbook")) == []
+
+
+def test_steps_that_may_be_cut_or_repeated_are_taken_whole() -> None:
+    assert "def stage_" not in program_of("rk4", adaptive=False, compensated=True)
+    assert "def stage_" not in program_of("dopri5", adaptive=True)
+    assert "def stage_" not in program_of("rk4", "sticky_bearing")
+
+
+@pytest.mark.parametrize("method", ["symplectic_euler", "rk4", "pefrl", "yoshida6a", "chin4a", "dprkn8", "abm4",
+                                    "dop853"])
+@pytest.mark.parametrize("scene", ["vacuum", "lab", "windy", "kapitza", "rod"])
 def test_compiled_blocks_take_the_single_steps(method: str, scene: str) -> None:
     """Check compiled blocks, of which the second is not full, against interpreted single runs."""
     if method not in fitting(SCENES[scene]):
