@@ -65,9 +65,12 @@ def _starts(begin: Plain) -> str:
     ])
 
 
-def in_stages(shape: Shape) -> bool:
-    """Return True if steps of blocks may be divided into stages: if they are the method's own, without more."""
-    return not (shape.adaptive or shape.slack or shape.slides or shape.compensated)
+def in_stages(shape: Shape, method: Method) -> bool:
+    """Return True if steps of blocks are divided into stages: those of a method itself, but for the closed form.
+
+    The division of a closed form would take the compiler half as long again, for a sixth of a step's time.
+    """
+    return not (shape.adaptive or shape.slack or shape.slides or shape.compensated or "exact_flow" in method.needs)
 
 
 def _advance(layout: Layout) -> str:

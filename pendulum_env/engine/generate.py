@@ -106,7 +106,7 @@ def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None)
     """
     shape = problem.shape
     division = WHOLE
-    if blocks.in_stages(shape):
+    if blocks.in_stages(shape, problem.method):
         division = divided(_text(problem, ()), shape.step_results, ("h", *shape.parameters))
     layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, division)
     text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())

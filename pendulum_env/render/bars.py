@@ -40,15 +40,13 @@ def joules(value: float) -> str:
         return "0 J"
     if math.isinf(value):
         return "inf J" if value > 0 else f"{MINUS}inf J"
-    digits, _, exponent = f"{value:.2e}".partition("e")
-    power = int(exponent)
-    third = 3 * (power // 3)
-    if third in _PREFIXES:
-        more = power - third
-        text = f"{float(digits) * 10**more:.{2 - more}f} {_PREFIXES[third]}J"
-    else:
-        text = f"{float(digits):.0f}e{power} J"
-    return text.replace("-", MINUS)
+    digits, _, exponent = f"{abs(value):.2e}".partition("e")
+    sign, power = MINUS if value < 0 else "", int(exponent)
+    more = power % 3
+    if (prefix := _PREFIXES.get(power - more)) is not None:
+        whole, part = digits[0] + digits[2 : 2 + more], digits[2 + more:]
+        return f"{sign}{whole}{'.' if part else ''}{part} {prefix}J"
+    return f"{sign}{float(digits):.0f}e{power} J".replace("-", MINUS)
 
 
 def energy_scale(view: View) -> float:
@@ -69,6 +67,7 @@ class Bars:
 
     def __init__(self, area: Box, font: int, names: tuple[str, ...], theme: Theme) -> None:
         self.names, self.font, self.theme = names, font, theme
+        self.inks = [rgb(ENERGY_COLOURS[name]) for name in names]
         self.pitch = min(area.height / len(names), 2.4 * font)
         first = (area.top + area.bottom - self.pitch * len(names)) / 2
         self.rows = [first + (index + 0.5) * self.pitch for index in range(len(names))]
@@ -102,8 +101,8 @@ class Bars:
         """Paint the energies of one instant as bars, and their values as text; the colour ``tone`` is not used."""
         scale, theme = float(energy_scale(view)), self.theme
         rim = max(1, round(0.16 * self.thick))
-        for name, y, top in zip(self.names, self.rows, self.tops, strict=True):
-            value, ink, bottom = float(getattr(view, name)), rgb(ENERGY_COLOURS[name]), top + self.thick
+        for name, y, top, ink in zip(self.names, self.rows, self.tops, self.inks, strict=True):
+            value, bottom = float(getattr(view, name)), top + self.thick
             end = self.zero + min(max(value / scale, -2.0), 2.0) * self.unit
             tip = min(max(end, self.left), self.right)
             if value >= 0:

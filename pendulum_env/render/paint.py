@@ -124,11 +124,17 @@ def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: 
     if first > last:
         mix(image[top:bottom, last], colour, right - left)
         return
-    image[top:bottom, first:last] = spread(colour, last - first).reshape(-1, 3)
+    image[top:bottom, first:last] = _row(colour.tobytes(), last - first)
     if left < first:
         mix(image[top:bottom, first - 1], colour, first - left)
     if right > last:
         mix(image[top:bottom, last], colour, right - last)
+
+
+@lru_cache(maxsize=1024)
+def _row(colour: bytes, pixels: int) -> Image:
+    """Return a row of pixels of an RGB colour (three float32)."""
+    return np.tile(np.frombuffer(colour, dtype=np.float32).astype(np.uint8), (pixels, 1))
 
 
 def mix(patch: Image, colour: Floats, share: float) -> None:

@@ -90,7 +90,8 @@ class Ring:
         np.ceil(sizes * (self.bins / TURN) + 1).cumsum(out=ends[1:])
         moments = np.arange(1.0, ends[-1] + 1)
         places = np.rint(np.interp(moments, ends, path * (self.bins / TURN))).astype(np.intp)
-        places %= self.bins
+        if low < -3.0 or high > 3.0:  # indices down to -bins count from the end
+            places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
         strength[places] = np.interp(moments, ends, strongest * _fade(len(path)))
         for part, _ in self._between(low, high):
