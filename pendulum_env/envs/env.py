@@ -406,7 +406,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             parts = self._sensing is not None
             observation, code, values = self._run_in_parts(share) if parts else self._run(self._substeps)
             observation, share = self._seen(observation), self._share
-        index, angle, turns, velocity, phi = *values[:4], values[self._machine.phi]
+        index, angle, turns, velocity = values[:4]
+        phi = values[self._machine.phi]
         if self._slackened and (steps := values[self._slackened]):
             self._slackened = 0
             self._spec.tell_of_slack(steps)
@@ -467,8 +468,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     def _run(self, steps: int) -> tuple[NDArray[np.float32], int, list[float]]:
         """Take integration steps; return the observation, the code of the stop reason, and the numbers in the state."""
-        machine, state = self._machine, self._state
-        seen = empty(3, SINGLE)
+        machine, state, seen = self._machine, self._state, empty(3, SINGLE)
         run = machine.direct if steps <= FEW else machine.run
         code = run(state, machine.parameters, self._share, self._h, 1, steps, self._speed_limit, NOWHERE, seen)
         return seen, code, state.tolist() if machine.compiled else state
