@@ -10,9 +10,9 @@ from typing import Any
 
 from numba.core import types
 from numba.core.extending import intrinsic
-from numba.np.arrayobj import make_array
+from numba.np.arrayobj import make_array, populate_array
 
-__all__ = ["add", "load", "pointer", "store"]
+__all__ = ["add", "floats", "load", "store"]
 
 ORDER = "seq_cst"
 
@@ -53,9 +53,13 @@ def add(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
 
 @intrinsic
-def pointer(typing: Any, address: Any) -> Any:
-    """Return a pointer to float32 numbers for their address in memory."""
+def floats(typing: Any, address: Any, size: Any) -> Any:
+    """Return the array of ``size`` float32 numbers that begins at an address in memory."""
     def written(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+        begin, count = arguments
+        found, word = make_array(signature.return_type)(context, builder), context.get_constant(types.intp, 4)
+        populate_array(found, data=builder.inttoptr(begin, found.data.type), shape=[count], strides=[word],
+                       itemsize=word, meminfo=None)
+        return found._getvalue()
 
-    return types.CPointer(types.float32)(types.int64), written  # type: ignore[attr-defined]
+    return types.Array(types.float32, 1, "C")(types.int64, types.int64), written

@@ -32,10 +32,11 @@ from numpy import uint64 as U
 
 from pendulum_env.engine.compiling import Entry, Inlined
 
-inline = njit(error_model="numpy", forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True,
-              pipeline_class=Inlined)
-apart = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=Inlined)
-entry = njit(error_model="numpy", nogil=True, pipeline_class=Entry)
+_ALL = {"error_model": "numpy", "_nrt": False}  # without _nrt numba counts no references to arrays: none are made here
+_INSIDE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": Inlined}
+inline = njit(**_ALL, **_INSIDE, forceinline=True)
+apart = njit(**_ALL, **_INSIDE)
+entry = njit(**_ALL, nogil=True, pipeline_class=Entry)
 
 '''
 
@@ -205,9 +206,6 @@ class _CodeCache:
 
         result: Any = compiler.CompileResult  # its _rebuild and _reduce are private, and numba's own cache uses them
         try:
-            from numba.core.runtime import rtsys
-
-            rtsys.initialize(context)  # all that machine code needs; numba's context.refresh() also loads what compiles
             content = own_bytes(self._file(signature, context.codegen()))
             digest, payload = content[: self.digest], content[self.digest :]
             if digest == hashlib.sha256(payload).digest():

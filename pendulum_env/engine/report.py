@@ -41,7 +41,8 @@ def motion(shape: Shape) -> list[str]:
     only once. Where the angle is wrapped, its half needs no reduction.
     """
     turned = ["tilt = q"] if shape.periodic else [
-        "halves = half_turns(q)", f"tilt = max(-{RESOLVED}, min({RESOLVED}, without_half_turns(q, halves)))",
+        "halves = half_turns(q)", "tilt = without_half_turns(q, halves)",
+        f"tilt = tilt if tilt < {RESOLVED} else {RESOLVED}", f"tilt = tilt if tilt > -{RESOLVED} else -{RESOLVED}",
         "side = side_of(0.5*halves)"]
     sine, cosine = ("sin_near_zero(0.5*tilt, 0.0)", "cos_near_zero(0.5*tilt, 0.0)") if (
         shape.periodic) else ("sin(0.5*tilt)", "cos(0.5*tilt)")
@@ -50,7 +51,8 @@ def motion(shape: Shape) -> list[str]:
         f"half = {sine}",
         "cosine = side*(1.0 - 2.0*half*half)",
         f"sine = side*(2.0*half*{cosine})",
-        f"rate = max(-{FASTEST}, min({FASTEST}, v))",
+        f"rate = v if v < {FASTEST} else {FASTEST}",
+        f"rate = rate if rate > -{FASTEST} else -{FASTEST}",
         "phi = tilt if side < 0.0 else (tilt - 3.141592653589793 if tilt > 0.0 else tilt + 3.141592653589793)",
     ]
 

@@ -41,9 +41,7 @@ FIRST = 4 * APART
 Board = NDArray[np.int64]
 
 TEAM = f'''
-from numba import carray
-
-from pendulum_env.engine.atomic import add, load, pointer, store
+from pendulum_env.engine.atomic import add, floats, load, store
 
 
 @entry
@@ -73,7 +71,7 @@ def team(board, ends, me, seen, looks, state, o, {{given}}):
             i = (me + k) % count
             b = add(board, {FIRST} + {APART}*i, 1)
             while b < ends[i + 1]:
-                action = carray(pointer(load(board, {ACTION})), (size,))
+                action = floats(load(board, {ACTION}), size)
                 add(board, {WRONG}, step_blocks(state, o, b, b + 1, {{taken}}))
                 add(board, {DONE}, 1)
                 b = add(board, {FIRST} + {APART}*i, 1)
