@@ -313,7 +313,7 @@ class Blocks:
 
             Thread ``number`` has its own scratch array.
             """
-            if self.call(state, self._scratch[number], first, last, *arguments, *self._shared):
+            if self.call(state, self._scratch[number], first, last, *arguments, *self._shared) > 0:
                 self.wrong = True
 
         if self._compiled:
@@ -393,19 +393,27 @@ class Batch(Blocks):
         return Results(make((count, self._width), SINGLE), make((count,)), np.empty(count, TRUTH),
                        np.empty(count, TRUTH), make((len(self.names), count)))
 
-    def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
+    @property
+    def refuses(self) -> bool:
+        """True if :meth:`step` does nothing where an action is not finite, and says so."""
+        return bool(self._usual)
+
+    def step(self, action: NDArray[np.floating[Any]], into: Results) -> bool:
         """Take one control step of every environment that has not stopped, and write the results to ``into``.
 
-        After an interruption by Ctrl-C some environments are ahead of others until the next reset.
+        Return False, and do nothing, if an action is not finite; but see :attr:`refuses`. After an interruption by
+        Ctrl-C some environments are ahead of others until the next reset.
         """
         if self._usual:
-            self.wrong = self.call(*self._usual, action, *into, *self._shared) != 0
-            return
+            code: int = self.call(*self._usual, action, *into, *self._shared)
+            self.wrong = code > 0
+            return code >= 0
         if into is self._reused and self.substeps <= self._at_once and action.dtype == SINGLE:
             self._as_team(action, into)
-            return
+            return True
         self.wrong = False
         self._take(action, self.substeps, self.substeps, into)
+        return True
 
     def step_in_parts(
         self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]

@@ -37,6 +37,9 @@ from pendulum_env.engine.shape import (
 from pendulum_env.engine.source import Plain, arguments
 from pendulum_env.engine.stages import TURNED, Stage, Value
 
+REFUSED = -1
+"""Returned by a program that has found an action which is not finite."""
+
 
 def loops(layout: Layout, method: Method) -> list[str]:
     """Return the source of all loop functions of a program for many pendulums.
@@ -395,7 +398,8 @@ def _step_blocks(layout: Layout) -> str:
     The range is from ``first`` to ``last``, exclusive. The generated function begins a control step of ``hold`` steps,
     or continues one if ``hold`` is 0. With 0 substeps it only computes observations and reported quantities. Result
     arrays of length 0 are not filled. For a task with a user's functions, the function returns the number of rewards
-    that are not finite. An episode is truncated once it has taken more than ``bound`` steps, where a step
+    that are not finite. If the range is all blocks and an action is not finite, it returns REFUSED before it does
+    anything. An episode is truncated once it has taken more than ``bound`` steps, where a step
     that diverged counts as taken. For adaptive steps see :func:`_turns`.
     """
     shared = "".join(f", {name}" for name in layout.shared)
@@ -416,6 +420,12 @@ def _step_blocks(layout: Layout) -> str:
             "@entry",
             "def step_blocks(state, o, first, last, size, h, substeps, hold, bound, action, observation, reward,",
             f"                terminated, truncated, info{more}{shared}):",
+            "    if first == 0 and last - first == len(state):",
+            "        odd = 0",
+            "        for i in range(U(size)):",
+            "            odd += 0 if abs(action[i]) < 1e999 else 1",
+            "        if odd > 0:",
+            f"            return {REFUSED}",
             *(["    wrong = 0"] if doubted else []),
             "    for b in range(first, last):",
             *(ENDED if adaptive else []),

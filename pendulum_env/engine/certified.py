@@ -234,13 +234,14 @@ class CertifiedBatch(Batch):
         self._so_far = MotionSoFar(np.zeros(size), np.zeros(size))
         self._estimate = np.zeros(size)
 
-    def step(self, action: NDArray[np.floating[Any]], into: Results) -> None:
+    def step(self, action: NDArray[np.floating[Any]], into: Results) -> bool:
         """Take one control step of every environment with the full and with half the step, and fill ``into``.
 
         The results in ``into`` include the error estimate; see :meth:`Batch.step`.
         """
         before, earlier = self.get("index"), self._state.copy()
-        super().step(action, into)
+        if not super().step(action, into):
+            return False
         own = self.motion()
         after = np.ceil(own[0])
         short = np.flatnonzero((own[0] > before) & (own[0] < before + self.substeps))
@@ -259,6 +260,7 @@ class CertifiedBatch(Batch):
         good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
         self._judge(np.arange(self.size), own, half, good)
         into.info[self._row] = self._estimate
+        return True
 
     def step_in_parts(
         self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]

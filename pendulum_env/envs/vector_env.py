@@ -241,7 +241,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
-        action = checked_actions(actions, self._num_envs)
+        action = checked_actions(actions, self._num_envs, self._sensing is None and self._batch.refuses)
         waiting = self._over
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
@@ -252,12 +252,15 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         try:
             given = self._room(results)
             if self._sensing is None:
-                self._batch.step(action, results)
+                taken = self._batch.step(action, results)
             else:
+                taken = True
                 self._batch.step_in_parts(self._sensing, action, results, given)
         except BaseException:
             self._begun = False
             raise
+        if not taken:
+            checked_actions(actions, self._num_envs)
         if self._checks and self._batch.wrong:
             self._refuse_rewards(results)
         if self._rate != 1.0:

@@ -47,20 +47,17 @@ def _checked(action: NDArray[Any]) -> float:
     return 1.0 if share > 1.0 else -1.0 if share < -1.0 else share
 
 
-def checked_actions(actions: Any, size: int) -> NDArray[Any]:
+def checked_actions(actions: Any, size: int, later: bool = False) -> NDArray[Any]:
     """Return the actions of ``size`` environments, not yet clipped: float32 unchanged, others as float64.
 
-    Raises ActionError for another shape than ``(size, 1)``, or values that are not finite, with their indices.
+    Raises ActionError for another shape than ``(size, 1)``, or values that are not finite, with their indices. With
+    ``later``, float32 actions may be not finite, because the program looks at them.
     """
+    shares: NDArray[Any]
     if type(actions) is np.ndarray and actions.dtype == SINGLE and actions.shape == (size, 1):
-        shares: NDArray[Any] = actions.ravel()
-        if 0 not in np.isfinite(shares).tobytes():  # quicker than all() for small arrays
+        shares = actions.ravel()
+        if later or 0 not in np.isfinite(shares).tobytes():  # quicker than all() for small arrays
             return shares
-    return _checked_actions(actions, size)
-
-
-def _checked_actions(actions: Any, size: int) -> NDArray[Any]:
-    """Return the actions of ``size`` environments as an array, not yet clipped; ActionError for invalid ones."""
     wanted = f"Actions of {size} environments must have the shape ({size}, 1)"
     array = _array(actions, wanted)
     if array.shape != (size, 1):
@@ -68,7 +65,7 @@ def _checked_actions(actions: Any, size: int) -> NDArray[Any]:
     if array.dtype.kind not in "fiu":
         raise ActionError(f"Actions must be real numbers, not of the type {array.dtype}.")
     single = array.dtype == np.float32
-    shares: NDArray[Any] = np.ascontiguousarray(array.reshape(size), dtype=np.float32 if single else np.float64)
+    shares = np.ascontiguousarray(array.reshape(size), dtype=np.float32 if single else np.float64)
     finite = np.isfinite(shares)
     if not finite.all():
         bad = np.flatnonzero(~finite)

@@ -528,6 +528,24 @@ def test_bad_actions_change_nothing(case: str) -> None:
     assert env.step(np.zeros((3, 1)))[4]["time"].tolist() == [0.02] * 3
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("options", [{}, {"num_threads": 2, "copy": False}, {"diagnostics": ("energy", "error")}])
+def test_a_compiled_program_refuses_actions_that_are_not_finite(value: float, options: dict[str, Any]) -> None:
+    """The first action and the last are looked at, in the last of three blocks, and no environment moves."""
+    env, other = (vector(600, **{"integrator": "symplectic_euler", "num_threads": 1, **options}) for _ in range(2))
+    for each in (env, other):
+        each.reset(seed=0)
+    actions = np.linspace(-2.0, 2.0, 600, dtype=np.float32)[:, None]
+    for place in (0, 599):
+        bad = actions.copy()
+        bad[place] = value
+        with pytest.raises(ActionError, match=f"those of the environments {place} are not"):
+            env.step(bad)
+    found, expected = env.step(actions), other.step(actions)
+    assert found[0].tobytes() == expected[0].tobytes()
+    assert found[4]["time"].tolist() == [0.02] * 600
+
+
 def test_huge_finite_actions_are_clipped_not_refused() -> None:
     env = vector(3, backend="python")
     env.reset(seed=0)
