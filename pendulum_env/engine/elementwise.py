@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.kernels import Backend, functions
-from pendulum_env.engine.source import Plain, arguments, constants_of, copied, with_callees
+from pendulum_env.engine.source import Plain, arguments, constants_of, copied, ours, with_callees
 
 Array = NDArray[np.float64]
 
@@ -24,11 +24,13 @@ class Kernel:
         text: the source.
         title: a name for file names and messages.
         python_functions: always (), as all of its functions can be compiled.
+        own: True if it holds functions of a user.
     """
 
     text: str
     title: str
     python_functions: tuple[tuple[str, Plain], ...] = ()
+    own: bool = False
 
 
 def kernel(called: Sequence[Plain], loops: Sequence[str], title: str) -> Kernel:
@@ -40,7 +42,7 @@ def kernel(called: Sequence[Plain], loops: Sequence[str], title: str) -> Kernel:
     constants = "".join(f"{name} = {value!r}\n" for name, value in constants_of(copies).items())
     body = "\n\n".join([copied(copies), *loops])
     head = f'"""{title}"""\n' + ("from math import sqrt\n" if "sqrt(" in body else "")
-    return Kernel("\n\n".join([head + constants, body]), title)
+    return Kernel("\n\n".join([head + constants, body]), title, own=not all(map(ours, copies)))
 
 
 @cache

@@ -20,8 +20,8 @@ from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
 from pendulum_env.engine.shape import Shape
-from pendulum_env.engine.source import Plain, called_in, check_names, constants_of, copied, with_callees
-from pendulum_env.engine.stages import WHOLE, divided
+from pendulum_env.engine.source import Plain, called_in, check_names, constants_of, copied, ours, with_callees
+from pendulum_env.engine.stages import BETWEEN, WHOLE, divided
 from pendulum_env.engine.subflows import sub_flows
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -51,12 +51,14 @@ class Program:
         shape: names of the arguments, quadratures and reported quantities.
         title: a name for file names and messages.
         python_functions: functions by name that only an interpreted program can call; () for most methods.
+        own: True if effects of the scene are a user's.
     """
 
     text: str
     shape: Shape
     title: str
     python_functions: tuple[tuple[str, Plain], ...] = field(default=(), kw_only=True)
+    own: bool = field(default=False, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ def _program(problem: Problem) -> Program:
     steps = [adapt(shape, problem.method), advance(shape)] if shape.adaptive else []
     loops = [*steps, run(shape), report.info(shape)]
     called_back = tuple(problem.method.python_functions.items())
-    return Program(_text(problem, loops), shape, problem.title, python_functions=called_back)
+    return Program(_text(problem, loops), shape, problem.title, python_functions=called_back, own=_own(problem))
 
 
 @lru_cache(maxsize=512)
@@ -107,11 +109,12 @@ def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None)
     shape = problem.shape
     division = WHOLE
     if blocks.in_stages(shape, problem.method):
-        division = divided(_text(problem, ()), shape.step_results, ("h", *shape.parameters))
+        between = frozenset() if _own(problem) else BETWEEN
+        division = divided(_text(problem, ()), shape.step_results, ("h", *shape.parameters), between)
     layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, division)
     text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())
     return BatchProgram(text, shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
-                        python_functions=tuple(problem.method.python_functions.items()))
+                        python_functions=tuple(problem.method.python_functions.items()), own=_own(problem))
 
 
 def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = ()) -> str:
@@ -122,8 +125,7 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     shape, method = problem.shape, problem.method
     pieces = [*_step(problem), *loops]
     flow = flow_of(problem.effects)
-    roles = (getattr(effect, role, None) for effect in problem.effects for role in Effect.__annotations__)
-    known = [*filter(callable, roles), *([flow.function] if flow else []), *HELPERS]
+    known = [*_functions_of(problem), *([flow.function] if flow else []), *HELPERS]
     copies = with_callees([*called_in("\n".join(pieces), known), *functions])
     head = f'"""{equation_text(problem.effects)}\n\nMethod: {method.name} ({method.source}).\n"""\n'
     numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
@@ -132,6 +134,17 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     head += "from math import sqrt\n\n" if "sqrt(" in body else ""
     check_names(body, shape.parameters)
     return "\n\n".join([head + constants, body])
+
+
+def _functions_of(problem: Problem) -> list[Plain]:
+    """Return the functions of a Problem's effects."""
+    roles = (getattr(effect, role, None) for effect in problem.effects for role in Effect.__annotations__)
+    return [*filter(callable, roles)]
+
+
+def _own(problem: Problem) -> bool:
+    """Return True if a Problem has effects of a user, whose functions may have any form."""
+    return not all(map(ours, _functions_of(problem)))
 
 
 def _called(problem: Problem) -> tuple[str, ...]:

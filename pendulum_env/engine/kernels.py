@@ -32,13 +32,18 @@ from numpy import uint64 as U
 
 from pendulum_env.engine.compiling import Entry, Inlined
 
-_ALL = {"error_model": "numpy", "_nrt": False}  # without _nrt numba counts no references to arrays: none are made here
+_ALL = {"error_model": "numpy", "_nrt": False}
 _INSIDE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": Inlined}
 inline = njit(**_ALL, **_INSIDE, forceinline=True)
 apart = njit(**_ALL, **_INSIDE)
 entry = njit(**_ALL, nogil=True, pipeline_class=Entry)
 
 '''
+
+ALLOCATING = '"_nrt": True'
+"""Option of programs with functions of a user, which may make lists. All others make no objects, so that numba need not
+count references to arrays, and a call takes a third less.
+"""
 
 
 class EngineError(RuntimeError):
@@ -47,7 +52,9 @@ class EngineError(RuntimeError):
 
 
 class Source(Hashable, Protocol):
-    """A generated program: its text, a name for messages, and functions that only an interpreted program can call."""
+    """A generated program: its text, a name for messages, functions that only an interpreted program can call, and
+    whether it holds functions of a user.
+    """
 
     @property
     def text(self) -> str: ...
@@ -55,6 +62,8 @@ class Source(Hashable, Protocol):
     def title(self) -> str: ...
     @property
     def python_functions(self) -> tuple[tuple[str, Callable[..., Any]], ...]: ...
+    @property
+    def own(self) -> bool: ...
 
 
 def functions(program: Source, backend: Backend = "auto") -> Mapping[str, Callable[..., Any]]:
@@ -163,7 +172,7 @@ def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     """Return a program's functions, compiled at their first call; source and machine code are cached on disk."""
     import numba
 
-    text = PREAMBLE + program.text
+    text = (PREAMBLE.replace('"_nrt": False', ALLOCATING) if program.own else PREAMBLE) + program.text
     key = "\n".join([text, numba.__version__, platform.machine(), sys.version])
     name = f"kernel_{hashlib.sha256(key.encode()).hexdigest()[:24]}"
     file, cached = f"<lab-pendulum {program.title}>", False
@@ -178,7 +187,7 @@ def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
         options = getattr(function, "targetoptions", None)
         if cached and options is not None and not options.get("no_cpython_wrapper"):
             # numba has no public way to give a function another cache than its own
-            function._cache = _CodeCache(Path(file).with_suffix(f".{function.__name__}"))
+            function._cache = _CodeCache(Path(file).with_suffix(f".{function.__name__}"), program.own)
     return vars(module)
 
 
@@ -192,8 +201,8 @@ class _CodeCache:
 
     digest = hashlib.sha256().digest_size
 
-    def __init__(self, start: Path) -> None:
-        self.start, self.cache_path = start, str(start.parent)
+    def __init__(self, start: Path, allocates: bool) -> None:
+        self.start, self.cache_path, self._allocates = start, str(start.parent), allocates
 
     def _file(self, signature: Any, codegen: Any) -> Path:
         """Return the path of the machine code for a signature on this processor."""
@@ -206,6 +215,10 @@ class _CodeCache:
 
         result: Any = compiler.CompileResult  # its _rebuild and _reduce are private, and numba's own cache uses them
         try:
+            if self._allocates:
+                from numba.core.runtime import rtsys
+
+                rtsys.initialize(context)
             content = own_bytes(self._file(signature, context.codegen()))
             digest, payload = content[: self.digest], content[self.digest :]
             if digest == hashlib.sha256(payload).digest():

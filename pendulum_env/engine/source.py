@@ -50,6 +50,11 @@ def text_of(function: Plain) -> str:
     return text
 
 
+def ours(function: Plain) -> bool:
+    """Return True for a function of this package, False for one of a user."""
+    return str(function.__module__).partition(".")[0] in ("pendulum_env", "integrators")
+
+
 def called_in(text: str, functions: Iterable[Plain]) -> list[Plain]:
     """Return those of the given functions that a source text calls by name."""
     names = set(_CALL.findall(text))

@@ -25,6 +25,11 @@ FEWEST = 2
 """Smallest number of forces for which stages end with them."""
 
 
+NUMERIC = (ast.Assign, ast.Return, ast.Name, ast.Tuple, ast.Constant, ast.BinOp, ast.UnaryOp, ast.IfExp, ast.Compare,
+           ast.Call, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.USub, ast.cmpop, ast.expr_context)
+"""Parts of a function that is written out: arithmetic, choices and calls without keywords."""
+
+
 class Value(NamedTuple):
     """Value that is computed after a stage: ``name = function(argument, *constants)``."""
 
@@ -63,27 +68,30 @@ WHOLE = Division()
 """Division of a step that is taken as a whole."""
 
 
-def divided(program: str, results: Iterable[str], same: Iterable[str]) -> Division:
+def divided(
+    program: str, results: Iterable[str], same: Iterable[str], between: frozenset[str] = BETWEEN
+) -> Division:
     """Return the division of the function ``step`` of a program; WHOLE if it is not straight-line, or has one stage.
 
     The functions that it calls are divided, too. The last stage assigns the step's results to the names ``results``.
     Other names that a stage assigns begin with "s", and are assigned once. ``same`` are the arguments that are the same
     for all pendulums: what follows from them alone is not handed on, so that a compiler can compute it before a loop.
+    ``between`` are the functions that are computed between stages; without them a stage ends with a force.
     """
     with PARSING:
         functions = {node.name: node for node in ast.parse(program).body if isinstance(node, ast.FunctionDef)}
     same = frozenset(same)
-    step = _Writer(functions, same, {"q"})
+    step = _Writer(functions, same, {"q"}, between)
     texts: list[str] = []
     for name in sorted(_names(functions["step"]) & {*functions}):
         if step.reaches(name):
-            inside = _Writer(functions, same, _parameters(functions[name]))
+            inside = _Writer(functions, same, _parameters(functions[name]), between)
             inside.write(name, ("result",))
-            stages = inside.divided(_levels(inside.lines, lambda line: line.value is not None))
-            texts.append(step.call_in_stages(name, stages))
+            levels = _levels(inside.lines, lambda line: line.value is not None)
+            texts += step.call_in_stages(name, inside.divided(levels)) if max(levels, default=0) > 0 else []
     step.write("step", tuple(results))
     levels = _levels(step.lines, lambda line: line.value is not None)
-    if not any(levels):
+    if max(levels, default=0) < 1:
         levels = _levels(step.lines, lambda line: not FORCES.isdisjoint(line.reads))
         if max(levels, default=0) < FEWEST:
             return WHOLE
@@ -122,18 +130,20 @@ class _Writer:
         functions: the functions of the program.
         same: names of the arguments that are the same for all pendulums.
         stored: names of the arguments that lie in memory, so that a sine of one needs no copy of it.
+        between: names of the functions that are computed between stages.
 
     Attributes:
         lines: the lines; none if the function is not straight-line.
         common: lines that follow from the arguments ``same`` alone.
     """
 
-    def __init__(self, functions: Mapping[str, ast.FunctionDef], same: Iterable[str], stored: Iterable[str]) -> None:
+    def __init__(self, functions: Mapping[str, ast.FunctionDef], same: Iterable[str], stored: Iterable[str],
+                 between: frozenset[str]) -> None:
         self.lines: list[_Line] = []
         self.common: list[_Line] = []
         self._functions, self._same, self._stored = {**functions}, {*same, *functions}, {*stored}
         self._bodies = {name: _straight(node) for name, node in functions.items()}
-        self._reach = dict.fromkeys(BETWEEN, False)
+        self._between, self._reach = between, dict.fromkeys(between, False)
         self._stages: dict[str, tuple[Stage, ...]] = {}
         self._versions: dict[str, int] = {}
         self._names: dict[str, tuple[str, ...]] = {}  # source of a value -> names that hold it
@@ -144,10 +154,10 @@ class _Writer:
             self._add(results, self._run(function, {}))
 
     def reaches(self, name: str) -> bool:
-        """Return True for a straight-line function that calls one of BETWEEN, or another such function."""
+        """Return True for a straight-line function that calls one of ``between``, or another such function."""
         if name not in self._reach:
             called = {other for _, value in self._bodies.get(name, ()) for other in _names(value)}
-            self._reach[name] = not BETWEEN.isdisjoint(called) or any(map(self.reaches, called & {*self._bodies}))
+            self._reach[name] = bool(self._between & called) or any(map(self.reaches, called & {*self._bodies}))
         return self._reach[name]
 
     def divided(self, levels: list[int]) -> tuple[Stage, ...]:
@@ -172,7 +182,7 @@ class _Writer:
             known |= handed | {value.name for value in values}
         return tuple(stages)
 
-    def call_in_stages(self, name: str, stages: tuple[Stage, ...]) -> str:
+    def call_in_stages(self, name: str, stages: tuple[Stage, ...]) -> list[str]:
         """Write calls of a function as the lines of its stages, but for the last; return the source of a function for
         the last stage.
         """
@@ -181,7 +191,7 @@ class _Writer:
         with PARSING:
             nodes = [node for node in ast.parse("\n".join(texts)).body if isinstance(node, ast.FunctionDef)]
         self._bodies.update((node.name, _straight(node)) for node in nodes[:-1])
-        return texts[-1]
+        return texts[-1:]
 
     def _run(self, function: str, scope: dict[str, ast.expr]) -> ast.expr:
         """Write the lines of a function, for arguments that are in the scope, and return its result."""
@@ -221,8 +231,8 @@ class _Writer:
     def _called(self, call: ast.Call) -> ast.expr:
         """Return a call as it is, or its value after the lines that compute it."""
         function = call.func.id if isinstance(call.func, ast.Name) else ""
-        if function in BETWEEN and all(isinstance(constant, ast.Constant) for constant in call.args[1:]):
-            return self._between(function, call.args[0], call.args[1:])
+        if function in self._between and all(isinstance(constant, ast.Constant) for constant in call.args[1:]):
+            return self._computed(function, call.args[0], call.args[1:])
         if not self.reaches(function):
             return call
         parameters = _parameters(self._functions[function])
@@ -237,11 +247,11 @@ class _Writer:
                 scope.update(zip(stage.handed, found.elts if isinstance(found, ast.Tuple) else [found], strict=True))
             for name, other, argument, constants in stage.values:
                 fixed = [ast.Constant(float(constant)) for constant in constants]
-                scope[name] = self._between(other, scope[argument], fixed)
+                scope[name] = self._computed(other, scope[argument], fixed)
         inputs = [scope[name] for name in _inputs(last, self._functions[function])]
         return ast.Call(ast.Name(f"{function}_{len(stages)}"), inputs, [])
 
-    def _between(self, function: str, value: ast.expr, constants: Sequence[ast.expr]) -> ast.expr:
+    def _computed(self, function: str, value: ast.expr, constants: Sequence[ast.expr]) -> ast.expr:
         """Return the name of a value that is computed between stages, or a call if it is the same for all."""
         (argument,) = self._assigned(("x",), value)
         call = ast.Call(ast.Name(function), [argument, *constants], [])
@@ -317,14 +327,22 @@ def _parameters(function: ast.FunctionDef) -> list[str]:
 
 
 def _straight(function: ast.FunctionDef) -> list[tuple[tuple[str, ...], ast.expr]]:
-    """Return the assignments of a function, and its result without names; nothing if it has other statements."""
+    """Return the assignments of a function, and its result without names; nothing if it has other parts than NUMERIC.
+
+    Truth values have no names there either, because stages hand on numbers only.
+    """
     lines: list[tuple[tuple[str, ...], ast.expr]] = []
     for node in function.body[1:] if ast.get_docstring(function) else function.body:
+        if not all(isinstance(part, NUMERIC) for part in ast.walk(node)):
+            return []
         if isinstance(node, ast.Return) and node.value:
             lines.append(((), node.value))
-        elif isinstance(node, ast.Assign):
-            lines.append((tuple(name.id for name in ast.walk(node.targets[0]) if isinstance(name, ast.Name)),
-                          node.value))
+        elif isinstance(node, ast.Assign) and len(node.targets) == 1 and not isinstance(node.value, ast.Compare):
+            target = node.targets[0]
+            names = target.elts if isinstance(target, ast.Tuple) else [target]
+            lines.append((tuple(name.id for name in names if isinstance(name, ast.Name)), node.value))
+            if len(lines[-1][0]) < len(names):
+                return []
         else:
             return []
     return lines

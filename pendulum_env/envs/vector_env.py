@@ -241,8 +241,9 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
-        action = checked_actions(actions, self._num_envs, self._sensing is None and self._batch.refuses)
         waiting = self._over
+        later = self._sensing is None and self._batch.refuses and not waiting.size
+        action = checked_actions(actions, self._num_envs, later)
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
                 f"Episodes that have ended: {waiting.size}, the first in environment {waiting[0]}; reset them with "

@@ -1,0 +1,120 @@
+"""Tests of users' effects in blocks: functions of any form give the bits of single runs, and may make lists."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from inspect import signature
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pendulum_env import SCENES, Scene, rollout
+from pendulum_env.physics.effects import Effect
+from pendulum_env.physics.elementary import cos, power, sin
+
+v = 3.0
+"""A constant with the name that a step has for the velocity."""
+
+
+def product(first: float, second: float) -> float:
+    return first*second
+
+
+def pair(first: float, second: float) -> tuple[float, float]:
+    return sin(first), cos(second)
+
+
+def with_a_constant(angle: float, mine_rate: float) -> float:
+    return -mine_rate*(sin(angle) + v*cos(angle))
+
+
+def with_two_targets(angle: float, velocity: float, mine_rate: float) -> float:
+    b = 3.0
+    a = b = sin(angle)
+    return -mine_rate*(a + b*velocity)
+
+
+def with_a_keyword(angle: float, velocity: float, mine_rate: float) -> float:
+    v = 2.0*velocity + 1.0
+    return -mine_rate*sin(angle)*product(angle, second=v)
+
+
+def with_a_keyword_of_the_sine(angle: float, mine_rate: float) -> float:
+    return -mine_rate*sin(x=angle*2.0)
+
+
+def with_a_walrus(angle: float, velocity: float, mine_rate: float) -> float:
+    b = (v := angle*3.0)*2.0
+    return -mine_rate*(sin(v) + b*velocity)
+
+
+def with_truth_values(angle: float, velocity: float, mine_rate: float) -> float:
+    fast = velocity > 0.5
+    a = sin(angle*(2.0 if fast else 1.0))
+    near = (a > 0.1) & fast
+    b = cos(a)
+    return -mine_rate*(b if near else sin(b) if not fast else 2.0*b)
+
+
+def with_nested_targets(angle: float, velocity: float, mine_rate: float) -> float:
+    c, (a, b) = velocity, pair(angle, velocity)
+    return -mine_rate*(a + 2.0*b + 3.0*c)
+
+
+def with_a_guard(angle: float, mine_rate: float) -> float:
+    return -mine_rate*(1.0 if angle > 0.0 and sin(power(angle, 0.5)) > 0.5 else 2.0)
+
+
+def the_same_for_all(mine_rate: float) -> float:
+    return mine_rate*sin(mine_rate)
+
+
+def with_lists(angle: float, mine_rate: float) -> float:
+    table = [0.1, 0.2, 0.4]
+    return -mine_rate*table[0 if angle < 0.0 else 2]*sin(angle)
+
+
+FORMS: tuple[Callable[..., float], ...] = (
+    with_a_constant, with_two_targets, with_a_keyword, with_a_keyword_of_the_sine, with_a_walrus, with_truth_values,
+    with_nested_targets, with_a_guard, the_same_for_all, with_lists)
+
+
+def scene_with(form: Callable[..., float], scene: str) -> Scene:
+    """Return a scene with an effect of one's own, whose torque has this form."""
+    @dataclass(frozen=True)
+    class Mine(Effect):
+        """A drive of one's own."""
+
+        name, kind, equation, source = "mine", "drive", "mine", "none"
+        torque = staticmethod(form)
+
+        def coefficients(self, scene: Any) -> Mapping[str, float]:
+            return {"mine_rate": 0.5}
+
+    base = SCENES[scene]
+    return base.with_effects((*base.effects, Mine()))
+
+
+@pytest.mark.parametrize("scene", ["vacuum", "torsion"])
+@pytest.mark.parametrize(("form", "integrator"), [*((form, "rk4") for form in FORMS), *(
+    (form, "velocity_verlet") for form in FORMS if "velocity" not in signature(form).parameters)])
+def test_blocks_have_the_bits_of_single_runs(form: Callable[..., float], integrator: str, scene: str) -> None:
+    own, angle = scene_with(form, scene), np.array([-0.5, 0.3, 1.0])
+    options: dict[str, Any] = {"integrator": integrator, "duration": 0.1, "diagnostics": ("energy",)}
+    many = rollout(own, angle=angle, backend="python", **options)
+    for place, one in enumerate(angle.tolist()):
+        single = rollout(own, angle=one, backend="python", **options)
+        assert many.angle[place].tolist() == single.angle.tolist()
+        assert many.ledger.work[place].tolist() == single.ledger.work.tolist()
+
+
+@pytest.mark.parametrize("form", [with_lists, with_a_constant])
+def test_compiled_programs_with_functions_of_a_user(form: Callable[..., float]) -> None:
+    """A user's functions may make lists, which needs numba's memory."""
+    own, angle = scene_with(form, "vacuum"), np.array([-0.5, 0.3, 1.0])
+    many = rollout(own, angle=angle, duration=0.1, backend="compiled")
+    single = rollout(own, angle=1.0, duration=0.1, backend="compiled")
+    plain = rollout(own, angle=1.0, duration=0.1, backend="python")
+    assert many.angle[2].tolist() == single.angle.tolist() == plain.angle.tolist()
