@@ -546,6 +546,15 @@ def test_a_compiled_program_refuses_actions_that_are_not_finite(value: float, op
     assert found[4]["time"].tolist() == [0.02] * 600
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_actions_are_looked_at_before_ended_episodes(dtype: type) -> None:
+    env = vector(3, num_threads=1, autoreset_mode="Disabled", max_episode_steps=1)
+    env.reset(seed=0)
+    env.step(np.zeros((3, 1), dtype))
+    with pytest.raises(ActionError, match="those of the environments 0, 1, 2 are not"):
+        env.step(np.full((3, 1), np.nan, dtype))
+
+
 def test_huge_finite_actions_are_clipped_not_refused() -> None:
     env = vector(3, backend="python")
     env.reset(seed=0)
