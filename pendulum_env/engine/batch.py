@@ -395,14 +395,14 @@ class Batch(Blocks):
 
     @property
     def refuses(self) -> bool:
-        """True if :meth:`step` does nothing where an action is not finite, and says so."""
+        """True if :meth:`step` looks for actions that are not finite; if there are any, it does nothing."""
         return bool(self._usual)
 
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> bool:
         """Take one control step of every environment that has not stopped, and write the results to ``into``.
 
-        Return False, and do nothing, if an action is not finite; but see :attr:`refuses`. After an interruption by
-        Ctrl-C some environments are ahead of others until the next reset.
+        Return True; or False, and do nothing, if it :attr:`refuses` an action that is not finite. After an interruption
+        by Ctrl-C some environments are ahead of others until the next reset.
         """
         if self._usual:
             code: int = self.call(*self._usual, action, *into, *self._shared)

@@ -69,9 +69,11 @@ def _starts(begin: Plain) -> str:
 
 
 def in_stages(shape: Shape, method: Method) -> bool:
-    """Return True if steps of blocks are divided into stages: those of a method itself, but for the closed form.
+    """Return True if a block may divide a step into stages.
 
-    The division of a closed form would take the compiler half as long again, for a sixth of a step's time.
+    It may not where a step is cut or repeated: with a tolerance, a wire that goes slack, dry friction or compensated
+    sums. A closed form is not divided, because that takes the compiler half as long again, for a sixth of a step's
+    time.
     """
     return not (shape.adaptive or shape.slack or shape.slides or shape.compensated or "exact_flow" in method.needs)
 

@@ -141,7 +141,7 @@ class _Writer:
                  between: frozenset[str]) -> None:
         self.lines: list[_Line] = []
         self.common: list[_Line] = []
-        self._functions, self._same, self._stored = {**functions}, {*same, *functions}, {*stored}
+        self._functions, self._same, self._stored = functions, {*same, *functions}, {*stored}
         self._bodies = {name: _straight(node) for name, node in functions.items()}
         self._between, self._reach = between, dict.fromkeys(between, False)
         self._stages: dict[str, tuple[Stage, ...]] = {}
@@ -183,9 +183,7 @@ class _Writer:
         return tuple(stages)
 
     def call_in_stages(self, name: str, stages: tuple[Stage, ...]) -> list[str]:
-        """Write calls of a function as the lines of its stages, but for the last; return the source of a function for
-        the last stage.
-        """
+        """Let calls of a function be written as its stages; return the source of the function for the last stage."""
         self._stages[name] = stages
         texts = [_function(name, number, stage, self._functions[name]) for number, stage in enumerate(stages)]
         with PARSING:

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+import integrators
 from pendulum_env import SCENES, Scene, rollout
+from pendulum_env.engine.generate import batch_program
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.elementary import cos, power, sin
 
@@ -108,6 +110,12 @@ def test_blocks_have_the_bits_of_single_runs(form: Callable[..., float], integra
         single = rollout(own, angle=one, backend="python", **options)
         assert many.angle[place].tolist() == single.angle.tolist()
         assert many.ledger.work[place].tolist() == single.ledger.work.tolist()
+
+
+def test_stages_end_with_the_whole_force() -> None:
+    text = batch_program(scene_with(with_a_constant, "vacuum"), integrators.get("rk4"), (), frozenset()).text
+    assert text.count("def stage_") == 4
+    assert "sin_block" not in text
 
 
 @pytest.mark.parametrize("form", [with_lists, with_a_constant])
