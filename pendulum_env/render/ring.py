@@ -9,13 +9,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.render.paint import Floats, Image, blend
+from pendulum_env.render.paint import FULL, NONE, Floats, Image, blend
 
 TURN = 2 * math.pi
 PIXEL = np.dtype("V3")
 """The three bytes of a pixel as one item, which is copied at once."""
 HEAD = 0.6
 """Ratio of half the width of an arrow's head to its length."""
+_SLOPE = np.array(HEAD / math.hypot(1, HEAD), dtype=np.float32)
 
 
 class Ring:
@@ -57,16 +58,20 @@ class Ring:
 
         Its head has the length `head` [rad]. `sweep` may be negative, and is less than a turn.
         """
-        end, long = start + sweep, np.float32(head * self.radius)
-        scale, half = np.float32(math.copysign(self.radius, sweep)), np.float32(0.5)
+        end, long, half = start + sweep, np.float32(head * self.radius), np.float32(0.5)
+        neck, tip = np.float32(0.9) * long - half, long + half
         for part, turns in self._between(min(start, end), max(start, end)):
-            rest = (np.float32(end + turns) - self.angle[part]) * scale
-            shaft = np.minimum(rest - (np.float32(0.9) * long - half), self.side[part])
+            rest = np.float32(end + turns) - self.angle[part]
+            rest *= math.copysign(self.radius, sweep)
+            shaft = rest - neck
+            np.minimum(shaft, self.side[part], out=shaft)
             np.minimum(shaft, np.float32(abs(sweep) * self.radius + 0.5) - rest, out=shaft)
-            point = rest * np.float32(HEAD / math.hypot(1, HEAD)) + self.cone[part]
-            np.maximum(np.minimum(point, long + half - rest), shaft, out=shaft)
-            seen = (shaft > 0).nonzero()[0]
-            self._paint(image, self.pixel[part].take(seen), np.minimum(shaft.take(seen), np.float32(1)), colour)
+            point = rest * _SLOPE
+            point += self.cone[part]
+            np.maximum(np.minimum(point, tip - rest, out=point), shaft, out=shaft)
+            seen = (shaft > NONE).nonzero()[0]
+            share = shaft.take(seen)
+            self._paint(image, self.pixel[part].take(seen), np.minimum(share, FULL, out=share), colour)
 
     def trail(self, image: Image, angles: Sequence[float], strongest: float, colour: Floats) -> None:
         """Paint the trail of a bob that moved along the circle through `angles` [rad], oldest first.
@@ -93,9 +98,11 @@ class Ring:
         if low < -3.0 or high > 3.0:  # indices down to -bins count from the end
             places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
-        strength[places] = np.interp(moments, ends, strongest * _fade(len(path)))
+        strength[places] = np.interp(moments, ends, _fade(len(path), strongest))
         for part, _ in self._between(low, high):
-            self._paint(image, self.pixel[part], self.cover[part] * strength.take(self.bin[part]), colour)
+            share = strength.take(self.bin[part])
+            share *= self.cover[part]
+            self._paint(image, self.pixel[part], share, colour)
 
     def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
         """Yield slices of the circle's pixels, sorted by angle, that lie between two angles [rad]: one slice or two.
@@ -124,7 +131,7 @@ class Ring:
 
 
 @lru_cache(maxsize=16)
-def _fade(count: int) -> NDArray[np.float64]:
-    """Return opacities for ``count`` points of the bob's trail, which grow from 0 to 1, slowly at first."""
-    shares: NDArray[np.float64] = np.linspace(0.0, 1.0, count) ** 1.5
+def _fade(count: int, most: float) -> NDArray[np.float64]:
+    """Return opacities for ``count`` points of the bob's trail, which grow from 0 to ``most``, slowly at first."""
+    shares: NDArray[np.float64] = most * np.linspace(0.0, 1.0, count) ** 1.5
     return shares

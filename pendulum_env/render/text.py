@@ -136,10 +136,11 @@ def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
         [_inked(part, size, colour, paper) for part in _pieces(text)], axis=1)
     height, width = picture.shape[:2]
     left, top = round(x - anchor[0] * width), round(y - anchor[1] * height)
-    shown, patch = picture, image[max(top, 0):max(top + height, 0), max(left, 0):max(left + width, 0)]
-    if patch.shape[:2] != (height, width):
-        shown = picture[max(0, -top):, max(0, -left):][:patch.shape[0], :patch.shape[1]]
+    if left < 0 or top < 0 or left + width > image.shape[1] or top + height > image.shape[0]:
+        picture = picture[max(0, -top):max(0, image.shape[0] - top), max(0, -left):max(0, image.shape[1] - left)]
+        left, top, (height, width) = max(left, 0), max(top, 0), picture.shape[:2]
+    patch = image[top:top + height, left:left + width]
     if paper is None:
-        blend(patch, shown * np.float32(1 / 255), rgb(colour))
+        blend(patch, picture * np.float32(1 / 255), rgb(colour))
     else:
-        patch[...] = shown
+        patch[...] = picture
