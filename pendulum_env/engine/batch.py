@@ -17,6 +17,7 @@ from integrators import Method
 from integrators.solving.solve import MOST_STEPS
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import threads
+from pendulum_env.engine.blocks import REFUSED, WRONG
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.kernels import Backend, functions, resolve
@@ -91,7 +92,8 @@ class Blocks:
         names: names of the quantities reported beside observation and reward.
         num_threads: number of threads used.
         program: the generated program.
-        wrong: True if a reward of the last call of the program was not finite, for a task with a user's functions.
+        ended: True if the last step of environments ended an episode, or found one that had ended before.
+        wrong: True if a reward of the last step was not finite, for a task with a user's functions.
         call: the program's entry function.
 
     Raises MethodError if the method does not fit the scene, EngineError for a backend that is not available.
@@ -114,7 +116,8 @@ class Blocks:
         atol: float | None = None,
     ) -> None:
         compensated = check_compensated(compensated, rtol)
-        self.size, self.h, self.compensated, self.wrong = size, h, compensated, False
+        self.size, self.h, self.compensated = size, h, compensated
+        self.ended = self.wrong = False
         self.method = find_method(method, scene)
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         numbers = {**numbers, **self.tolerance}
@@ -313,14 +316,19 @@ class Blocks:
 
             Thread ``number`` has its own scratch array.
             """
-            if self.call(state, self._scratch[number], first, last, *arguments, *self._shared) > 0:
-                self.wrong = True
+            self._note(self.call(state, self._scratch[number], first, last, *arguments, *self._shared))
 
         if self._compiled:
             threads.spread(part, len(state), len(self._scratch), self._pace.units)
             return
         with np.errstate(all="ignore"):
             part(0, 0, len(state))
+
+    def _note(self, found: int) -> None:
+        """Note what the program has found in a range of blocks: the number that it returned."""
+        if found > 0:
+            self.ended = True
+            self.wrong = self.wrong or found >= WRONG
 
     def _learn(self, steps: int, seconds: float) -> None:
         """Adapt the number of steps per call of the program, after ``steps`` steps of all blocks took ``seconds``.
@@ -368,14 +376,14 @@ class Batch(Blocks):
         if fits and self._threads_given:
             self._reused = into
 
-    def _as_team(self, action: NDArray[np.float32], into: Results) -> None:
-        """Take one control step by the threads of a team."""
+    def _as_team(self, action: NDArray[np.float32], into: Results) -> int:
+        """Take one control step by the threads of a team; return what the program returns."""
         team = self._team
         if team is None or not team.here:
             substeps = self.substeps
             team = self._team = Team(self.program, self._backend, self._state, self._scratch, (
                 self.size, self.h, substeps, substeps, self._bound, *into, *self._shared))
-        self.wrong = team.step(action)
+        return team.step(action)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes to pickle; the threads of a team are started again when they are needed."""
@@ -393,27 +401,24 @@ class Batch(Blocks):
         return Results(make((count, self._width), SINGLE), make((count,)), np.empty(count, TRUTH),
                        np.empty(count, TRUTH), make((len(self.names), count)))
 
-    @property
-    def refuses(self) -> bool:
-        """True if :meth:`step` looks for actions that are not finite; if there are any, it does nothing."""
-        return bool(self._usual)
-
     def step(self, action: NDArray[np.floating[Any]], into: Results) -> bool:
         """Take one control step of every environment that has not stopped, and write the results to ``into``.
 
-        Return True; or False, and do nothing, if it :attr:`refuses` an action that is not finite. After an interruption
-        by Ctrl-C some environments are ahead of others until the next reset.
+        Return True; or False, and do nothing, if an action is not finite. After an interruption by Ctrl-C some
+        environments are ahead of others until the next reset.
         """
         if self._usual:
-            code: int = self.call(*self._usual, action, *into, *self._shared)
-            self.wrong = code > 0
-            return code >= 0
-        if into is self._reused and self.substeps <= self._at_once and action.dtype == SINGLE:
-            self._as_team(action, into)
+            found: int = self.call(*self._usual, action, *into, *self._shared)
+        elif into is self._reused and self.substeps <= self._at_once and action.dtype == SINGLE:
+            found = self._as_team(action, into)
+        elif 0 in np.isfinite(action).tobytes():  # quicker than all() for small arrays
+            return False
+        else:
+            self.ended = self.wrong = False
+            self._take(action, self.substeps, self.substeps, into)
             return True
-        self.wrong = False
-        self._take(action, self.substeps, self.substeps, into)
-        return True
+        self.ended, self.wrong = found > 0, found >= WRONG
+        return found != REFUSED
 
     def step_in_parts(
         self, sensing: Sensing, action: NDArray[np.floating[Any]], into: Results, seen: NDArray[np.float32]
@@ -423,7 +428,8 @@ class Batch(Blocks):
         Observations are written to ``seen``, observed angles to the last row of ``into.info``. All parts of a group of
         blocks are taken before those of the next, so that the group stays in the processor's cache.
         """
-        self.wrong, unused = False, self.results(0)
+        self.ended = self.wrong = False
+        unused = self.results(0)
         sensing.act(action)
         parts = [(sensing.acting(begin), end - begin, hold, into if end == self.substeps else unused,
                   sensing.turn(end) if reads else None, end) for begin, end, hold, reads in sensing.parts]
@@ -449,9 +455,8 @@ class Batch(Blocks):
         """Take steps of the blocks ``first`` to ``last`` (exclusive), in as many calls as adaptive steps need."""
         more = (*self._turns(self._state), FEW_BLOCKS) if self.tolerance else ()
         while True:
-            if self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold, self._bound,
-                         actions, *into, *more, *self._shared):
-                self.wrong = True
+            self._note(self.call(self._state, self._scratch[thread], first, last, self.size, self.h, steps, hold,
+                                 self._bound, actions, *into, *more, *self._shared))
             if not more or (more[1][first:last, 0] < 0).all():
                 return
 

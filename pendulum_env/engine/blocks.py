@@ -39,6 +39,8 @@ from pendulum_env.engine.stages import TURNED, Stage, Value
 
 REFUSED = -1
 """Returned by a program that has found an action which is not finite."""
+WRONG = 2**32
+"""What a program adds to the number that it returns, for every reward that is not finite."""
 
 
 def loops(layout: Layout, method: Method) -> list[str]:
@@ -399,10 +401,12 @@ def _step_blocks(layout: Layout) -> str:
 
     The range is from ``first`` to ``last``, exclusive. The generated function begins a control step of ``hold`` steps,
     or continues one if ``hold`` is 0. With 0 substeps it only computes observations and reported quantities. Result
-    arrays of length 0 are not filled. For a task with a user's functions, the function returns the number of rewards
-    that are not finite. If the range is all blocks and an action is not finite, it returns REFUSED before it does
-    anything. An episode is truncated once it has taken more than ``bound`` steps, where a step
+    arrays of length 0 are not filled. An episode is truncated once it has taken more than ``bound`` steps, where a step
     that diverged counts as taken. For adaptive steps see :func:`_turns`.
+
+    The function returns the number of blocks in which an episode has ended and, for a task with a user's functions, WRONG times the
+    number of rewards that are not finite. If the range is all blocks and an action is not finite, it returns REFUSED
+    before it does anything.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
@@ -428,7 +432,7 @@ def _step_blocks(layout: Layout) -> str:
             "            n += 0 if abs(action[i]) < 1e999 else 1",
             "        if n > 0:",
             f"            return {REFUSED}",
-            *(["    wrong = 0"] if doubted else []),
+            "    found = 0",
             "    for b in range(first, last):",
             *(ENDED if adaptive else []),
             "        s = state[b]",
@@ -447,9 +451,9 @@ def _step_blocks(layout: Layout) -> str:
             "        over = terminated[base:base + n]",
             "        for i in range(U(n)):",
             f"            over[i] = o[i + U({place['ended']})] != 0.0",
-            "        over = truncated[base:base + n]",
+            "        late = truncated[base:base + n]",
             "        for i in range(U(n)):",
-            f"            over[i] = o[i + U({place['late']})] != 0.0",
+            f"            late[i] = o[i + U({place['late']})] != 0.0",
             *[
                 line
                 for name, row in rows.items()
@@ -458,9 +462,13 @@ def _step_blocks(layout: Layout) -> str:
             ],
             *([
                 "        for i in range(U(n)):",
-                f"            wrong += 0 if abs(o[i + U({place['reward']})]) <= {LARGEST} else 1",
-                "    return wrong",
-            ] if doubted else ["    return 0"]),
+                f"            found += 0 if abs(o[i + U({place['reward']})]) <= {LARGEST} else {WRONG}",
+            ] if doubted else []),
+            "        ended = False",  # read at the end, when the processor has stored them
+            "        for i in range(U(n)):",
+            "            ended = ended | over[i] | late[i]",
+            "        found += 1 if ended else 0",
+            "    return found",
             "",
         ]
     )

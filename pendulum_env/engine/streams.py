@@ -95,10 +95,11 @@ class Streams:
         return numbers
 
     def _uniform(self, which: NDArray[np.intp]) -> NDArray[np.float64]:
-        increment = (self._increment[0][which], self._increment[1][which])
+        places = neighbours(which)
+        increment = (self._increment[0][places], self._increment[1][places])
         with np.errstate(over="ignore"):
-            high, low = _next((self._state[0][which], self._state[1][which]), increment)
-            self._state[0][which], self._state[1][which] = high, low
+            high, low = _next((self._state[0][places], self._state[1][places]), increment)
+            self._state[0][places], self._state[1][places] = high, low
             mixed, turn = high ^ low, high >> np.uint64(58)
             bits = mixed >> turn | mixed << (np.uint64(64) - turn & np.uint64(63))
         return np.asarray((bits >> np.uint64(11)).astype(np.float64) * 2.0**-53)
@@ -114,6 +115,13 @@ class Streams:
             source.state = generator_state(self.words(place))
             yield generator
             self.restore(place, words_of(source.state))
+
+
+def neighbours(which: NDArray[np.intp]) -> NDArray[np.intp] | slice:
+    """Return indices that follow each other without a gap as a slice, which numpy reads faster; others unchanged."""
+    if len(which) and (which[1:] - which[:-1] == 1).all():
+        return slice(int(which[0]), int(which[-1]) + 1)
+    return which
 
 
 def generator_state(words: Words) -> Any:

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.engine.blocks import REFUSED
 from pendulum_env.engine.generate import BatchProgram
 from pendulum_env.engine.kernels import functions
 
@@ -31,9 +32,9 @@ LOOKS = 20_000
 
 APART = 8
 """Distance of the numbers on a board, so that each has a cache line of 64 bytes of its own."""
-TURN, DONE, WRONG, ACTION = 0, APART, 2 * APART, 3 * APART
-"""Places on the board: number of the present step, of its blocks that are done, of its rewards that are not finite, and
-the address of its actions.
+TURN, DONE, FOUND, ACTION = 0, APART, 2 * APART, 3 * APART
+"""Places on the board: number of the present step, of its blocks that are done, the sum of what the program returned
+for them, and the address of the actions.
 """
 FIRST = 4 * APART
 """Place on the board of the next block in the range of the first thread; those of the others follow."""
@@ -48,12 +49,19 @@ from pendulum_env.engine.atomic import add, floats, load, store
 def team(board, ends, me, seen, looks, state, o, {{given}}):
     """Take part in steps until the board stays as it is for ``looks`` looks; return the number of the last step.
 
-    The first thread begins a step, and looks out for the end of the blocks that others have taken.
+    The first thread begins a step, and looks out for the end of the blocks that others have taken. If an action is not
+    finite, it returns {REFUSED} instead.
     """
     count = len(ends) - 1
     if me == 0:
+        action = floats(load(board, {ACTION}), size)
+        n = 0
+        for i in range(U(size)):
+            n += 0 if abs(action[i]) < 1e999 else 1
+        if n > 0:
+            return {REFUSED}
         store(board, {DONE}, 0)
-        store(board, {WRONG}, 0)
+        store(board, {FOUND}, 0)
         for i in range(count):
             store(board, {FIRST} + {APART}*i, ends[i])
         add(board, {TURN}, 1)
@@ -72,7 +80,7 @@ def team(board, ends, me, seen, looks, state, o, {{given}}):
             b = add(board, {FIRST} + {APART}*i, 1)
             while b < ends[i + 1]:
                 action = floats(load(board, {ACTION}), size)
-                add(board, {WRONG}, step_blocks(state, o, b, b + 1, {{taken}}))
+                add(board, {FOUND}, step_blocks(state, o, b, b + 1, {{taken}}))
                 add(board, {DONE}, 1)
                 b = add(board, {FIRST} + {APART}*i, 1)
         if me == 0:
@@ -143,18 +151,19 @@ class Team:
         """True in the process in which the threads were started; a forked process inherits none."""
         return self._process == os.getpid()
 
-    def step(self, action: NDArray[np.float32]) -> bool:
-        """Take a step of all blocks with these actions, contiguous in memory; return True if a reward is not finite."""
+    def step(self, action: NDArray[np.float32]) -> int:
+        """Take a step of all blocks with these actions, contiguous in memory; return what ``step_blocks`` returns."""
         self._board[ACTION] = action.ctypes.data
         for seat in self._seats:
             if seat.asleep:
                 seat.asleep = False
                 seat.gate.release()
         board = self._board
-        self._call(board, self._ends, 0, int(board[TURN]), self._most, *self._arguments[0])
+        if self._call(board, self._ends, 0, int(board[TURN]), self._most, *self._arguments[0]) == REFUSED:
+            return REFUSED
         while board[DONE] < self._ends[-1]:  # another program has the core of a thread
             sleep(0)
-        return bool(board[WRONG])
+        return int(board[FOUND])
 
 
 def _work(call: Callable[..., int], seat: Seat, board: Board, place: tuple[Any, int], looks: int,

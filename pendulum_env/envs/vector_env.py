@@ -242,8 +242,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         if not self._begun:
             raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
         waiting = self._over
-        later = self._sensing is None and self._batch.refuses and not waiting.size
-        action = checked_actions(actions, self._num_envs, later)
+        action = checked_actions(actions, self._num_envs, later=self._sensing is None and not waiting.size)
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
                 f"Episodes that have ended: {waiting.size}, the first in environment {waiting[0]}; reset them with "
@@ -280,8 +279,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             given = self._read(results)
         seen = self._seen(given, results)
         over, self._over = NOBODY, NOBODY
-        if 1 in results.terminated.tobytes() or 1 in results.truncated.tobytes():  # faster than any() for some thousand
-            over = np.flatnonzero(results.terminated | results.truncated)
+        if self._batch.ended and (over := np.flatnonzero(results.terminated | results.truncated)).size:
             if self._penalty:
                 stopped = over[results.terminated[over]]
                 results.reward[stopped[self._batch.status(stopped) != LOST]] -= self._penalty
@@ -453,7 +451,8 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
     def _restart(self, which: Places, results: Results) -> Infos:
         """Start new episodes with drawn parameters and starts; return their parameters as infos."""
         numbers = self._take_parameters(which, {})
-        self._batch.start(which, *self._random(which, numbers), self._drawn_for(which), results, numbers)
+        these = None if len(which) == self._num_envs else which
+        self._batch.start(these, *self._random(which, numbers), self._drawn_for(which), results, numbers)
         self._begin_readings(which)
         return self._parameter_infos(which)
 
