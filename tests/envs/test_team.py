@@ -20,6 +20,7 @@ from pendulum_env import Task
 from pendulum_env.engine import team, threads
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.tasks import TaskError
+from pendulum_env.tasks.action import ActionError
 
 SIZE = 5 * BLOCK - 3
 """An odd number of blocks, so that one of two threads takes the last while the other waits for it."""
@@ -102,6 +103,20 @@ def test_actions_of_any_kind_are_those_of_one_thread(given: Any) -> None:
     for action in ACTIONS:
         for found, wanted in zip(env.step(given(action))[:4], one.step(given(action))[:4], strict=True):
             assert found.tobytes() == wanted.tobytes()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_team_refuses_actions_that_are_not_finite(value: float) -> None:
+    """The first action and the last are looked at, and no environment moves."""
+    wanted, env = bits(vector(1)), stepped(vector(2))
+    begun = bits(env, 3)
+    for place in (0, SIZE - 1):
+        bad = ACTIONS[3].copy()
+        bad[place] = value
+        with pytest.raises(ActionError, match=f"those of the environments {place} are not"):
+            env.step(bad)
+    assert members() == 1
+    assert begun + bits(env, first=3) == wanted
 
 
 def test_a_parameter_that_varies_from_now_on_is_seen_by_all_threads() -> None:

@@ -529,7 +529,8 @@ def test_bad_actions_change_nothing(case: str) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("options", [{}, {"num_threads": 2, "copy": False}, {"diagnostics": ("energy", "error")}])
+@pytest.mark.parametrize("options", [{}, {"num_threads": 2, "copy": False}, {"diagnostics": ("energy", "error")},
+                                     {"substeps": 100}, {"substeps": 3000}])
 def test_a_compiled_program_refuses_actions_that_are_not_finite(value: float, options: dict[str, Any]) -> None:
     """The first action and the last are looked at, in the last of three blocks, and no environment moves."""
     env, other = (vector(600, **{"integrator": "symplectic_euler", "num_threads": 1, **options}) for _ in range(2))
