@@ -372,15 +372,13 @@ def interpolated(c: Row, nodes: Sequence[int], digits: int = 50) -> tuple[Row, .
         nodes: the stages, counted from zero, whose forces are interpolated.
         digits: decimals to which a coefficient is rounded, unless its denominator is shorter than that.
     """
-    table = []
-    for end in c:
-        line = [Fraction(0)] * len(c)
-        for j in nodes:
-            basis = [Fraction(1)]
-            for k in nodes:
-                if k != j:
-                    up = [Fraction(0), *basis]
-                    basis = [(x - c[k] * y) / (c[j] - c[k]) for x, y in zip(up, [*basis, Fraction(0)], strict=True)]
+    table = [[Fraction(0)] * len(c) for _ in c]
+    for j in nodes:
+        basis = [Fraction(1)]
+        for k in nodes:
+            if k != j:
+                up = [Fraction(0), *basis]
+                basis = [(x - c[k] * y) / (c[j] - c[k]) for x, y in zip(up, [*basis, Fraction(0)], strict=True)]
+        for line, end in zip(table, c, strict=True):
             line[j] = sum((x * end ** (n + 1) / (n + 1) for n, x in enumerate(basis)), Fraction(0))
-        table.append(tuple(x if x.denominator < 10**digits else round(x, digits) for x in line))
-    return tuple(table)
+    return tuple(tuple(x if x.denominator < 10**digits else round(x, digits) for x in line) for line in table)

@@ -75,7 +75,7 @@ class RungeKutta(Method):
         if sum(self.b) != 1 and sum(map(unrounded, self.b)) == 1:  # floats such as 1/6 are rounded
             object.__setattr__(self, "b", tuple(map(unrounded, self.b)))
             object.__setattr__(self, "a", tuple(tuple(map(unrounded, row)) for row in self.a))
-        object.__setattr__(self, "c", tuple(sum(row, Fraction(0)) for row in self.a))
+        object.__setattr__(self, "c", tuple(sum(filter(None, row), Fraction(0)) for row in self.a))
         stages = len(self.b)
         if len(self.a) != stages or any(len(row) != stages for row in self.a):
             raise MethodError(f"{self.name}: a must be {stages} rows of {stages} numbers, like b.")

@@ -34,11 +34,11 @@ def extrapolated_midpoint(order: int) -> RungeKutta:
         for m in range(1, n + 1):
             line = [Fraction(0)] * count
             for j in range(m - 1, -1, -2):
-                line[places[j]] += Fraction(2 if j else 1, n)
+                line[places[j]] = Fraction(2 if j else 1, n)
             if m < n:
                 rows.append(line)
             else:
-                b = [x + share * y for x, y in zip(b, line, strict=True)]
+                b = [x + share * y if y else x for x, y in zip(b, line, strict=True)]
     return RungeKutta(
         name=f"extrapolated_midpoint{order}",
         order=order,
