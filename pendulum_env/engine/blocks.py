@@ -388,7 +388,7 @@ def _formulas(layout: Layout, values: Mapping[str, str]) -> list[str]:
 
     For the energy ledger (energy, work, heat, residual) they also store the energy at step 0.
     """
-    lines = []
+    lines = [report.stored(layout.shape)] if "r_potential_energy" in values else []
     for name, value in values.items():
         lines.append(f"{name} = {value}")
         if name == "r_energy" and layout.shape.ledger:
@@ -404,9 +404,9 @@ def _step_blocks(layout: Layout) -> str:
     arrays of length 0 are not filled. An episode is truncated once it has taken more than ``bound`` steps, where a step
     that diverged counts as taken. For adaptive steps see :func:`_turns`.
 
-    The function returns the number of blocks in which an episode has ended and, for a task with a user's functions, WRONG times the
-    number of rewards that are not finite. If the range is all blocks and an action is not finite, it returns REFUSED
-    before it does anything.
+    The function returns the number of blocks in which an episode has ended and, for a task with a user's functions,
+    WRONG times the number of rewards that are not finite. If the range is all blocks and an action is not finite, it
+    returns REFUSED before it does anything.
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}

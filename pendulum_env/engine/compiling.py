@@ -12,9 +12,13 @@ numba has no public way to choose this, so that this module replaces methods of 
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 from typing import Any
 
 from numba.core import codegen, compiler
+
+from pendulum_env.engine.folding import folded
+from pendulum_env.engine.kernels import TEXT
 
 __all__ = ["Entry", "Inlined"]
 
@@ -65,6 +69,16 @@ class _Unoptimised(_Optimised):
         return 0
 
 
+def _with_fewer_calls(function: Callable[..., Any]) -> Any:
+    """Return a function of a program, whose short functions are written in place of their calls."""
+    names = function.__globals__
+    if TEXT not in names:
+        return function
+    fewer: dict[str, Any] = {"__name__": names["__name__"]}
+    exec(compile(folded(names[TEXT]), function.__code__.co_filename, "exec"), fewer)
+    return fewer[function.__name__].py_func
+
+
 class Entry(compiler.Compiler):  # type: ignore[misc]
     """numba's compiler for the functions of a program that Python calls, with all that they inline."""
 
@@ -73,7 +87,7 @@ class Entry(compiler.Compiler):  # type: ignore[misc]
         collects = gc.isenabled()
         gc.disable()
         try:
-            return super().compile_extra(function)
+            return super().compile_extra(_with_fewer_calls(function))
         finally:
             if collects:
                 gc.enable()

@@ -46,6 +46,10 @@ count references to arrays, and a call takes a quarter to a third less.
 """
 
 
+TEXT = "_text"
+"""Name in a program's module of its text, from which short functions may be folded into those that call them."""
+
+
 class EngineError(RuntimeError):
     """Error for a backend that is not "auto", "compiled" or "python", or that needs numba where it cannot be imported.
     """
@@ -183,6 +187,8 @@ def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     module = ModuleType(f"lab_pendulum_kernels.{name}")
     sys.modules[module.__name__] = module
     exec(compile(text, file, "exec"), vars(module))
+    if not program.own:
+        vars(module)[TEXT] = text
     for function in list(vars(module).values()):
         options = getattr(function, "targetoptions", None)
         if cached and options is not None and not options.get("no_cpython_wrapper"):

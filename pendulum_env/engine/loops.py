@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pendulum_env.engine import report, watch
 from pendulum_env.engine.advance import advanced
-from pendulum_env.engine.calls import begin, potential
+from pendulum_env.engine.calls import begin
 from pendulum_env.engine.shape import BOUND, DIVERGED, OK, PAUSED, TOO_SHORT, UNSURE, Shape, indent, joined
 
 
@@ -16,8 +16,9 @@ def _unpack(shape: Shape) -> list[str]:
     lines += [f"{name} = state[{i}]" for i, name in enumerate(names) if name]
     if shape.periodic:
         lines.append("side = side_of(turns)")
-    kinetic, height, _ = report.energy_of(shape).values()
-    lines += [f"initial = state[{len(shape.recorded)}]", "if index == 0.0:", f"    initial = {kinetic} + {height}"]
+    kinetic, height, _ = report.ENERGIES.values()
+    lines += [f"initial = state[{len(shape.recorded)}]", report.stored(shape),
+              "if index == 0.0:", f"    initial = {kinetic} + {height}"]
     lines += [f"{name} = state[{i}]" for i, name in enumerate(shape.kept[1:], len(shape.recorded) + 1)]
     if shape.adaptive:
         tried = " + ".join(f"params[{shape.params.index(f'paused_{name}')}]" for name in ("taken", "rejected"))
@@ -64,11 +65,11 @@ def _one_step(shape: Shape) -> list[str]:
 
 
 def _store(shape: Shape, target: str) -> list[str]:
-    """Return the source lines that write the recorded values.
+    """Return the source lines that write the recorded values, after :func:`report.stored`.
 
     ``target`` is the source of the array entry, with {} for the index.
     """
-    values = ["index", "q", "turns", "v", "0.5*v*v", potential(shape), *shape.sums, *shape.lost]
+    values = ["index", "q", "turns", "v", "0.5*v*v", "r_stored", *shape.sums, *shape.lost]
     values += watch.values(shape).values()
     return [f"{target.format(i)} = {value}" for i, value in enumerate(values)]
 
@@ -114,10 +115,10 @@ def run(shape: Shape) -> str:
             "        for _ in range(every):",
             *indent(_one_step(shape), 3),
             f"        if {stored}:",
-            *indent([*_store(shape, "out[row + 1, {}]"), *_judged(shape)], 3),
+            *indent([report.stored(shape), *_store(shape, "out[row + 1, {}]"), *_judged(shape)], 3),
             "        if stop != 0.0:",
             "            break",
-            *indent(_store(shape, "state[{}]"), 1),
+            *indent([report.stored(shape), *_store(shape, "state[{}]")], 1),
             *(f"    state[{i}] = {name}" for i, name in enumerate(shape.kept, len(shape.recorded))),
             "    if len(seen) > 0:",
             *indent(_report(shape), 2),

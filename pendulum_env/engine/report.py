@@ -65,20 +65,24 @@ REMAINDERS = {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_vel
 """Local names and formulas of the rounding remainders of angle and velocity, with compensated summation."""
 
 
-def energy_of(shape: Shape) -> dict[str, str]:
-    """Return the source formulas of the kinetic, potential and total energy [J]."""
-    return {
-        "r_kinetic_energy": "inertia*(0.5*v*v)",
-        "r_potential_energy": f"inertia*{potential(shape)}",
-        "r_energy": "r_kinetic_energy + r_potential_energy",
-    }
+ENERGIES = {
+    "r_kinetic_energy": "inertia*(0.5*v*v)",
+    "r_potential_energy": "inertia*r_stored",
+    "r_energy": "r_kinetic_energy + r_potential_energy",
+}
+"""Local names and formulas of the kinetic, potential and total energy [J]; before them stands :func:`stored`."""
+
+
+def stored(shape: Shape) -> str:
+    """Write the source line that computes the potential energy per moment of inertia, ``r_stored`` [1/s^2]."""
+    return f"r_stored = {potential(shape)}"
 
 
 def balance(shape: Shape) -> dict[str, str]:
     """Return the source formulas of energy, work, heat and the energy residual [J]."""
     heats = [f"inertia*{name}" for name in shape.sums if name.startswith("heat")]
     return {
-        **energy_of(shape),
+        **ENERGIES,
         "r_work": "inertia*work" if "work" in shape.quadratures else "0.0",
         "r_heat": " + ".join(["0.0", *heats]),
         "r_energy_residual": "residual_of(r_energy, initial, r_work, r_heat)",
@@ -98,7 +102,7 @@ def recorded(shape: Shape) -> dict[str, str]:
     """Return local names and source formulas of the quantities that a run records: at least motion and energies."""
     if shape.ledger:
         return ledger(shape)
-    return {**PLACE, **energy_of(shape), **(REMAINDERS if shape.compensated else {}), **ledger(shape)}
+    return {**PLACE, **ENERGIES, **(REMAINDERS if shape.compensated else {}), **ledger(shape)}
 
 
 FOLLOWING = ("time", "energy", "energy_residual")
