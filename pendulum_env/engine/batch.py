@@ -43,6 +43,8 @@ FEW_BLOCKS = 2**6
 """Number of steps of blocks in the first call of a program for a run; see :mod:`pendulum_env.engine.pieces`."""
 GROUP = 17
 """Largest number of blocks whose parts of a control step are taken one after the other: 4096 environments at once."""
+LARGE = 16_384
+"""Number of environments from which a single step gains more by aligned arrays than it takes to align them."""
 Numbers = Mapping[str, float | Array]
 UNCHANGED: Mapping[str, Array] = {}
 """Numbers of new episodes that change no parameter of the program."""
@@ -394,10 +396,13 @@ class Batch(Blocks):
         super().vary(names)
         self._set_usual()
 
-    def results(self, size: int | None = None) -> Results:
-        """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch."""
+    def results(self, size: int | None = None, lasting: bool = False) -> Results:
+        """Return uninitialised arrays for the results of ``size`` environments, by default of all in the batch.
+
+        Their memory is aligned where that saves more time than it takes: in many steps (``lasting``) or large arrays.
+        """
         count = self.size if size is None else size
-        make: Any = np.empty if count < BLOCK else partial(aligned, make=np.empty)
+        make: Any = partial(aligned, make=np.empty) if lasting or count >= LARGE else np.empty
         return Results(make((count, self._width), SINGLE), make((count,)), np.empty(count, TRUTH),
                        np.empty(count, TRUTH), make((len(self.names), count)))
 

@@ -227,7 +227,7 @@ class CertifiedBatch(Batch):
         self._half_numbers = {**endless(numbers)}
         self._half = Batch(scene, method, diagnostics, backend, self._half_numbers, size=size, h=h / 2,
                            substeps=2 * substeps, most=math.inf, **{**options, **halved(self.tolerance)})
-        self._unread = self._half.results()
+        self._unread = self._half.results(lasting=True)
         self._scene = scene
         self._alone: Machine | None = None
         self._estimator = ErrorEstimator.of(scene, self.method, h, numbers, self.compensated, bool(self.tolerance))

@@ -172,7 +172,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._bounded = bound < UNBOUNDED
         self.observation_space = batched(self.single_observation_space, self._num_envs)
         self.action_space = batched(self.single_action_space, self._num_envs)
-        self._reused = None if truth(copy, "copy") else self._batch.results()
+        self._reused = None if truth(copy, "copy") else self._batch.results(lasting=True)
         if self._reused is not None:
             self._batch.reuse(self._reused)
         self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None
