@@ -4,7 +4,8 @@ By itself numba optimises each function together with all that it calls, and tra
 generated program, functions call each other several levels deep and are always inlined, so the innermost would be
 optimised at every level, and only the code of the outermost is used. Here the inner functions stay as they are until
 the outermost is optimised. That takes three quarters of the time, and no bit of a result depends on it, because no
-pass of the optimiser may change a floating-point operation.
+pass of the optimiser may change a floating-point operation. Short functions are written in place of their calls before
+that; see :mod:`pendulum_env.engine.folding`.
 
 numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary.
 """

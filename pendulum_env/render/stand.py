@@ -128,7 +128,9 @@ class Stand:
 
     def pivot(self, away: tuple[float, float]) -> tuple[float, float]:
         """Return the pixel (x, y) of the pivot, displaced by ``away`` (right, up) [m] from its position at rest."""
-        return (self.x + away[0] * self.scale, self.y - away[1] * self.scale) if self.shaken else (self.x, self.y)
+        if not self.shaken:
+            return self.x, self.y
+        return self.x + float(away[0]) * self.scale, self.y - float(away[1]) * self.scale
 
     def places(self, view: View) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the pixels (x, y) of the pivot and of the bob's centre at the instant of a view."""
