@@ -69,7 +69,8 @@ class RungeKutta(Method):
         if self.dense is not None:
             b, a = (rational(rows, f"{self.name}: dense") for rows in (self.dense.b, self.dense.a))
             object.__setattr__(self, "dense", replace(self.dense, b=b, a=a))
-        if not all(isinstance(row, tuple) for row in (self.b, self.a, *(self.a if isinstance(self.a, tuple) else ()))):
+        rows = (self.b, *self.a) if isinstance(self.a, tuple) else ()
+        if not rows or not all(isinstance(row, tuple) and all(isinstance(x, Fraction) for x in row) for row in rows):
             raise MethodError(f"{self.name}: a must be rows of numbers, and b a row of numbers, as in "
                               "a=((0, 0), ('1/2', 0)), b=(0, 1).")
         if sum(self.b) != 1 and sum(map(unrounded, self.b)) == 1:  # floats such as 1/6 are rounded

@@ -94,7 +94,7 @@ class Blocks:
         names: names of the quantities reported beside observation and reward.
         num_threads: number of threads used.
         program: the generated program.
-        ended: True if the last step of environments ended an episode, or found one that had ended before.
+        ended: True if an episode ended in the last step of environments or before; it stays True when new ones begin.
         wrong: True if a reward of the last step was not finite, for a task with a user's functions.
         call: the program's entry function.
 
@@ -330,7 +330,8 @@ class Blocks:
         """Note what the program has found in a range of blocks: the number that it returned."""
         if found > 0:
             self.ended = True
-            self.wrong = self.wrong or found >= WRONG
+        if found >= WRONG:
+            self.wrong = True
 
     def _learn(self, steps: int, seconds: float) -> None:
         """Adapt the number of steps per call of the program, after ``steps`` steps of all blocks took ``seconds``.

@@ -39,6 +39,9 @@ from pendulum_env.engine.stages import TURNED, Stage, Value
 
 REFUSED = -1
 """Returned by a program that has found an action which is not finite."""
+LOOKED = ["n = 0", "for i in range(U(size)):", "    n += 0 if abs(action[i]) < 1e999 else 1", "if n > 0:",
+          f"    return {REFUSED}"]
+"""Source lines that look for actions that are not finite."""
 WRONG = 2**32
 """What a program adds to the number that it returns, for every reward that is not finite."""
 
@@ -427,12 +430,8 @@ def _step_blocks(layout: Layout) -> str:
             "def step_blocks(state, o, first, last, size, h, substeps, hold, bound, action, observation, reward,",
             f"                terminated, truncated, info{more}{shared}):",
             "    if first == 0 and last - first == len(state):",
-            "        n = 0",
-            "        for i in range(U(size)):",
-            "            n += 0 if abs(action[i]) < 1e999 else 1",
-            "        if n > 0:",
-            f"            return {REFUSED}",
-            "    found = 0",
+            *indent(LOOKED, 2),
+            "    r_found = 0",
             "    for b in range(first, last):",
             *(ENDED if adaptive else []),
             "        s = state[b]",
@@ -462,13 +461,13 @@ def _step_blocks(layout: Layout) -> str:
             ],
             *([
                 "        for i in range(U(n)):",
-                f"            found += 0 if abs(o[i + U({place['reward']})]) <= {LARGEST} else {WRONG}",
+                f"            r_found += 0 if abs(o[i + U({place['reward']})]) <= {LARGEST} else {WRONG}",
             ] if doubted else []),
-            "        ended = False",  # read at the end, when the processor has stored them
+            "        r_ended = False",  # last: to read over and late right after they are written would wait for memory
             "        for i in range(U(n)):",
-            "            ended = ended | over[i] | late[i]",
-            "        found += 1 if ended else 0",
-            "    return found",
+            "            r_ended = r_ended | over[i] | late[i]",
+            "        r_found += 1 if r_ended else 0",
+            "    return r_found",
             "",
         ]
     )

@@ -15,14 +15,17 @@ from pendulum_env.engine.source import PARSING
 from pendulum_env.engine.stages import NUMERIC
 
 MOST = 40
-"""Largest number of operations that all calls of a function may become; one call may become more."""
+"""A function that is called several times is folded if its operations times its calls are at most this many.
+
+Comparisons and choices do not count.
+"""
 
 
 def folded(text: str) -> str:
     """Return a program in which functions of one expression are written in place of their calls, where they can be.
 
-    A function stays if it is long and called often. A call stays if an argument that the function takes twice is more
-    than a name or a number, or if a name of the function means something else where it is called.
+    A function stays if it is long and called often. A call stays if it names its arguments or leaves some out, if an
+    argument that the function takes twice is more than a name or a number, or if a name means something else there.
     """
     with PARSING:
         tree = ast.parse(text)
@@ -67,10 +70,12 @@ class _Folded(ast.NodeTransformer):
         if not isinstance(call.func, ast.Name) or call.func.id not in self.short:
             return call
         parameters, result = self.short[call.func.id]
+        if call.keywords or len(call.args) != len(parameters) or any(isinstance(x, ast.Starred) for x in call.args):
+            return call
         taken = Counter(node.id for node in ast.walk(result) if isinstance(node, ast.Name))
         twice = any(taken[name] > 1 and not isinstance(value, (ast.Name, ast.Constant))
                     for name, value in zip(parameters, call.args, strict=True))
-        if twice or call.keywords or not self.names.isdisjoint({*taken}.difference(parameters)):
+        if twice or not self.names.isdisjoint({call.func.id, *taken}.difference(parameters)):
             return call
         put: ast.expr = _Put(dict(zip(parameters, call.args, strict=True))).visit(deepcopy(result))
         return put

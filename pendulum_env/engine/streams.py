@@ -119,7 +119,7 @@ class Streams:
 
 def neighbours(which: NDArray[np.intp]) -> NDArray[np.intp] | slice:
     """Return indices that follow each other without a gap as a slice, which numpy reads faster; others unchanged."""
-    if len(which) and (which[1:] - which[:-1] == 1).all():
+    if len(which) and which[0] >= 0 and (which[1:] - which[:-1] == 1).all():
         return slice(int(which[0]), int(which[-1]) + 1)
     return which
 

@@ -24,8 +24,11 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, nearest, shown
 
-FORMAT = 6
-"""Number of the form in which environments are pickled; raised by one whenever their attributes change."""
+FORMAT = 7
+"""Number of the form in which environments are pickled.
+
+It is raised by one whenever their attributes change, or what their programs return: pickles hold the programs' texts.
+"""
 
 
 STATE = ("angle", "velocity", "theta", "state")

@@ -28,6 +28,13 @@ FORMS = {
         "K = 7.0\n\n@inline\ndef f(x):\n    return K*x\n\n@entry\ndef go(a):\n    K = 2.0\n    return K + f(a)", []),
     "a parameter that means something else": (
         "K = 7.0\n\n@inline\ndef f(x):\n    return K*x\n\n@entry\ndef go(K):\n    return K + f(K)", []),
+    "a name for an argument": (
+        "@inline\ndef f(x, y):\n    return x - y\n\n@entry\ndef go(a):\n    return f(a, y=2.0)", []),
+    "an argument left out": (
+        "@inline\ndef f(x, y=2.0):\n    return x - y\n\n@entry\ndef go(a):\n    return f(a)", []),
+    "a local name of the function": (
+        "@inline\ndef f(x):\n    return x + 1.0\n\n@inline\ndef g(x):\n    return 3.0*x\n\n"
+        "@entry\ndef go(a):\n    f = g\n    return f(a)", []),
     "two lines": ("@inline\ndef f(x):\n    y = x*x\n    return y + 1.0\n\n@entry\ndef go(a):\n    return f(a)", []),
     "apart": ("@apart\ndef f(x):\n    return x + 1.0\n\n@entry\ndef go(a):\n    return f(a)", []),
     "often and long": ("@inline\ndef f(x, y):\n    return x*x*x*x*x*x + y*y*y*y*y\n\n@entry\ndef go(a):\n    return "

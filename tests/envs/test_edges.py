@@ -314,14 +314,14 @@ KEPT = {
         observation_space single_action_space single_observation_space _randomization _randomize _observation
         _history _sensor _observation_delay _action_delay _sensing _delays _seen_before _bank""",
 }
-"""Attributes in format 6. Whoever changes them raises FORMAT, so that older pickles are refused."""
+"""Attributes in format 7. Whoever changes them raises FORMAT, so that older pickles are refused."""
 
 
 @pytest.mark.parametrize("kind", KEPT)
 def test_the_format_of_pickles_is_that_of_these_attributes(kind: str) -> None:
     env = make() if kind == "LabPendulumEnv" else LabPendulumVectorEnv(2, backend="python")
     env.reset(seed=0)
-    assert FORMAT == 6
+    assert FORMAT == 7
     assert {*vars(env)} - {"_np_random", "_np_random_seed", "_made_by"} == {
         *KEPT[kind].split()} - {"_np_random", "_np_random_seed"}
 

@@ -28,6 +28,7 @@ from vector_steps import MODES, same, side_by_side, vector
 import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Scene, SceneError
 from pendulum_env.engine import batch, generate, kernels, threads
+from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.layout import BLOCK, aligned
 from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import ActionError
@@ -545,6 +546,40 @@ def test_a_compiled_program_refuses_actions_that_are_not_finite(value: float, op
     found, expected = env.step(actions), other.step(actions)
     assert found[0].tobytes() == expected[0].tobytes()
     assert found[4]["time"].tolist() == [0.02] * 600
+
+
+@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
+@pytest.mark.parametrize("some", [True, False])
+def test_an_interrupted_restart_has_to_be_followed_by_a_reset(
+    mode: str, some: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while new episodes begin, of all environments or of two: no step goes on from half a state."""
+    env = vector(4, autoreset_mode=mode, max_episode_steps=3)
+    env.reset(seed=0)
+    if some:
+        env.step(np.zeros((4, 1)))
+        env.reset(options={"reset_mask": np.array([True, False, True, False])})
+    before = Blocks._put
+
+    def interrupted(blocks: Blocks, state: Any, name: str, values: Any) -> None:
+        if name == "q":
+            raise KeyboardInterrupt
+        before(blocks, state, name, values)
+
+    def go_on() -> None:
+        for _ in range(5):
+            env.step(np.zeros((4, 1)))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Blocks, "_put", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            go_on()
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(np.zeros((4, 1)))
+    env.reset(seed=0)
+    other = vector(4, autoreset_mode=mode, max_episode_steps=3)
+    other.reset(seed=0)
+    assert env.step(np.ones((4, 1)))[0].tobytes() == other.step(np.ones((4, 1)))[0].tobytes()
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
