@@ -63,6 +63,8 @@ def test_weights_that_are_rounded_floats_sum_to_one() -> None:
 def test_what_is_no_table_or_no_order_is_refused_in_a_sentence() -> None:
     with pytest.raises(MethodError, match="mine: a must be rows of numbers, and b a row of numbers, as in a="):
         RungeKutta(name="mine", order=1, a="1/2", b="1", **WORDS)
+    with pytest.raises(MethodError, match="mine: a must be rows of numbers, and b a row of numbers, as in a="):
+        RungeKutta(name="mine", order=1, a=((0, ()), (1, 0)), b=(0, 1), **WORDS)
     for order in ("2", 0, 2.5, None, True, float("nan")):
         with pytest.raises(MethodError, match=r"mine: order must be a whole number of at least 1, or math\.inf, not "):
             RungeKutta(name="mine", order=order, a=((0,),), b=(1,), **WORDS)
