@@ -28,7 +28,6 @@ from vector_steps import MODES, same, side_by_side, vector
 import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Scene, SceneError
 from pendulum_env.engine import batch, generate, kernels, threads
-from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.layout import BLOCK, aligned
 from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import ActionError
@@ -559,19 +558,16 @@ def test_an_interrupted_restart_has_to_be_followed_by_a_reset(
     if some:
         env.step(np.zeros((4, 1)))
         env.reset(options={"reset_mask": np.array([True, False, True, False])})
-    before = Blocks._put
 
-    def interrupted(blocks: Blocks, state: Any, name: str, values: Any) -> None:
-        if name == "q":
-            raise KeyboardInterrupt
-        before(blocks, state, name, values)
+    def interrupted(angle: Any) -> None:
+        raise KeyboardInterrupt
 
     def go_on() -> None:
         for _ in range(5):
             env.step(np.zeros((4, 1)))
 
     with monkeypatch.context() as patch:
-        patch.setattr(Blocks, "_put", interrupted)
+        patch.setattr(batch, "half_turns", interrupted)
         with pytest.raises(KeyboardInterrupt):
             go_on()
     with pytest.raises(gym.error.ResetNeeded):
