@@ -578,6 +578,21 @@ def test_an_interrupted_restart_has_to_be_followed_by_a_reset(
     assert env.step(np.ones((4, 1)))[0].tobytes() == other.step(np.ones((4, 1)))[0].tobytes()
 
 
+def test_an_interrupted_reset_has_to_be_repeated(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = vector(4)
+    env.reset(seed=0)
+
+    def interrupted(angle: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(batch, "half_turns", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            env.reset(seed=1)
+    with pytest.raises(gym.error.ResetNeeded):
+        env.step(np.zeros((4, 1)))
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_actions_are_looked_at_before_ended_episodes(dtype: type) -> None:
     env = vector(3, num_threads=1, autoreset_mode="Disabled", max_episode_steps=1)
