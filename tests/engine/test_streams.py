@@ -30,7 +30,7 @@ def test_consecutive_seeds_may_be_a_range(first: int) -> None:
 def test_each_stream_goes_on_by_itself() -> None:
     seeds = [0, 1, 2**32 - 1, 2**32, MOST_SEED]
     streams, generators = Streams(seeds), [np.random.default_rng(np.random.PCG64(seed)) for seed in seeds]
-    for which in ([0, 4], [1, 2, 4], [4], [0, 1, 2, 3, 4]):
+    for which in ([0, 4], [1, 2, 4], [4], [0, 1, 2, 3, 4], [2, 3], [3, 2, 1], [1, 0, 2], [-2, -1], [-1, 0]):
         assert streams.uniform(np.array(which)).tolist() == [generators[i].random() for i in which]
     streams.seed(np.array([1, 3]), [7, 8])
     again = [np.random.default_rng(np.random.PCG64(seed)).random() for seed in (7, 8)]
