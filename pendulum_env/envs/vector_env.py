@@ -451,12 +451,12 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
     def _restart(self, which: Places, results: Results) -> Infos:
         """Start new episodes with drawn parameters and starts; return their parameters as infos."""
-        begun, self._begun = self._begun, False  # an interruption leaves some environments without a state
+        self._begun = False  # until all have a state again, also after an interruption
         numbers = self._take_parameters(which, {})
         these = None if len(which) == self._num_envs else which
         self._batch.start(these, *self._random(which, numbers), self._drawn_for(which), results, numbers)
         self._begin_readings(which)
-        self._begun = begun
+        self._begun = True
         return self._parameter_infos(which)
 
     def _take_parameters(self, which: Places, given: Mapping[str, Array]) -> dict[str, Array]:
