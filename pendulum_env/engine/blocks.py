@@ -20,7 +20,7 @@ from pendulum_env.engine import report, slack
 from pendulum_env.engine.advance import advanced, attempt, checked, landed
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
-from pendulum_env.engine.layout import BLOCK, Layout, block_loop, side_of_turns
+from pendulum_env.engine.layout import AHEAD, BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.shape import (
     ADAPTED,
     DIVERGED,
@@ -95,15 +95,15 @@ def _advance(layout: Layout) -> str:
         if number == len(layout.division.stages) - 1:
             step = [*taken, *stage.lines, *checked(layout.shape)]
             continue
-        loops.append(block_loop(f"stage_{number}", "s, o, n, h", layout, [
-            *layout.load("index", "q", "turns", "v", *layout.shape.memory, *layout.shape.extra),
+        loops.append(block_loop(f"stage_{number}", joined(layout.step), layout, [
+            *layout.load("index", "q", "turns", "v", *layout.shape.memory, *layout.shape.extra, sliding=True),
             *side_of_turns(layout),
             "t = index*h",
             *taken,
             *stage.lines,
             *(f"{layout.between(name)} = {name}" for name in stage.handed),
         ]))
-        calls.append(f"stage_{number}({joined(('s', 'o', 'n', 'h'), layout.shared)})")
+        calls.append(f"stage_{number}({joined(layout.step, layout.shared)})")
         calls += [f"{names.replace(' ', '_')}_block({given})" for names, given in _values(layout, stage)]
     lines = [
         *_state(layout),
@@ -114,8 +114,28 @@ def _advance(layout: Layout) -> str:
         *_kept(layout, "(1.0 if good else 0.0)"),
         f"{layout.at('status')} = stop if live else status",
     ]
-    last = block_loop("advance_block", "s, o, n, h", layout, lines, calls)
-    return "\n\n".join([*_between(layout), *layout.division.functions, *loops, last])
+    last = block_loop("advance_block", joined(layout.step), layout, lines, calls)
+    back = [_move_back(layout)] if layout.histories else []
+    return "\n\n".join([*_between(layout), *layout.division.functions, *loops, last, *back])
+
+
+def _move_back(layout: Layout) -> str:
+    """Write the source of ``move_back``, which moves all histories back to their place, by ``away`` numbers.
+
+    The oldest field moves first, because fields would overwrite each other.
+    """
+    rows = [(layout.fields.index(names[0]), len(names)) for names in layout.histories]
+    return "\n".join([
+        "@separate",
+        "def move_back(s, n, away):",
+        *(line for first, count in rows for line in (
+            f"    for k in range({first + count - 1}, {first - 1}, -1):",
+            f"        to = U({BLOCK})*U(k)",
+            "        for i in range(U(n)):",
+            "            s[i + to] = s[i + (to - away)]",
+        )),
+        "",
+    ])
 
 
 def _values(layout: Layout, stage: Stage) -> list[tuple[str, str]]:
@@ -282,20 +302,27 @@ def _settle(layout: Layout) -> str:
 def _state(layout: Layout) -> list[str]:
     """Return the source lines that read the state and the parameters with which a step of an environment starts."""
     shape = layout.shape
-    return [*layout.load("index", *layout.moved, *shape.extra, "status", "speed_limit", *shape.pull),
-            *side_of_turns(layout)]
+    names = ("index", *layout.moved, *shape.extra, "status", "speed_limit", *shape.pull)
+    return [*layout.load(*names, sliding=True), *side_of_turns(layout)]
 
 
 def _kept(layout: Layout, taken: str) -> list[str]:
-    """Return the source lines that store the state after a step if it is ``good``; ``taken`` adds to the step count."""
-    return [*[f"{layout.at(name)} = {name}1 if good else {name}" for name in layout.moved],
+    """Return the source lines that store the state after a step if it is ``good``; ``taken`` adds to the step count.
+
+    The newest value of a history that slides is always stored, because a run that has stopped does not continue.
+    """
+    older = {name for names in layout.histories for name in names}
+    return [*(f"{layout.sliding(name, 1)} = {name}1" for name, *_ in layout.histories),
+            *(f"{layout.at(name)} = {name}1 if good else {name}" for name in layout.moved if name not in older),
             f"{layout.at('index')} = index + {taken}"]
 
 
 def _steps(layout: Layout, depth: int) -> list[str]:
     """Return the source lines of one step of a block."""
     parts = ("advance_block", *(("settle_block",) if layout.shape.slack else ()))
-    return indent([f"{part}({joined(('s', 'o', 'n', 'h'), layout.shared)})" for part in parts], depth)
+    slid = [f"slide -= U({BLOCK})", "if slide == 0:", f"    move_back(s, n, U({AHEAD * BLOCK}))",
+            f"    slide = U({AHEAD * BLOCK})"] if layout.histories else []
+    return indent([*(f"{part}({joined(layout.step, layout.shared)})" for part in parts), *slid], depth)
 
 
 def _remember_block(layout: Layout) -> str:
@@ -493,6 +520,7 @@ def _run_blocks(layout: Layout) -> str:
     ]
     loops = [
         *(["        count = taken"] if remembers else _begun("rows*every > 0", "", layout)),
+        *([f"        slide = U({AHEAD * BLOCK})"] if layout.histories else []),
         "        for row in range(rows):",
         "            for _ in range(every):",
         *(_begun("count % hold == 0", "hold", layout, 4) if remembers else []),
@@ -501,6 +529,7 @@ def _run_blocks(layout: Layout) -> str:
         "            if len(out) == 0:",
         "                continue",
         *indent(write, 3),
+        *([f"        move_back(s, n, U({AHEAD * BLOCK}) - slide)"] if layout.histories else []),
     ]
     if adaptive:  # a turn is a step or, after every ``every`` steps, a record
         fresh = f"{layout.active} == 0.0 and (taken + turn - row) % hold == 0"

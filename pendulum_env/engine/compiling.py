@@ -21,7 +21,7 @@ from numba.core import codegen, compiler
 from pendulum_env.engine.folding import folded
 from pendulum_env.engine.kernels import TEXT
 
-__all__ = ["Entry", "Inlined"]
+__all__ = ["Entry", "Inlined", "Separate"]
 
 
 class _Unloaded:
@@ -104,4 +104,12 @@ class Inlined(compiler.Compiler):  # type: ignore[misc]
 
     def define_pipelines(self) -> Any:
         self.state.library = _Unoptimised(self.state.targetctx.codegen(), "inlined")
+        return super().define_pipelines()
+
+
+class Separate(Inlined):
+    """numba's compiler for inlined functions whose arrays never overlap, so that nothing has to check this."""
+
+    def define_pipelines(self) -> Any:
+        self.state.flags.noalias = True
         return super().define_pipelines()

@@ -45,6 +45,12 @@ LIMITS = ("omega0", "speed_limit")
 """Parameters of a batch's programs beside the scene's numbers; each is one number, or one number per environment."""
 
 
+AHEAD = 8
+"""Number of steps after which a long history moves back to its place; see :class:`Layout`."""
+FEWEST = 12
+"""Smallest number of values of earlier steps for that; fewer move in every step."""
+
+
 @dataclass(frozen=True)
 class Layout:
     """Fields and results of a block of environments, and their positions in its arrays.
@@ -55,7 +61,13 @@ class Layout:
         goal: the task's functions and the form of its observation; None for runs without a task.
         division: the parts of a step that a block takes in loops of their own.
 
+    A multistep method needs values of earlier steps, such as the last 14 forces. The fields of such a *history* follow
+    each other, the newest first, with room for AHEAD newer ones before them. A step adds the newest, and reads from one
+    field earlier than the step before it; after AHEAD steps the history moves back. That holds for runs. Environments
+    of a task, which may take single steps and continue after a stop, move all values in every step.
+
     Attributes derived from these:
+        histories: names of the fields of each history that moves after AHEAD steps; none if they move in every step.
         numbers: names of all parameters of the generated loops, equal or not between environments.
         shared: names of the parameters that are equal in all environments, in the order of the loops' arguments.
         fields: names of a block's fields in the order in memory; a field holds one number per environment.
@@ -74,6 +86,7 @@ class Layout:
     goal: Goal | None
     division: Division = WHOLE
 
+    histories: tuple[tuple[str, ...], ...] = derived()
     numbers: tuple[str, ...] = derived()
     shared: tuple[str, ...] = derived()
     fields: tuple[str, ...] = derived()
@@ -93,7 +106,10 @@ class Layout:
         own = tuple(name for name in numbers if name in self.varying)
         shared = tuple(name for name in numbers if name not in self.varying)
         state = ("index", "q", "turns", "v", "status")
-        memory = ("held", *shape.memory) if shape.memory else ()
+        histories = () if goal or shape.remembered else self._histories()
+        room = {names[0]: [f"{names[0]}_in_{steps}" for steps in range(AHEAD, 0, -1)] for names in histories}
+        memory = ("held", *(field for name in shape.memory for field in (*room.get(name, ()), name)))
+        memory = memory if shape.memory else ()
         initial = ("initial",) if shape.ledger else ()
         lost = (*shape.lost, *shape.lost_sums)
         fields = (*state, *memory, *initial, *shape.sums, *lost, *shape.remembered, *shape.slackened,
@@ -107,9 +123,35 @@ class Layout:
         under_way = ("lane", "t", *shape.paused, *given)
         work = (*under_way, *shape.step_results, "square", "reason") if shape.adaptive else ()
         vars(self).update(
-            given=given, under_way=under_way, work=work,
+            given=given, under_way=under_way, work=work, histories=histories,
             numbers=numbers, shared=shared, fields=fields, reports=reports, results=results, moved=moved,
             moving=tuple(name for name in fields if name not in own))
+
+    def _histories(self) -> tuple[tuple[str, ...], ...]:
+        """Return the fields of each history: a step copies each value from the field before it, but for the newest."""
+        copies, histories, before = dict(self.division.copies), list[tuple[str, ...]](), ""
+        for name in self.shape.memory:
+            if before and copies.get(f"{name}1") == before:
+                histories[-1] += (name,)
+            else:
+                histories.append((name,))
+            before = name
+        found = tuple(names for names in histories if len(names) > 1)
+        return found if sum(map(len, found)) >= FEWEST else ()
+
+    @property
+    def step(self) -> tuple[str, ...]:
+        """Return the names of the arguments of a block's step before the parameters."""
+        return ("s", "o", "n", "h", *(("slide",) if self.histories else ()))
+
+    def sliding(self, name: str, ahead: int = 0) -> str:
+        """Return the source of the array element that holds ``name`` in a step, or of that ``ahead`` fields before it.
+
+        ``slide`` is BLOCK times the number of fields that are free before every history.
+        """
+        if not any(name in names for names in self.histories):
+            return self.at(name)
+        return f"s[i + slide + U({(self.fields.index(name) - AHEAD - ahead) * BLOCK})]"
 
     def at(self, name: str, index: str = "i") -> str:
         """Return the source of the array element that holds the field ``name`` of environment ``i`` in a block.
@@ -156,22 +198,28 @@ class Layout:
         """Return the source of the array element that holds the result ``name`` of environment ``i`` in a block."""
         return f"o[{index} + U({self.results.index(name) * BLOCK})]"
 
-    def load(self, *names: str, index: str = "i") -> list[str]:
+    def load(self, *names: str, index: str = "i", sliding: bool = False) -> list[str]:
         """Return the source lines that assign fields and the action to local names; names that are neither are skipped.
 
-        ``index`` is the source of another environment's index to use in place of ``i``.
+        ``index`` is the source of another environment's index to use in place of ``i``. With ``sliding`` histories are
+        where they are within a step; see :meth:`sliding`.
         """
-        places = {"control": self.out("control", index), **{name: self.at(name, index) for name in self.fields}}
+        fields = {name: self.sliding(name) if sliding else self.at(name, index) for name in self.fields}
+        places = {"control": self.out("control", index), **fields}
         return [f"{name} = {places[name]}" for name in names if name in places]
 
 
 def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], before: Iterable[str] = ()) -> str:
     """Write the source of a function ``name`` that runs ``lines``, the source for one environment, for all of a block.
 
-    The lines ``before`` are run once, before the loop.
+    The lines ``before`` are run once, before the loop. The function's arrays must not overlap.
+
+    If histories slide, so that addresses change, the compiler is told that: otherwise a loop would compare addresses
+    whenever it begins or, where these are too many, would take one environment at a time.
     """
     head = f"def {name}({joined((first,), layout.shared)}):"
-    return "\n".join(["@inline", head, *indent(before, 1), "    for i in range(U(n)):", *indent(lines, 2), ""])
+    inlined = "@separate" if layout.histories else "@inline"
+    return "\n".join([inlined, head, *indent(before, 1), "    for i in range(U(n)):", *indent(lines, 2), ""])
 
 
 def side_of_turns(layout: Layout) -> list[str]:

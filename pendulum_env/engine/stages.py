@@ -58,10 +58,14 @@ class Stage:
 
 @dataclass(frozen=True)
 class Division:
-    """Stages of a step, and the source of functions that they call; no stages for a step that is taken as a whole."""
+    """Stages of a step, and the source of functions that they call; no stages for a step that is taken as a whole.
+
+    ``copies`` holds the results of the step that are copies of what it takes: (name of the result, name of the number).
+    """
 
     stages: tuple[Stage, ...] = ()
     functions: tuple[str, ...] = ()
+    copies: tuple[tuple[str, str], ...] = ()
 
 
 WHOLE = Division()
@@ -89,13 +93,16 @@ def divided(
             inside.write(name, ("result",))
             levels = _levels(inside.lines, lambda line: line.value is not None)
             texts += step.call_in_stages(name, inside.divided(levels)) if max(levels, default=0) > 0 else []
-    step.write("step", tuple(results))
+    results = tuple(results)
+    found, given = step.write("step", results), _parameters(functions["step"])
     levels = _levels(step.lines, lambda line: line.value is not None)
     if max(levels, default=0) < 1:
         levels = _levels(step.lines, lambda line: not FORCES.isdisjoint(line.reads))
         if max(levels, default=0) < FEWEST:
             return WHOLE
-    return Division(step.divided(levels), tuple(texts))
+    copies = ((name, value.id) for name, value in zip(results, found, strict=True)
+              if isinstance(value, ast.Name) and value.id in given)
+    return Division(step.divided(levels), tuple(texts), tuple(copies))
 
 
 def rows_of(stages: Iterable[Stage]) -> dict[str, int]:
@@ -148,10 +155,13 @@ class _Writer:
         self._versions: dict[str, int] = {}
         self._names: dict[str, tuple[str, ...]] = {}  # source of a value -> names that hold it
 
-    def write(self, function: str, results: tuple[str, ...]) -> None:
-        """Write the lines of a function, the last of which assigns its results to names."""
-        if self._bodies[function]:
-            self._add(results, self._run(function, {}))
+    def write(self, function: str, results: tuple[str, ...]) -> list[ast.expr]:
+        """Write the lines of a function, the last of which assigns its results to names; return these results."""
+        if not self._bodies[function]:
+            return []
+        found = self._run(function, {})
+        self._add(results, found)
+        return found.elts if isinstance(found, ast.Tuple) else [found]
 
     def reaches(self, name: str) -> bool:
         """Return True for a straight-line function that calls one of ``between``, or another such function."""
