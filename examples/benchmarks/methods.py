@@ -2,8 +2,7 @@
 
 Goals: a force evaluation of any method costs less than 2.5 times that of symplectic Euler; the generated kernel of
 `vacuum` is within 3 % of one written by hand for the same fields. One thread, 4096 pendulums in blocks, no recording in
-between. Closed forms and Taylor series, which do not evaluate forces, are shown, too, and the methods with the longest
-histories beside a loop that only moves these. ``--markdown`` prints table rows.
+between. Closed forms and Taylor series, which do not evaluate forces, are shown, too. ``--markdown`` prints table rows.
 """
 
 from __future__ import annotations
@@ -14,11 +13,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import statistics
 import sys
-import textwrap
 import time
 from collections.abc import Callable
 from inspect import isfunction
-from typing import Any
 
 import numpy as np
 from machine import describe
@@ -33,8 +30,6 @@ from pendulum_env.physics import elementary
 
 SIZE, STEPS, REPEATS, H = 4096, 500, 7, 0.01
 GOAL, HAND_GOAL = 2.5, 1.03
-HISTORIES = {"quinlan_tremaine12": 22, "quinlan_tremaine14": 26}
-"""Methods with the longest histories, and how many numbers each of their steps moves."""
 
 
 def kernel(method: str, scene: str = "vacuum") -> Callable[[], None]:
@@ -83,29 +78,6 @@ def by_hand() -> Callable[[], None]:
     return lambda: steps(state, SIZE, STEPS, H, 9.81)
 
 
-def moving(fields: int) -> Callable[[], None]:
-    """Return a function that only moves a history of so many numbers, as a multistep method's step does.
-
-    Pendulums keep theirs if they have stopped, which none of them has.
-    """
-    lines = "\n".join([f"m{k} = s[i + U({BLOCK * k})]" for k in range(fields + 1)]
-                      + [f"s[i + U({BLOCK * (k + 1)})] = m{k} if live else m{k + 1}" for k in range(fields)])
-    text = f"""
-def steps(state, size, count):
-    for b in range(len(state)):
-        s, n = state[b], min({BLOCK}, size - {BLOCK}*b)
-        for _ in range(count):
-            for i in range(U(n)):
-                live = s[i + U({BLOCK * (fields + 1)})] == 0.0
-{textwrap.indent(lines, " " * 16)}
-"""
-    space: dict[str, Any] = {"U": np.uint64}
-    exec(text, space)
-    steps = njit(error_model="numpy", nogil=True)(space["steps"])
-    state = aligned((-(-SIZE // BLOCK), (fields + 2) * BLOCK))
-    return lambda: steps(state, SIZE, STEPS)
-
-
 def seconds(work: Callable[[], None]) -> float:
     begun = time.perf_counter()
     work()
@@ -137,13 +109,6 @@ def main() -> None:
         else:
             print(f"{name:36s} {each:8.2f} ns a step, {forces:>4s} forces, {share:>5s} of symplectic Euler's per force")
     print(f"most expensive force evaluation: {worst:.2f} times symplectic Euler's (goal: under {GOAL})")
-    for name, fields in HISTORIES.items():
-        move = moving(fields)
-        move()
-        parts = [tuple(map(seconds, (works[name], move, works["symplectic_euler"]))) for _ in range(4 * REPEATS)]
-        ours, alone, plain = (1e9 * statistics.median(part) / (SIZE * STEPS) for part in zip(*parts, strict=True))
-        print(f"{name}: {ours:.2f} ns, {ours / (alone + plain):.2f} times the sum of {alone:.2f} ns, in which a loop "
-              f"only moves its {fields} numbers of history, and {plain:.2f} ns for a step of symplectic Euler")
     pairs = [(seconds(works["symplectic_euler"]), seconds(works["by hand"])) for _ in range(8 * REPEATS)]
     hand = statistics.median(ours / theirs for ours, theirs in pairs)
     print(f"symplectic Euler in vacuum: {hand:.3f} times the time of a kernel by hand (goal: at most {HAND_GOAL})")

@@ -2,8 +2,8 @@
 
 Parts of the generated program are left out one after the other: the copies to the user's arrays, the observation with
 reward, endings and energies, and the motion. Python is the rest of a whole step of 1024 environments. Then: adaptive
-steps of 1024 pendulums at once beside one run after the other, and a step of a single Taylor series by its order,
-beside a loop that takes only the steps.
+steps of 1024 pendulums at once beside one run after the other, and a step of a single Taylor series by its order, with
+and without damping, beside a loop that takes only the steps.
 """
 
 from __future__ import annotations
@@ -20,18 +20,21 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from against.problem import GAMMA
 from machine import describe
 
 import integrators
-from pendulum_env import SCENES, rollout
+from pendulum_env import rollout
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import PREAMBLE
+from pendulum_env.physics.damping import build_scene
 
 SIZE, REPEATS = 1024, 9
 KINDS: dict[str, dict[str, Any]] = {
     "rk4, energies": {"integrator": "rk4", "diagnostics": ("energy",)},
     "symplectic_euler, no diagnostics": {"integrator": "symplectic_euler", "diagnostics": ()},
 }
+ORDERS = (6, 8, 10, 12, 14, 16, 20, 24)
 COPIES = "        seen = observation[base:base + n]\n"
 """Line of the program with which the copies begin."""
 
@@ -91,11 +94,11 @@ def at_once(method: str, every: float) -> None:
 
 ONLY_STEPS = """
 @entry
-def only_steps(q, v, h, count, gravity_rate):
+def only_steps(q, v, h, count, {parameters}):
     turns = 0.0
     side = 1.0
     for _ in range(count):
-        q1, v = step(0.0, q, v, h, gravity_rate, side)
+        q1, v = step(0.0, q, v, h, {given})
         halves = half_turns(q1)
         q = without_half_turns(q1, halves)
         turns = turns + 0.5*halves
@@ -105,28 +108,31 @@ def only_steps(q, v, h, count, gravity_rate):
 """A loop by hand that takes only the steps, without checks, stops and records."""
 
 
-def series(order: int, steps: int = 400_000) -> None:
+def series(order: int, gamma: float, steps: int = 400_000) -> None:
     """Print the time of a step of a Taylor series for one pendulum, beside that of a loop which takes only the steps.
 
-    Both do the same operations on the angle in the same order, so that their results have the same bits.
+    Both do the same operations on the angle in the same order, so that their results have the same bits. The linear
+    damping is gamma [1/s], or none if it is 0.
     """
-    method = f"taylor{order}"
+    method, scene = f"taylor{order}", build_scene("vacuum", {"linear": {"gamma": gamma}} if gamma else "none", {})
 
     def ours() -> float:
-        return float(rollout("vacuum", integrator=method, duration=0.1 * steps, dt=0.1, every=steps, angle=1.0,
+        return float(rollout(scene, integrator=method, duration=0.1 * steps, dt=0.1, every=steps, angle=1.0,
                              diagnostics=()).angle[-1])
 
     space: dict[str, Any] = {}
-    text = program(SCENES["vacuum"], integrators.get(method), ()).text
-    exec(PREAMBLE + text.split("@entry\ndef run(")[0] + ONLY_STEPS, space)
-    rate = SCENES["vacuum"].coefficients["gravity_rate"]
+    found = program(scene, integrators.get(method), ())
+    loop = ONLY_STEPS.format(parameters=", ".join(found.shape.parameters), given=", ".join(found.shape.forces))
+    exec(PREAMBLE + found.text.split("@entry\ndef run(")[0] + loop, space)
+    values = [scene.coefficients[name] for name in found.shape.parameters]
 
     def by_hand() -> float:
-        return float(space["only_steps"](1.0, 0.0, 0.1, steps, rate))
+        return float(space["only_steps"](1.0, 0.0, 0.1, steps, *values))
 
     assert ours() == by_hand()
-    print(f"{method}: {1e9 * shortest(ours) / steps:.1f} ns a step of one pendulum, "
-          f"{1e9 * shortest(by_hand) / steps:.1f} in a loop by hand")
+    whole, only = shortest(ours) / steps, shortest(by_hand) / steps
+    print(f"{method}, {f'gamma = {gamma:g}/s' if gamma else 'undamped'}: {1e9 * whole:.1f} ns a step of one pendulum, "
+          f"{whole / only:.3f} times the {1e9 * only:.1f} ns of a loop by hand")
 
 
 def main() -> None:
@@ -137,8 +143,9 @@ def main() -> None:
     for method in ("dopri5", "dop853", "taylor16"):
         for every in (20.0, 0.1):
             at_once(method, every)
-    for order in (6, 12, 24):
-        series(order)
+    for gamma in (0.0, GAMMA["damped"]):
+        for order in ORDERS:
+            series(order, gamma)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 One array holds a block of 248 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
 one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
-check of their sign. The state of environments that have stopped is preserved by selection, not by branches.
+check of their sign. The state of environments that have stopped is preserved by selection, not by branches. In runs the
+long history of a multistep method moves in every eighth step only; see :class:`pendulum_env.engine.layout.Layout`.
 
 With a tolerance every pendulum takes steps of its own. While it is within a step of h, its progress is in a *slot* of
 the block's work array ``w``. Loops without branches take one attempt of an adaptive step in every slot in use, and
