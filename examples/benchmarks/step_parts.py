@@ -84,6 +84,7 @@ def at_once(method: str, every: float) -> None:
     given: dict[str, Any] = {"scene": "vacuum", "integrator": method, "rtol": 1e-6, "duration": 20.0, "dt": every,
                              "diagnostics": (), "num_threads": 1}
     batch = shortest(lambda: rollout(angle=angles, **given))
+    rollout(angle=1.0, **given)  # compiles
     begun = time.perf_counter()
     for angle in angles.tolist():
         rollout(angle=angle, **given)

@@ -116,27 +116,24 @@ def _advance(layout: Layout) -> str:
         f"{layout.at('status')} = stop if live else status",
     ]
     last = block_loop("advance_block", joined(layout.step), layout, lines, calls)
-    back = [_move_back(layout)] if layout.histories else []
+    back = [MOVE_BACK] if layout.histories else []
     return "\n\n".join([*_between(layout), *layout.division.functions, *loops, last, *back])
 
 
-def _move_back(layout: Layout) -> str:
-    """Write the source of ``move_back``, which moves all histories back to their place, by ``away`` numbers.
+MOVE_BACK = f"""@separate
+def move_back(s, n, last, count, away):
+    for row in range(count):
+        for i in range(U(n)):
+            s[i + (last - U({BLOCK})*U(row))] = s[i + (last - U({BLOCK})*U(row) - away)]
+"""
+"""Source of ``move_back``, which moves the ``count`` fields of a history, the oldest of which belongs at ``last``, back
+to their place from ``away`` numbers before it. The oldest moves first, because fields would overwrite each other."""
 
-    The oldest field moves first, because fields would overwrite each other.
-    """
-    rows = [(layout.fields.index(names[0]), len(names)) for names in layout.histories]
-    return "\n".join([
-        "@separate",
-        "def move_back(s, n, away):",
-        *(line for first, count in rows for line in (
-            f"    for k in range({first + count - 1}, {first - 1}, -1):",
-            f"        to = U({BLOCK})*U(k)",
-            "        for i in range(U(n)):",
-            "            s[i + to] = s[i + (to - away)]",
-        )),
-        "",
-    ])
+
+def _moved_back(layout: Layout, away: str, depth: int) -> list[str]:
+    """Return the source lines that move all histories back to their place, by ``away`` numbers."""
+    return indent([f"move_back(s, n, U({layout.fields.index(names[-1]) * BLOCK}), {len(names)}, {away})"
+                   for names in layout.histories], depth)
 
 
 def _values(layout: Layout, stage: Stage) -> list[tuple[str, str]]:
@@ -321,8 +318,9 @@ def _kept(layout: Layout, taken: str) -> list[str]:
 def _steps(layout: Layout, depth: int) -> list[str]:
     """Return the source lines of one step of a block."""
     parts = ("advance_block", *(("settle_block",) if layout.shape.slack else ()))
-    slid = [f"slide -= U({BLOCK})", "if slide == 0:", f"    move_back(s, n, U({AHEAD * BLOCK}))",
-            f"    slide = U({AHEAD * BLOCK})"] if layout.histories else []
+    room = f"U({AHEAD * BLOCK})"
+    slid = [f"slide -= U({BLOCK})", "if slide == 0:", *_moved_back(layout, room, 1),
+            f"    slide = {room}"] if layout.histories else []
     return indent([*(f"{part}({joined(layout.step, layout.shared)})" for part in parts), *slid], depth)
 
 
@@ -530,7 +528,7 @@ def _run_blocks(layout: Layout) -> str:
         "            if len(out) == 0:",
         "                continue",
         *indent(write, 3),
-        *([f"        move_back(s, n, U({AHEAD * BLOCK}) - slide)"] if layout.histories else []),
+        *_moved_back(layout, f"U({AHEAD * BLOCK}) - slide", 2),
     ]
     if adaptive:  # a turn is a step or, after every ``every`` steps, a record
         fresh = f"{layout.active} == 0.0 and (taken + turn - row) % hold == 0"
