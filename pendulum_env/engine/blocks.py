@@ -2,8 +2,8 @@
 
 One array holds a block of 248 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
 one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
-check of their sign. The state of environments that have stopped is preserved by selection, not by branches. In runs the
-long history of a multistep method moves in every eighth step only; see :class:`pendulum_env.engine.layout.Layout`.
+check of their sign. The state of environments that have stopped is preserved by selection, not by branches. In runs a
+long history of a multistep method has changing offsets; see :class:`pendulum_env.engine.layout.Layout`.
 
 With a tolerance every pendulum takes steps of its own. While it is within a step of h, its progress is in a *slot* of
 the block's work array ``w``. Loops without branches take one attempt of an adaptive step in every slot in use, and
@@ -127,7 +127,8 @@ def move_back(s, n, last, count, away):
             s[i + (last - U({BLOCK})*U(row))] = s[i + (last - U({BLOCK})*U(row) - away)]
 """
 """Source of ``move_back``, which moves the ``count`` fields of a history, the oldest of which belongs at ``last``, back
-to their place from ``away`` numbers before it. The oldest moves first, because fields would overwrite each other."""
+to their place from ``away`` numbers before it. The oldest moves first: otherwise a field would be overwritten before it
+is copied."""
 
 
 def _moved_back(layout: Layout, away: str, depth: int) -> list[str]:
@@ -309,9 +310,9 @@ def _kept(layout: Layout, taken: str) -> list[str]:
 
     The newest value of a history that slides is always stored, because a run that has stopped does not continue.
     """
-    older = {name for names in layout.histories for name in names}
+    slid = {name for names in layout.histories for name in names}
     return [*(f"{layout.sliding(name, 1)} = {name}1" for name, *_ in layout.histories),
-            *(f"{layout.at(name)} = {name}1 if good else {name}" for name in layout.moved if name not in older),
+            *(f"{layout.at(name)} = {name}1 if good else {name}" for name in layout.moved if name not in slid),
             f"{layout.at('index')} = index + {taken}"]
 
 

@@ -46,9 +46,10 @@ LIMITS = ("omega0", "speed_limit")
 
 
 AHEAD = 8
-"""Number of steps after which a long history moves back to its place; see :class:`Layout`."""
-FEWEST = 12
-"""Smallest number of values of earlier steps for that; fewer move in every step."""
+"""Number of free fields before a history that slides, so of steps after which it moves back; see :class:`Layout`."""
+FEWEST_VALUES, MOST_HISTORIES = 12, 2
+"""Histories slide only if they hold at least so many values together, and are at most so many. With work and heat there
+are three or four: a compiled loop would then compare so many addresses that it takes one environment at a time."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +63,13 @@ class Layout:
         division: the parts of a step that a block takes in loops of their own.
 
     A multistep method needs values of earlier steps, such as the last 14 forces. The fields of such a *history* follow
-    each other, the newest first, with room for AHEAD newer ones before them. A step adds the newest, and reads from one
-    field earlier than the step before it; after AHEAD steps the history moves back. That holds for runs. Environments
-    of a task, which may take single steps and continue after a stop, move all values in every step.
+    each other, the newest first. A long one *slides*: each step writes the newest value into the field before it, so
+    that in the next step the history begins one field earlier. There are AHEAD free fields; after as many steps, the
+    history is copied back to its place. That holds for runs without gusts or a lagging motor. Environments of a task,
+    which may take single steps and continue after a stop, move all values in every step, as short histories do.
 
     Attributes derived from these:
-        histories: names of the fields of each history that moves after AHEAD steps; none if they move in every step.
+        histories: names of the fields of each history that slides.
         numbers: names of all parameters of the generated loops, equal or not between environments.
         shared: names of the parameters that are equal in all environments, in the order of the loops' arguments.
         fields: names of a block's fields in the order in memory; a field holds one number per environment.
@@ -137,7 +139,7 @@ class Layout:
                 histories.append((name,))
             before = name
         found = tuple(names for names in histories if len(names) > 1)
-        return found if sum(map(len, found)) >= FEWEST else ()
+        return found if sum(map(len, found)) >= FEWEST_VALUES and len(found) <= MOST_HISTORIES else ()
 
     @property
     def step(self) -> tuple[str, ...]:
@@ -145,9 +147,9 @@ class Layout:
         return ("s", "o", "n", "h", *(("slide",) if self.histories else ()))
 
     def sliding(self, name: str, ahead: int = 0) -> str:
-        """Return the source of the array element that holds ``name`` in a step, or of that ``ahead`` fields before it.
+        """Return the source of the array element that holds ``name`` in a step, or of that ``ahead`` fields earlier.
 
-        ``slide`` is BLOCK times the number of fields that are free before every history.
+        ``slide`` is BLOCK times the number of free fields before every history, AHEAD where it is in its place.
         """
         if not any(name in names for names in self.histories):
             return self.at(name)
@@ -201,8 +203,8 @@ class Layout:
     def load(self, *names: str, index: str = "i", sliding: bool = False) -> list[str]:
         """Return the source lines that assign fields and the action to local names; names that are neither are skipped.
 
-        ``index`` is the source of another environment's index to use in place of ``i``. With ``sliding`` histories are
-        where they are within a step; see :meth:`sliding`.
+        ``index`` is the source of another environment's index to use in place of ``i``. With ``sliding``, which goes
+        with ``i`` alone, histories are where they are within a step; see :meth:`sliding`.
         """
         fields = {name: self.sliding(name) if sliding else self.at(name, index) for name in self.fields}
         places = {"control": self.out("control", index), **fields}
@@ -214,8 +216,8 @@ def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], befo
 
     The lines ``before`` are run once, before the loop. The function's arrays must not overlap.
 
-    If histories slide, so that addresses change, the compiler is told that: otherwise a loop would compare addresses
-    whenever it begins or, where these are too many, would take one environment at a time.
+    If histories slide, the compiler is told that the arrays do not overlap. It still has to compare addresses within
+    ``s``; with those of other arrays there would be too many, and the loop would take one environment at a time.
     """
     head = f"def {name}({joined((first,), layout.shared)}):"
     inlined = "@separate" if layout.histories else "@inline"

@@ -12,7 +12,7 @@ import integrators
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine import runs
 from pendulum_env.engine.generate import batch_program
-from pendulum_env.engine.layout import AHEAD, BLOCK, FEWEST
+from pendulum_env.engine.layout import AHEAD, BLOCK, FEWEST_VALUES
 from pendulum_env.engine.stages import divided
 from pendulum_env.tasks import TASKS
 
@@ -45,20 +45,29 @@ def test_copies_are_results_that_the_step_was_given() -> None:
 
 
 def test_methods_with_long_histories_have_room_for_newer_values() -> None:
-    """Forces and mean velocities are two histories; short ones, and those of environments of a task, have no room."""
+    """Forces and mean velocities are two histories; short ones, and those of environments of a task, have no room.
+
+    Nor have those of work and heat, with which there are three or four.
+    """
     for name in LONG:
         order = int("".join(filter(str.isdigit, name)))
         layout = batch_program(SCENES["vacuum"], integrators.get(name), (), frozenset()).layout
         forces, velocities = layout.histories
         assert (len(forces), len(velocities)) == (order, order - 2)
-        assert order + order - 2 >= FEWEST
+        assert order + order - 2 >= FEWEST_VALUES
         at = layout.fields.index(forces[0])
         assert layout.fields[at : at + order] == forces
         assert layout.fields[at - AHEAD - 1] == "held"
         goal = TASKS["swing_up"].goal
         assert batch_program(SCENES["vacuum"], integrators.get(name), (), frozenset(), goal).layout.histories == ()
-    for name in ("stoermer6", "ab6", "velocity_verlet"):
-        assert batch_program(SCENES["vacuum"], integrators.get(name), (), frozenset()).layout.histories == ()
+    undamped = SCENES["kapitza"].with_effects([effect for effect in SCENES["kapitza"].effects
+                                               if effect.kind != "dissipative"])
+    vacuum, lab, driven = (SCENES[name] for name in ("vacuum", "lab", "driven"))
+    for scene, name in ((vacuum, "stoermer6"), (vacuum, "ab6"), (vacuum, "velocity_verlet"), (lab, "ab4"),
+                        (driven, "ab6"), (undamped, "quinlan_tremaine12")):
+        layout = batch_program(scene, integrators.get(name), ("energy",), frozenset()).layout
+        assert layout.histories == ()
+        assert not any(field.endswith("_in_1") for field in layout.fields)
 
 
 @pytest.mark.parametrize("method", LONG)
