@@ -96,7 +96,7 @@ class Panel:
         name, accuracies = self.owner[line], self.problem.accuracies
         limit = min([self.limit, *(FAR * best.time for best in [choice.cheapest(rivals, min(accuracies))] if best)])
         package, gap = PACKAGES[name], self.problem.duration / RECORDS
-        whole = bool(package.step) and not line.endswith(report.ADAPTIVE)
+        whole = bool(package.step) and not line.endswith((report.ADAPTIVE, report.EVEN))
         rungs: Sequence[float] = [1] if line == report.EXACT else (
             choice.step_counts(gap, package.step) if whole else choice.tolerances(package.tolerance))
 

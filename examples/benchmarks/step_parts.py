@@ -2,8 +2,8 @@
 
 Parts of the generated program are left out one after the other: the copies to the user's arrays, the observation with
 reward, endings and energies, and the motion. Python is the rest of a whole step of 1024 environments. Then: adaptive
-steps of 1024 pendulums at once beside one run after the other, and a step of a single Taylor series by its order, with
-and without damping, beside a loop that takes only the steps.
+steps of 1024 pendulums at once beside one run after the other; those of one pendulum, chosen one by one and evenly; and
+a step of a single Taylor series by its order, with and without damping, beside a loop that takes only the steps.
 """
 
 from __future__ import annotations
@@ -93,6 +93,21 @@ def at_once(method: str, every: float) -> None:
           f"{single / batch:.0f} times as fast as one after the other")
 
 
+def evenly(method: str) -> None:
+    """Print time and error of 1000 s of a damped pendulum from 2 rad, with steps chosen one by one and evenly."""
+    scene = build_scene("vacuum", {"linear": {"gamma": GAMMA["damped"]}}, {})
+    given: dict[str, Any] = {"scene": scene, "angle": 2.0, "velocity": 0.0, "duration": 1000.0, "diagnostics": ()}
+    truth = rollout(integrator="taylor24", dt=0.1, every=50, **given).angle
+    for rtol in (1e-6, 1e-7, 1e-8, 1e-9, 1e-10):
+        found = []
+        for even in (False, True):
+            def run(even: bool = even, rtol: float = rtol) -> Any:
+                return rollout(integrator=method, dt=5.0, rtol=rtol, even_steps=even, **given)
+
+            found.append(f"{1e6 * shortest(run):.0f} us, error {abs(run().angle - truth).max():.0e}")
+        print(f"{method}, rtol = {rtol:.0e}: {found[0]}; even steps {found[1]}")
+
+
 ONLY_STEPS = """
 @entry
 def only_steps(q, v, h, count, {parameters}):
@@ -144,6 +159,7 @@ def main() -> None:
     for method in ("dopri5", "dop853", "taylor16"):
         for every in (20.0, 0.1):
             at_once(method, every)
+    evenly("taylor14")
     for gamma in (0.0, GAMMA["damped"]):
         for order in ORDERS:
             series(order, gamma)

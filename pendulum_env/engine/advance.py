@@ -9,7 +9,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from integrators import Method
-from integrators.solving.step_size import ratio_powers, step_power, step_power_of_many, step_ratio
+from integrators.solving.step_size import (
+    BROKEN,
+    GROW,
+    SHRINK,
+    ratio_powers,
+    step_power,
+    step_power_of_many,
+    step_ratio,
+)
 from integrators.steps.estimates import embedded_orders, order_of_estimate
 from pendulum_env.engine import slack
 from pendulum_env.engine.calls import potential, stepped
@@ -297,6 +305,12 @@ def errors_of(method: Method) -> tuple[str, ...]:
     return tuple(f"error_{y}{i}" for i in range(len(embedded_orders(method))) for y in "qv")
 
 
+EVEN_AIM = 0.8
+"""Largest error of a step, in units of the tolerance, at which steps of equal length aim."""
+MOST_EVEN = "16777216.0"
+"""Largest number of equal steps that an interval is divided into, as source; with more, steps are too short."""
+
+
 class Attempt(NamedTuple):
     """Source lines of one attempt of an adaptive step from the time ``t + done``, for single runs and for blocks.
 
@@ -393,23 +407,12 @@ def adapt(shape: Shape, method: Method) -> str:
     ``tries`` attempts it pauses: it stores its progress in ``params`` for the next call, and returns the values from
     before the step.
     """
-    sums, lines = shape.quadratures, attempt(shape, method, step_power.__name__)
-    under_way = shape.params.index("under_way")
-    pull, found = shape.pull[:2] if shape.slack else (), _found(shape)
-    part = [*enumerate(shape.paused, under_way + 1)]
-    body = [
-        "first = size",
-        f"if params[{under_way}] > 0.0:",
-        *(f"    {name} = params[{i}]" for i, name in part),
-        f"    params[{under_way}] = 0.0",
-        "else:",
-        *indent([*lines.start, lines.slope], 1),
+    lines = attempt(shape, method, step_power.__name__)
+    return _adapting(shape, [*lines.start, lines.slope], [
         f"reason = {OK}.0",
         "while done < h:",
         *indent([
-            "if taken + rejected >= tries:",
-            f"    reason = {PAUSED}.0",
-            "    break",
+            *_paused(),
             *lines.length,
             f"if {lines.short}:",
             f"    reason = {TOO_SHORT}.0",
@@ -418,6 +421,89 @@ def adapt(shape: Shape, method: Method) -> str:
             *lines.judged,
             *([f"if reason == {SLACK}.0:", "    break"] if shape.ends_slack else []),
         ], 1),
+    ])
+
+
+def adapt_evenly(shape: Shape, method: Method) -> str:
+    """Write the source of ``adapt``, see :func:`adapt`, for steps of equal length from t to exactly t + h.
+
+    Their number is that of the interval before, changed so that the largest estimated error of a step is EVEN_AIM times
+    the tolerance; it is chosen once for an interval, which costs less than for every step. If an error is larger than
+    the tolerance, the interval is taken again with more steps. While it pauses, ``done`` is the number of steps taken,
+    ``last`` that of the interval, and ``most`` the largest squared error so far.
+    """
+    sums, lines = shape.quadratures, attempt(shape, method, step_power.__name__)
+    order = float(order_of_estimate(method))
+    divided = [
+        "share = h/size",
+        "last = (share + 6755399441055744.0) - 6755399441055744.0",
+        "last = last if last >= share else last + 1.0",
+        "part = h/last",
+    ]
+    short = [f"if (last > {MOST_EVEN}) | (last > 1.0) & ((t + part == t) | (h + 0.0625*part == h)):",
+             f"    reason = {TOO_SHORT}.0"]
+    rates = [f"rate_{name}" for name in sums]
+    return _adapting(shape, [*lines.start, "most = 0.0", lines.slope, *divided], [
+        f"reason = {OK}.0",
+        "part = h/last",
+        *short,
+        f"while (reason == {OK}.0) & (done < last):",
+        *indent([
+            "fine = True",
+            "while fine & (done < last):",  # in a loop of its own, in which ``part`` does not change
+            *indent([
+                *_paused(),
+                "now = t + done*part",
+                *lines.trial,
+                "most = most if square <= most else square",
+                *(f"{name} = {name}1" for name in ("q", "v", "a", *rates)),
+                *(f"{name} = {name} + d_{name}" for name in sums),
+                "done = done + 1.0",
+                "taken = taken + 1.0",
+                "fine = square <= 1.0",
+            ], 1),
+            f"if reason == {PAUSED}.0:",
+            "    break",
+            f"known = (abs(q) <= {LARGEST}) & (abs(v) <= {LARGEST}) & (abs(a) <= {LARGEST}) & (most <= 1e300)",
+            "inside = most if known & (most > 1e-24) else 1e-24",
+            f"error = {step_power.__name__}(inside if inside < 1e40 else 1e40, 0.5)",
+            f"ratio = {EVEN_AIM ** (1.0 / order)!r}*{step_power.__name__}(error, {-1.0 / order!r})",
+            f"ratio = ratio if ratio > {SHRINK} else {SHRINK}",
+            f"ratio = ratio if ratio < {GROW} else {GROW}",
+            f"size = part*(ratio if known else {BROKEN})",
+            "if known & fine:",
+            "    break",
+            "rejected = rejected + done",
+            "taken = taken - done",
+            "q = start_q",
+            "v = start_v",
+            *(f"{name} = 0.0" for name in ("done", "most", *sums)),
+            lines.slope,
+            *divided,
+            *short,
+        ], 1),
+    ])
+
+
+def _paused() -> list[str]:
+    """Return the source lines that leave the loop of an adaptive step after ``tries`` attempts."""
+    return ["if taken + rejected >= tries:", f"    reason = {PAUSED}.0", "    break"]
+
+
+def _adapting(shape: Shape, start: list[str], steps: list[str]) -> str:
+    """Write the source of ``adapt``: the lines ``start``, unless the last call paused, the lines ``steps``, the end."""
+    sums, under_way = shape.quadratures, shape.params.index("under_way")
+    pull, found = shape.pull[:2] if shape.slack else (), _found(shape)
+    part = [*enumerate(shape.paused, under_way + 1)]
+    body = [
+        "first = size",
+        *(["start_q = q", "start_v = v"] if shape.even else []),
+        f"if params[{under_way}] > 0.0:",
+        *(f"    {name} = params[{i}]" for i, name in part),
+        f"    params[{under_way}] = 0.0",
+        "else:",
+        *indent(start, 1),
+        *steps,
         f"if reason == {PAUSED}.0:",
         f"    if params[{under_way}] == 0.0:",
         f"        params[{under_way}] = 1.0",

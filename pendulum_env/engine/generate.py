@@ -14,7 +14,7 @@ from functools import lru_cache
 from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from pendulum_env.engine import blocks, equations, report, series, slack, watch
-from pendulum_env.engine.advance import CALLED, adapt, advance, errors_of, land, settle, stick_slip
+from pendulum_env.engine.advance import CALLED, adapt, adapt_evenly, advance, errors_of, land, settle, stick_slip
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
@@ -70,14 +70,14 @@ class BatchProgram(Program):
 
 def program(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
-    compensated: bool = False, refines: bool = False,
+    compensated: bool = False, refines: bool = False, even: bool = False,
 ) -> Program:
     """Return the program for single runs of a scene with a method; values of parameters are arguments, not text.
 
     With ``refines`` it also has, for every implicit stage, the function of one step of Newton's method; see
-    :data:`integrators.steps.newton.REFINING`.
+    :data:`integrators.steps.newton.REFINING`. With ``even`` the parts of an adaptive step have the same length.
     """
-    return _program(problem_of(scene, method, diagnostics, adaptive, compensated, refines))
+    return _program(problem_of(scene, method, diagnostics, adaptive, compensated, refines, even))
 
 
 def batch_program(
@@ -96,7 +96,8 @@ def batch_program(
 def _program(problem: Problem) -> Program:
     """Return the program for single runs of a Problem, the equation of motion of a scene with a method."""
     shape = problem.shape
-    steps = [adapt(shape, problem.method), advance(shape)] if shape.adaptive else []
+    adapted = adapt_evenly if shape.even else adapt
+    steps = [adapted(shape, problem.method), advance(shape)] if shape.adaptive else []
     loops = [*steps, run(shape), report.info(shape)]
     called_back = tuple(problem.method.python_functions.items())
     return Program(_text(problem, loops), shape, problem.title, python_functions=called_back, own=_own(problem))

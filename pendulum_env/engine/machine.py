@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from pendulum_env.physics import random
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, one_of, several, shown
+from pendulum_env.physics.units import SceneError, one_of, several, shown, truth
 
 Array = NDArray[np.float64]
 Function = Callable[..., Any]
@@ -38,7 +38,7 @@ TWO_PI = 2.0 * math.pi
 DIAGNOSTICS = ("energy", "heat_by_effect", *WATCHED, "error")
 """Names of the quantities that can be computed beside the motion."""
 
-FORMAT = 1
+FORMAT = 2
 """Number of the form in which machines are pickled; raised by one whenever the arguments of Machine change."""
 
 UNSEEN = np.empty(3, dtype=np.float32)
@@ -140,6 +140,14 @@ def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: fl
     return {"rtol": float(tolerance.rtol), "atol": float(tolerance.atol)}
 
 
+def check_even(even_steps: Any, tolerance: Mapping[str, float]) -> bool:
+    """Return ``even_steps``, which must be True or False; raise MethodError if it is True without a tolerance."""
+    even = truth(even_steps, "even_steps")
+    if even and not tolerance:
+        raise MethodError("even_steps goes with rtol, which is missing.")
+    return even
+
+
 def numbers_of(scene: Scene, watched: bool = True) -> dict[str, float]:
     """Return all numbers of a scene that generated programs take as parameters, by name.
 
@@ -171,6 +179,7 @@ class Machine:
         hold: number of steps per control step, during which the state of effects, such as gusts, does not change.
         drawn: names of a state's entries that start as random numbers.
         tolerance: "rtol" and "atol" of an adaptive machine, which divides every step of h as they require; else empty.
+        even_steps: True if it divides every step of h into steps of equal length.
 
     Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that is not
     available.
@@ -186,6 +195,7 @@ class Machine:
         atol: float | None = None,
         compensated: bool = False,
         hold: int = 1,
+        even_steps: bool = False,
     ) -> None:
         self.scene, self.backend, self.hold = scene, backend, hold
         self.method = find_method(method, scene)
@@ -193,7 +203,11 @@ class Machine:
         self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
         self.diagnostics = check_diagnostics(diagnostics)
         self.compiled = resolve(backend, self.method.python_functions) == "compiled"
-        source = program(scene, self.method, self.diagnostics, bool(self.tolerance), compensated)
+        self.even_steps = check_even(even_steps, self.tolerance)
+        source = program(scene, self.method, self.diagnostics, bool(self.tolerance), compensated, even=self.even_steps)
+        if source.shape.even and source.shape.slack:
+            raise MethodError(f"even_steps cannot be used where a wire may go slack, as in the scene '{scene.name}'; "
+                              "leave it out, or hang the bob on a rod.")
         generated = functions(source, backend)
         self.entry: Function = generated["run"]
         self.direct: Function = self.run if self.tolerance else self.entry
@@ -241,7 +255,8 @@ class Machine:
     def arguments(self) -> tuple[Any, ...]:
         """Return the arguments that make an equal machine, in the order of Machine's parameters."""
         tolerance = (self.tolerance.get("rtol"), self.tolerance.get("atol"))
-        return (self.scene, self.method, self.diagnostics, self.backend, *tolerance, self.compensated, self.hold)
+        return (self.scene, self.method, self.diagnostics, self.backend, *tolerance, self.compensated, self.hold,
+                self.even_steps)
 
     @property
     def ready(self) -> bool:

@@ -76,7 +76,8 @@ class Problem:
     def title(self) -> str:
         """Return a name of the program for file names and messages: effects, method and diagnostics."""
         names = "+".join(effect.name for effect in self.effects) or "nothing"
-        ending = f"{'-adaptive' if self.shape.adaptive else ''}{'-compensated' if self.shape.compensated else ''}"
+        shape = self.shape
+        ending = "".join(f"-{word}" for word in ("adaptive", "even", "compensated") if getattr(shape, word))
         return f"{names}-{self.method.name}-{'+'.join(self.diagnostics) or 'bare'}{ending}"
 
     def heat_of(self, effect: Effect | None) -> str:
@@ -117,7 +118,7 @@ class Problem:
 
 def problem_of(
     scene: Scene, method: Method, diagnostics: tuple[str, ...] = ("energy",), adaptive: bool = False,
-    compensated: bool = False, refines: bool = False,
+    compensated: bool = False, refines: bool = False, even: bool = False,
 ) -> Problem:
     """Return the Problem of a scene with a method, from which programs are generated.
 
@@ -157,7 +158,7 @@ def problem_of(
         slack=slack, lenient=slack and scene.body.slack == "warn",
         weighed=slack and scene.periodic and not windy and [e.radial for e in effects if e.radial] == [Gravity.radial],
         ledger="energy" in diagnostics, by_effect="heat_by_effect" in diagnostics,
-        adaptive=adaptive, compensated=compensated,
+        adaptive=adaptive, compensated=compensated, even=even,
         watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
         remembered=tuple(name for effect in effects for name in effect.memory),
         clip=clip, drift=f"{method.last_drift!r}" if clip and method.last_drift else "",

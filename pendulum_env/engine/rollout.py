@@ -60,6 +60,7 @@ def rollout(
     progress: Progress | bool | None = None,
     rtol: float | None = None,
     atol: float | None = None,
+    even_steps: bool = False,
     compensated: bool = False,
     estimate_error: bool = False,
     substeps: int = 1,
@@ -89,6 +90,10 @@ def rollout(
             ``dt`` is divided into adaptive steps with errors below ``atol + rtol |y|`` (root mean square of angle and
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" if no step meets the tolerance.
             In a batch every run takes adaptive steps of its own, with the same bits as by itself.
+        even_steps: True divides every step of ``dt`` into equal steps, whose number follows the errors: it is chosen
+            once for each ``dt``, from the step with the largest error in the one before. Where ``dt`` is at least half
+            a swing, a run takes less time so, at smaller errors. With ``rtol``; not for batches, nor with events,
+            ``dense``, ``estimate_error`` or a wire that may go slack.
         compensated: True carries the rounding error of every addition into the next one, for long runs without
             damping; see :mod:`integrators.steps.compensated`. Not with ``rtol``.
         estimate_error: True computes ``error_estimate`` from a second run with steps of half the length, in 4 to 12
@@ -124,10 +129,13 @@ def rollout(
         spec = RunSpec.of(
             scene, integrator, damping, parameters, angle=angle, velocity=velocity, duration=duration, dt=dt,
             every=every, control=control, diagnostics=diagnostics, speed_limit=speed_limit, backend=backend, rtol=rtol,
-            atol=atol, compensated=compensated, estimate_error=estimate_error, substeps=substeps, seed=seed, warn=warn,
+            atol=atol, even_steps=even_steps, compensated=compensated, estimate_error=estimate_error,
+            substeps=substeps, seed=seed, warn=warn,
         )
     watched = () if events is None else named_events(events, spec.scene)
     dense = truth(dense, "dense")
+    if spec.even_steps and (dense or watched):
+        raise SceneError(f"even_steps cannot be combined with {'dense' if dense else 'events'}; leave one of them out.")
     if estimate_error and any(event.terminal for event in watched):
         raise SceneError("estimate_error cannot be combined with an event that ends the run; leave one of them out.")
     telling = telling_of(progress, f"{math.prod(spec.shape)} runs")

@@ -105,6 +105,7 @@ class Shape:
         ledger: True if the energy ledger is reported.
         by_effect: True if the heat of every effect is reported.
         adaptive: True if every step is divided as a tolerance requires.
+        even: True if the parts of a step so divided have the same length.
         compensated: True if the state holds rounding remainders; see :mod:`integrators.steps.compensated`.
         watched: names of the further reported quantities; see WATCHED.
         remembered: names of the effects' state variables, advanced at the start of every control step.
@@ -163,6 +164,7 @@ class Shape:
     drawn: tuple[str, ...] = ()
     clip: str = ""
     drift: str = ""
+    even: bool = False
 
     sums: tuple[str, ...] = derived()
     ends_slack: bool = derived()

@@ -81,7 +81,7 @@ class RunSpec:
         diagnostics: names of the quantities computed beside the motion.
         estimate_error: True for an error estimate from a second run at half the step.
         speed_limit: |velocity| that ends a run [rad/s].
-        backend, rtol, atol, compensated: as in :func:`pendulum_env.rollout`.
+        backend, rtol, atol, even_steps, compensated: as in :func:`pendulum_env.rollout`.
         seeds: seeds of the random numbers, one per run.
         formulas: a warning about effects' formulas that do not hold at the run's speeds, "" if all do.
         measured: True if method and step were chosen by measured errors, as integrator="auto" does.
@@ -106,6 +106,7 @@ class RunSpec:
     backend: Backend = "auto"
     rtol: float | None = None
     atol: float | None = None
+    even_steps: bool = False
     compensated: bool = False
     seeds: Sequence[int] = (0,)
     formulas: str = ""
@@ -135,6 +136,7 @@ class RunSpec:
         backend: Backend = "auto",
         rtol: float | None = None,
         atol: float | None = None,
+        even_steps: bool = False,
         compensated: bool = False,
         estimate_error: bool = False,
         substeps: int = 1,
@@ -169,11 +171,16 @@ class RunSpec:
         seeds = starts.checked_seeds(seed, size)
         names, estimated = checked_estimate(diagnostics, estimate_error)
         method = find_method(integrator, place)
+        even_steps = truth(even_steps, "even_steps")
+        if even_steps and (shape or estimated):
+            why = "is for single runs" if shape else "cannot be combined with an error estimate"
+            raise SceneError(f"even_steps {why}; leave it out.")
         return cls(
             scene=place, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
             plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share, diagnostics=names,
             estimate_error=estimated, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
-            compensated=compensated, seeds=seeds, formulas=validity.warning if validity else "", **own,
+            even_steps=even_steps, compensated=compensated, seeds=seeds,
+            formulas=validity.warning if validity else "", **own,
         )
 
     @classmethod
@@ -242,7 +249,7 @@ class RunSpec:
 
         ``options`` are other keywords of :meth:`of`.
         """
-        given: dict[str, Any] = {**machine.tolerance, **options}
+        given: dict[str, Any] = {**machine.tolerance, "even_steps": machine.even_steps, **options}
         return cls.of(machine.scene, machine.method, backend=machine.backend, compensated=machine.compensated,
                       diagnostics=machine.diagnostics, substeps=machine.hold, **given)
 
@@ -271,7 +278,7 @@ class RunSpec:
         """
         kind = CertifiedMachine if self.estimate_error and self.plan is None else Machine
         return kind(self.scene, self.method, self.diagnostics, self.backend, self.rtol, self.atol, self.compensated,
-                    self.hold)
+                    self.hold, self.even_steps)
 
     def runs(self, num_threads: int | None = None) -> Runs:
         """Return the Runs (simulator of a batch) for runs of a known length."""

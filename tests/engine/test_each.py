@@ -143,7 +143,7 @@ def test_an_effect_of_ones_own_may_call_what_it_likes() -> None:
     check_numbers(scene, Each(scene, "scene", None, given, SIZE), given)
 
 
-@pytest.mark.parametrize("form", [0, 2, None, "1"])
+@pytest.mark.parametrize("form", [0, 99, None, "1"])
 @pytest.mark.parametrize("kind", ["scene", "machine"])
 def test_scenes_and_machines_pickled_by_another_version_are_refused(
     monkeypatch: pytest.MonkeyPatch, kind: str, form: object

@@ -100,7 +100,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "wait": "hand",
         "part": "above",
         "flag": "robust displaced upright reward_rate compensated copy estimate_error warn complete resume anew"
-                " in_memory as_latex dense velocity_free one_way film recalibrate long raises",
+                " even_steps in_memory as_latex dense velocity_free one_way film recalibrate long raises",
         "none of these": "widths randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times angles velocities over drop",

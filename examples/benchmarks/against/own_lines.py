@@ -1,7 +1,7 @@
 """Solvers of this package: a Machine for one trajectory, which is reused as in other packages, ``rollout`` for many.
 
 Work and heat are not computed, because the other packages do not either: ``diagnostics=()``. "adaptive" solvers have a
-tolerance per step.
+tolerance per step. So have "even" ones, whose steps between two records have the same length; theirs is absolute.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ METHODS = (
 SEARCH = "PRECISION_SEARCH"
 """Environment variable; if it is set, all explicit methods of order 3 or more are tried."""
 ADAPTIVE = ("dop853", "verner9", "taylor16", "taylor20")
+EVEN = tuple(f"taylor{order}" for order in (10, 12, 14, 16, 18, 20))
+RELATIVE, FINEST = 0.01, 3e-14
+"""Relative tolerance of "even" solvers, as a fraction of the absolute one, and its smallest value."""
 EXACT = "lab-pendulum exact"
 """Name of the closed form, which is shown separately and does not compete."""
 
@@ -44,15 +47,18 @@ def fits(name: str, problem: Problem) -> bool:
     return integrators.get(method).needs <= offers(scene_of(problem))
 
 
-def _alone(method: str, adaptive: bool) -> Callable[[Problem], Solver]:
+def _alone(method: str, adaptive: bool, even: bool = False) -> Callable[[Problem], Solver]:
     def prepare(problem: Problem) -> Solver:
         from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine, simulate
 
         scene, start = scene_of(problem), float(problem.starts[0])
-        fixed = None if adaptive else Machine(scene, method, ())
+        fixed = None if adaptive or even else Machine(scene, method, ())
         machines: dict[float, Machine] = {}
 
         def solve(setting: float, duration: float) -> Array:
+            if even and setting not in machines:
+                rtol = max(FINEST, RELATIVE * setting)
+                machines[setting] = Machine(scene, method, (), rtol=rtol, atol=setting, even_steps=True)
             if adaptive and setting not in machines:
                 machines[setting] = Machine(scene, method, (), rtol=setting)
             machine, steps = (machines[setting], 1) if fixed is None else (fixed, int(setting))
@@ -101,7 +107,10 @@ def lines(methods: tuple[str, ...]) -> dict[str, Callable[[Problem], Solver]]:
     """Return the solvers of the methods, the adaptive ones and the closed form, by name."""
     solvers = {f"lab-pendulum {method}": _line(method) for method in methods}
     solvers |= {f"lab-pendulum {method}, adaptive": _line(method, True) for method in ADAPTIVE}
+    solvers |= {f"lab-pendulum {method}, even": _alone(method, False, True) for method in EVEN}
     return {**solvers, EXACT: _line("exact")}
 
 
 LINES: Mapping[str, Callable[[Problem], Solver]] = lines(methods_tried())
+ALONE = tuple(name for name in LINES if name.endswith(", even"))
+"""Solvers for one trajectory."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from against.choice import Point, cheapest
 from against.problem import MIXED, Problem
 
-OWN, EXACT, ADAPTIVE = "lab-pendulum", "lab-pendulum exact", ", adaptive"
+OWN, EXACT, ADAPTIVE, EVEN = "lab-pendulum", "lab-pendulum exact", ", adaptive", ", even"
 PEERS = ("heyoka", "diffrax", "scipy", "MuJoCo")
 Found = Mapping[Problem, Sequence[Point]]
 
@@ -27,8 +27,8 @@ class Goal(NamedTuple):
             not self.sizes or problem.size in self.sizes)
 
 
-GOALS = (Goal("scipy", 100.0, (1000.0,), (1,)), Goal("diffrax", 1.0), Goal("MuJoCo", 1.0),
-         Goal("heyoka", 1.0, (), (1024,)))
+GOALS = (Goal("scipy", 150.0, (1000.0,), (1,)), Goal("diffrax", 1.0), Goal("MuJoCo", 1.0),
+         Goal("heyoka", 2.5, (), (1,)), Goal("heyoka", 1.0, (), (1024,)))
 
 
 def of(points: Sequence[Point], package: str) -> list[Point]:
