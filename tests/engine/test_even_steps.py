@@ -21,6 +21,7 @@ METHODS = ["dopri5", "dop853", "verner9", "taylor16"]
 LOSS: Any = {"damping": {"linear": {"gamma": 0.05}}}
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("rtol", [1e-5, 1e-9])
 def test_errors_of_small_swings_stay_near_the_tolerance(method: str, rtol: float) -> None:
@@ -32,6 +33,7 @@ def test_errors_of_small_swings_stay_near_the_tolerance(method: str, rtol: float
     assert 0.0 < error < found.steps * rtol * (1.0 + omega)
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("method", METHODS)
 def test_a_damped_swing_is_scipys(method: str) -> None:
     found = rollout("vacuum", integrator=method, angle=2.0, velocity=0.0, duration=30.0, dt=3.0, rtol=1e-10,
@@ -43,6 +45,7 @@ def test_a_damped_swing_is_scipys(method: str) -> None:
     assert np.abs(found.ledger.residual).max() < 1e-6
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("method", [*METHODS, "taylor8"])
 def test_steps_of_a_dt_are_equal(method: str) -> None:
     """An interval has the bits of fixed steps of dt/n, with n the number of steps that it took in its last division."""
@@ -55,6 +58,7 @@ def test_steps_of_a_dt_are_equal(method: str) -> None:
     assert one.velocity.tolist() == fixed.velocity.tolist()
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_their_number_follows_the_swing() -> None:
     """As a swing decays, its steps grow: the second half of a run takes fewer. An undamped one takes about as many."""
     given: Any = {"integrator": "taylor14", "angle": 2.5, "velocity": 0.0, "dt": 4.0, "rtol": 1e-9,
@@ -65,6 +69,7 @@ def test_their_number_follows_the_swing() -> None:
     assert 0.9 * half.steps < whole.steps - half.steps < 1.1 * half.steps
 
 
+@pytest.mark.usefixtures("interpreted")
 def test_they_err_less_than_steps_chosen_one_by_one() -> None:
     """With the same tolerance and at most a tenth more attempts, over 40 s beside the closed form."""
     given: Any = {"integrator": "taylor12", "angle": 2.0, "velocity": 0.0, "duration": 40.0, "dt": 2.0, "rtol": 1e-8}
@@ -76,7 +81,8 @@ def test_they_err_less_than_steps_chosen_one_by_one() -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("scene", ["vacuum", "driven", "torsion", "kapitza", "gymnasium"])
+@pytest.mark.parametrize("scene", ["vacuum", "driven", *(
+    pytest.param(name, marks=pytest.mark.slow) for name in ("torsion", "kapitza", "gymnasium"))])
 def test_compiled_and_interpreted_give_the_same_bits(method: str, scene: str) -> None:
     if method not in fitting(SCENES[scene]):
         pytest.skip("the method does not fit the scene")

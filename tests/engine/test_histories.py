@@ -71,7 +71,7 @@ def test_methods_with_long_histories_have_room_for_newer_values() -> None:
 
 
 @pytest.mark.parametrize("method", LONG)
-@pytest.mark.parametrize("scene", ["vacuum", "kater"])
+@pytest.mark.parametrize("scene", ["vacuum", pytest.param("kater", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("steps", "every"), [(45, 1), (45, 3), (64, 8), (45, 45), (3, 2)])
 def test_blocks_have_the_bits_of_single_runs(method: str, scene: str, steps: int, every: int) -> None:
     """Check compiled blocks, of which the second is not full, against interpreted single runs.
