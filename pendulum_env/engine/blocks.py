@@ -96,7 +96,7 @@ def _advance(layout: Layout) -> str:
         if number == len(layout.division.stages) - 1:
             step = [*taken, *stage.lines, *checked(layout.shape)]
             continue
-        loops.append(block_loop(f"stage_{number}", joined(layout.step), layout, [
+        loops.append(block_loop(f"stage_{number}", joined(layout.step_arguments), layout, [
             *layout.load("index", "q", "turns", "v", *layout.shape.memory, *layout.shape.extra, sliding=True),
             *side_of_turns(layout),
             "t = index*h",
@@ -104,7 +104,7 @@ def _advance(layout: Layout) -> str:
             *stage.lines,
             *(f"{layout.between(name)} = {name}" for name in stage.handed),
         ]))
-        calls.append(f"stage_{number}({joined(layout.step, layout.shared)})")
+        calls.append(f"stage_{number}({joined(layout.step_arguments, layout.shared)})")
         calls += [f"{names.replace(' ', '_')}_block({given})" for names, given in _values(layout, stage)]
     lines = [
         *_state(layout),
@@ -115,7 +115,7 @@ def _advance(layout: Layout) -> str:
         *_kept(layout, "(1.0 if good else 0.0)"),
         f"{layout.at('status')} = stop if live else status",
     ]
-    last = block_loop("advance_block", joined(layout.step), layout, lines, calls)
+    last = block_loop("advance_block", joined(layout.step_arguments), layout, lines, calls)
     back = [MOVE_BACK] if layout.histories else []
     return "\n\n".join([*_between(layout), *layout.division.functions, *loops, last, *back])
 
@@ -322,7 +322,7 @@ def _steps(layout: Layout, depth: int) -> list[str]:
     room = f"U({AHEAD * BLOCK})"
     slid = [f"slide -= U({BLOCK})", "if slide == 0:", *_moved_back(layout, room, 1),
             f"    slide = {room}"] if layout.histories else []
-    return indent([*(f"{part}({joined(layout.step, layout.shared)})" for part in parts), *slid], depth)
+    return indent([*(f"{part}({joined(layout.step_arguments, layout.shared)})" for part in parts), *slid], depth)
 
 
 def _remember_block(layout: Layout) -> str:

@@ -48,8 +48,11 @@ LIMITS = ("omega0", "speed_limit")
 AHEAD = 8
 """Number of free fields before a history that slides, so of steps after which it moves back; see :class:`Layout`."""
 FEWEST_VALUES, MOST_HISTORIES = 12, 2
-"""Histories slide only if they hold at least so many values together, and are at most so many. With work and heat there
-are three or four: a compiled loop would then compare so many addresses that it takes one environment at a time."""
+"""Histories slide if they hold at least FEWEST_VALUES values together, and there are at most MOST_HISTORIES of them.
+
+With work and heat there are three or four: a compiled loop would then compare so many addresses that it takes one
+environment at a time.
+"""
 
 
 @dataclass(frozen=True)
@@ -142,7 +145,7 @@ class Layout:
         return found if sum(map(len, found)) >= FEWEST_VALUES and len(found) <= MOST_HISTORIES else ()
 
     @property
-    def step(self) -> tuple[str, ...]:
+    def step_arguments(self) -> tuple[str, ...]:
         """Return the names of the arguments of a block's step before the parameters."""
         return ("s", "o", "n", "h", *(("slide",) if self.histories else ()))
 

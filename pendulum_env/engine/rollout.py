@@ -90,10 +90,10 @@ def rollout(
             ``dt`` is divided into adaptive steps with errors below ``atol + rtol |y|`` (root mean square of angle and
             velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" if no step meets the tolerance.
             In a batch every run takes adaptive steps of its own, with the same bits as by itself.
-        even_steps: True divides every step of ``dt`` into equal steps, whose number follows the errors: it is chosen
-            once for each ``dt``, from the step with the largest error in the one before. Where ``dt`` is at least half
-            a swing, a run takes less time so, at smaller errors. With ``rtol``; not for batches, nor with events,
-            ``dense``, ``estimate_error`` or a wire that may go slack.
+        even_steps: True divides every step of ``dt`` into adaptive steps of equal length. Their number is chosen once
+            for each ``dt``, from the largest error of a step in the ``dt`` before, which takes less time than to choose
+            every step by itself. Needs ``rtol``; not for batches, nor with events, ``dense``, ``estimate_error`` or a
+            wire that may go slack.
         compensated: True carries the rounding error of every addition into the next one, for long runs without
             damping; see :mod:`integrators.steps.compensated`. Not with ``rtol``.
         estimate_error: True computes ``error_estimate`` from a second run with steps of half the length, in 4 to 12

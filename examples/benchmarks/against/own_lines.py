@@ -47,20 +47,27 @@ def fits(name: str, problem: Problem) -> bool:
     return integrators.get(method).needs <= offers(scene_of(problem))
 
 
-def _alone(method: str, adaptive: bool, even: bool = False) -> Callable[[Problem], Solver]:
+def _each(setting: float) -> dict[str, Any]:
+    """Return the options of an "adaptive" Machine."""
+    return {"rtol": setting}
+
+
+def _evenly(setting: float) -> dict[str, Any]:
+    """Return the options of an "even" Machine."""
+    return {"rtol": max(FINEST, RELATIVE * setting), "atol": setting, "even_steps": True}
+
+
+def _alone(method: str, options: Callable[[float], dict[str, Any]] | None) -> Callable[[Problem], Solver]:
     def prepare(problem: Problem) -> Solver:
         from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine, simulate
 
         scene, start = scene_of(problem), float(problem.starts[0])
-        fixed = None if adaptive or even else Machine(scene, method, ())
+        fixed = None if options else Machine(scene, method, ())
         machines: dict[float, Machine] = {}
 
         def solve(setting: float, duration: float) -> Array:
-            if even and setting not in machines:
-                rtol = max(FINEST, RELATIVE * setting)
-                machines[setting] = Machine(scene, method, (), rtol=rtol, atol=setting, even_steps=True)
-            if adaptive and setting not in machines:
-                machines[setting] = Machine(scene, method, (), rtol=setting)
+            if options and setting not in machines:
+                machines[setting] = Machine(scene, method, (), **options(setting))
             machine, steps = (machines[setting], 1) if fixed is None else (fixed, int(setting))
             h, rows = duration / RECORDS / steps, RECORDS + 1
             states, _ = simulate(machine, start, 0.0, h=h, rows=rows, every=steps)
@@ -90,7 +97,8 @@ def _together(method: str, adaptive: bool) -> Callable[[Problem], Solver]:
 
 
 def _line(method: str, adaptive: bool = False) -> Callable[[Problem], Solver]:
-    return lambda problem: (_alone if problem.size == 1 else _together)(method, adaptive)(problem)
+    alone, together = _alone(method, _each if adaptive else None), _together(method, adaptive)
+    return lambda problem: (alone if problem.size == 1 else together)(problem)
 
 
 def methods_tried() -> tuple[str, ...]:
@@ -107,7 +115,7 @@ def lines(methods: tuple[str, ...]) -> dict[str, Callable[[Problem], Solver]]:
     """Return the solvers of the methods, the adaptive ones and the closed form, by name."""
     solvers = {f"lab-pendulum {method}": _line(method) for method in methods}
     solvers |= {f"lab-pendulum {method}, adaptive": _line(method, True) for method in ADAPTIVE}
-    solvers |= {f"lab-pendulum {method}, even": _alone(method, False, True) for method in EVEN}
+    solvers |= {f"lab-pendulum {method}, even": _alone(method, _evenly) for method in EVEN}
     return {**solvers, EXACT: _line("exact")}
 
 
