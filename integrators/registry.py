@@ -48,6 +48,8 @@ ALIASES: Mapping[str, str] = MappingProxyType({alias: m.name for m in _ALL for a
 def get(name: str) -> Method:
     """Return the method with this name or alias; ``taylor2`` to ``taylor30`` are Taylor series of these orders.
 
+    So are ``quick_taylor6`` to ``quick_taylor30``, whose last terms are summed apart.
+
     Raises MethodError for an unknown name, with the nearest known names.
     """
     method = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None

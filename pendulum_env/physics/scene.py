@@ -243,7 +243,7 @@ class Scene(Checked, Displayed):
         """Return the Reynolds number of the bob at the bottom in the usual run; 0 in vacuum."""
         return reynolds_number(self.bottom_velocity * self.body.reach, self.body, self.medium)
 
-    @property
+    @cached_property
     def periodic(self) -> bool:
         """Return True if all torques in the scene repeat when the angle grows by a whole turn."""
         return all(effect.periodic for effect in self.effects)

@@ -1,0 +1,134 @@
+"""Sums of a Taylor series' sines and cosines, computed side by side in a SIMD register, for runs of one pendulum.
+
+The recurrences of sin(x) and cos(x) multiply the same coefficients of the rate of x by those of the cosine and of the
+sine (:mod:`integrators.steps.recurrences`)::
+
+    s_k = 1/k*(v_0*c_(k-1) + v_1*c_(k-2) + ...)        c_k = -1/k*(v_0*s_(k-1) + v_1*s_(k-2) + ...)
+
+Both sums are added in the same order. So one instruction adds or multiplies for both: half the instructions, and the
+same bits. LLVM does not find this by itself. Short sums gain nothing, since they wait for one another. Batches do
+without, as their instructions work on several pendulums already.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from numba.core.cgutils import ir
+from numba.extending import intrinsic
+
+from pendulum_env.engine.source import PARSING
+
+LONGEST = 13
+"""Sums are paired if the longest of a function has at least so many products: from series of order 14 on."""
+_PAIR = ir.VectorType(ir.DoubleType(), 2)
+_FIRST, _SECOND = ir.IntType(32)(0), ir.IntType(32)(1)
+
+
+def _pair(builder: Any, one: Any, other: Any) -> Any:
+    half = builder.insert_element(ir.Constant(_PAIR, ir.Undefined), one, _FIRST)
+    return builder.insert_element(half, other, _SECOND)
+
+
+@intrinsic
+def two_sums(typing: Any, scales: Any, factors: Any, first: Any, second: Any) -> Any:
+    """Return ``scales[0]*sum_i factors[i]*first[i]`` and ``scales[1]*sum_i factors[i]*second[i]`` to compiled code.
+
+    All arguments are tuples of floats. Products are added from left to right.
+    """
+    def write(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+        weights, x, y, z = ([builder.extract_value(one, i) for i in range(len(kind))]
+                            for one, kind in zip(given, signature.args, strict=True))
+        total = None
+        for factor, one, other in zip(x, y, z, strict=True):
+            product = builder.fmul(_pair(builder, factor, factor), _pair(builder, one, other))
+            total = product if total is None else builder.fadd(total, product)
+        scaled = builder.fmul(total, _pair(builder, *weights))
+        found = [builder.extract_element(scaled, place) for place in (_FIRST, _SECOND)]
+        return context.make_tuple(builder, signature.return_type, found)
+
+    return scales(scales, factors, first, second), write  # the results have the type of the scales: two floats
+
+
+class _Sum(NamedTuple):
+    """A line ``name = scale*(x*y + ...)``: its name, the text of its scale, and the names of x and of y."""
+
+    name: str
+    scale: float
+    factors: tuple[str, ...]
+    others: tuple[str, ...]
+
+
+def paired(text: str) -> str:
+    """Return a program whose pairs of long sums with the same first factors are calls of :func:`two_sums`.
+
+    The second of the sums moves up to the first, so that all that it adds must be known there.
+    """
+    if "def series(" not in text:
+        return text
+    with PARSING:
+        tree = ast.parse(text)
+    for function in tree.body:
+        if isinstance(function, ast.FunctionDef):
+            pairs = [*_pairs(function.body)]
+            if max((len(one.factors) for _, _, one, _ in pairs), default=0) >= LONGEST:
+                for place, _, one, other in pairs:
+                    function.body[place] = _call(one, other)
+                for late in sorted((late for _, late, _, _ in pairs), reverse=True):
+                    del function.body[late]
+    return ast.unparse(tree)
+
+
+def _pairs(lines: list[ast.stmt]) -> Iterator[tuple[int, int, _Sum, _Sum]]:
+    """Yield the places and the sums of the pairs in straight-line code, in which no name is set twice."""
+    waiting: dict[tuple[str, ...], tuple[int, _Sum]] = {}
+    known: dict[str, int] = {}
+    for place, line in enumerate(lines):
+        found = _sum(line)
+        if found:
+            begun = waiting.pop(found.factors, None)
+            if begun and all(known.get(name, -1) < begun[0] for name in found.others):
+                yield begun[0], place, begun[1], found
+            else:
+                waiting[found.factors] = place, found
+        for node in ast.walk(line):
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                known[node.id] = place
+
+
+def _sum(line: ast.stmt) -> _Sum | None:
+    """Return the sum of two or more products of two names that a line computes, None if it computes anything else."""
+    match line:
+        case ast.Assign(targets=[ast.Name(id=name)], value=ast.BinOp(left=weight, op=ast.Mult(), right=total)):
+            pass
+        case _:
+            return None
+    match weight:
+        case ast.Constant(value=float(scale)):
+            pass
+        case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=float(size))):
+            scale = -size
+        case _:
+            return None
+    products: list[ast.expr] = []
+    while isinstance(total, ast.BinOp) and isinstance(total.op, ast.Add):
+        products.append(total.right)
+        total = total.left
+    factors, others = [], []
+    for product in reversed([*products, total]):
+        match product:
+            case ast.BinOp(left=ast.Name(id=x), op=ast.Mult(), right=ast.Name(id=y)):
+                factors.append(x)
+                others.append(y)
+            case _:
+                return None
+    return _Sum(name, scale, tuple(factors), tuple(others)) if products else None
+
+
+def _call(one: _Sum, other: _Sum) -> ast.stmt:
+    """Return the line that computes both sums."""
+    given = [repr((one.scale, other.scale)), *(f"({', '.join(x)})" for x in (one.factors, one.others, other.others))]
+    with PARSING:
+        return ast.parse(f"{one.name}, {other.name} = two_sums({', '.join(given)})").body[0]

@@ -1,0 +1,126 @@
+"""Sums of sines and cosines side by side in runs of one pendulum: which are, which must not be, and the same bits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import integrators
+from pendulum_env import SCENES, rollout
+from pendulum_env.engine.folding import folded
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import PREAMBLE, TEXT
+from pendulum_env.engine.pairs import LONGEST, paired
+
+FACTORS = [f"v{i}" for i in range(LONGEST)]
+ARGUMENTS = ", ".join([*FACTORS, *(f"{name}{i}" for name in "cs" for i in range(LONGEST))])
+
+
+def total(name: str, factors: list[str] = FACTORS) -> str:
+    return " + ".join(f"{x}*{name}{i}" for i, x in enumerate(factors))
+
+
+def series(*lines: str) -> str:
+    return "\n    ".join([f"def series({ARGUMENTS}):", *lines]) + "\n"
+
+
+ONE, OTHER = f"a = 0.3*({total('c')})", f"b = -0.3*({total('s')})"
+PAIRED = {
+    "two sums": series(ONE, OTHER, "return a, b"),
+    "a line between": series(ONE, "d = 2.0*a", OTHER, "return a, b, d"),
+    "other scales": series(ONE, OTHER.replace("-0.3", "7.0"), "return a, b"),
+    "a short pair beside a long one": series("e = 0.5*(v0*c0 + v1*c1)", "f = 2.5*(v0*s0 + v1*s1)", ONE, OTHER,
+                                             "return a, b, e, f"),
+    "the second takes what is known before the first": series("s0 = v0*c1", ONE, OTHER, "return a, b, s0"),
+}
+ALONE = {
+    "the second takes the first": series(ONE, OTHER.replace("s3", "a"), "return a, b"),
+    "the second takes what comes between": series(ONE, "s3 = 2.0*a", OTHER, "return a, b, s3"),
+    "other factors": series(ONE, f"b = -0.3*({total('s', FACTORS[::-1])})", "return a, b"),
+    "a difference": series(ONE, OTHER.replace("+ v3", "- v3"), "return a, b"),
+    "no scale": series(f"a = {total('c')}", f"b = {total('s')}", "return a, b"),
+    "a scale that is no number": series(ONE.replace("0.3", "v0"), OTHER.replace("-0.3", "v0"), "return a, b"),
+    "a product of three": series(ONE, OTHER.replace("v3*", "v3*v2*"), "return a, b"),
+    "all sums are short": series(*(f"{name} = 0.5*({total(y, FACTORS[1:])})" for name, y in (("a", "c"), ("b", "s"))),
+                                 "return a, b"),
+    "only one": series(ONE, "b = a", "return a, b"),
+    "no series": series(ONE, OTHER, "return a").replace("def series", "def other"),
+}
+
+
+def calls(text: str) -> int:
+    return text.count("two_sums(")
+
+
+def plainly(scales: Any, factors: Any, first: Any, second: Any) -> tuple[float, float]:
+    """Return what two_sums returns, by loops."""
+    found = []
+    for scale, others in zip(scales, (first, second), strict=True):
+        added = factors[0] * others[0]
+        for x, y in zip(factors[1:], others[1:], strict=True):
+            added += x * y
+        found.append(scale * added)
+    return found[0], found[1]
+
+
+def value(text: str, numbers: list[float]) -> list[str]:
+    names: dict[str, Any] = {"two_sums": plainly}
+    exec(text, names)
+    function = names.get("series") or names["other"]
+    return [x.hex() for x in np.atleast_1d(function(*numbers)).tolist()]
+
+
+@pytest.mark.parametrize(("text", "expected"), [
+    *(pytest.param(text, 1 + ("short" in name), id=name) for name, text in PAIRED.items()),
+    *(pytest.param(text, 0, id=name) for name, text in ALONE.items()),
+])
+def test_which_sums_are_paired(text: str, expected: int) -> None:
+    found = paired(text)
+    assert calls(found) == expected
+    numbers = np.random.default_rng(1).normal(size=3 * LONGEST).tolist()
+    assert value(found, numbers) == value(text, numbers)
+
+
+@pytest.mark.parametrize(("name", "expected"), [("taylor13", 0), ("taylor14", 12), ("quick_taylor20", 18), ("rk4", 0)])
+def test_every_order_of_a_long_series_is_paired(name: str, expected: int) -> None:
+    """Orders 2 to p - 1 of sine and cosine; order 1 has one product each."""
+    text = folded(program(SCENES["lab"], integrators.get(name), ()).text)
+    found = paired(text)
+    assert calls(found) == expected
+    assert (found == text) == (not expected)
+
+
+@pytest.mark.parametrize("scene", ["vacuum", "lab", "kapitza", "chaotic", "torsion"])
+@pytest.mark.parametrize("name", ["taylor14", "quick_taylor17"])
+def test_compiled_runs_have_the_bits_of_interpreted_ones(scene: str, name: str) -> None:
+    asked: dict[str, Any] = {"integrator": name, "angle": 2.0, "velocity": 0.3, "duration": 0.5, "dt": 0.02}
+    one, other = (rollout(scene, **asked, backend=backend) for backend in ("python", "compiled"))
+    for quantity in ("angle", "velocity", "energy_residual"):
+        assert getattr(one, quantity).tobytes() == getattr(other, quantity).tobytes(), quantity
+
+
+def test_a_batch_has_the_bits_of_single_runs() -> None:
+    """Its program has no pairs: instructions there work on several pendulums."""
+    asked: dict[str, Any] = {"integrator": "quick_taylor16", "duration": 2.0, "dt": 0.1}
+    angles = np.linspace(1.0, 3.0, 5)
+    batch = rollout("lab", angle=angles, **asked)
+    for angle, row in zip(angles, batch.angle, strict=True):
+        assert rollout("lab", angle=float(angle), **asked).angle.tobytes() == row.tobytes()
+
+
+def test_the_machine_code_of_a_run_multiplies_pairs() -> None:
+    """Not only the text: a run of order 14 has as many packed products more as its sums have terms."""
+    numba = pytest.importorskip("numba")
+    numbers, number, whole = numba.types.Array(numba.float64, 1, "C"), numba.float64, numba.int64
+    packed = {}
+    for order in (13, 14):
+        text = PREAMBLE + program(SCENES["vacuum"], integrators.get(f"taylor{order}"), ()).text
+        space: dict[str, Any] = {"__name__": "paired"}
+        exec(text, space)
+        space[TEXT] = text
+        space["run"].compile((numbers, numbers, number, number, whole, whole, number,
+                              numba.types.Array(number, 2, "C"), numba.types.Array(numba.float32, 1, "C")))
+        packed[order] = "\n".join(space["run"].inspect_llvm().values()).count("fmul <2 x double>")
+    assert packed[14] >= packed[13] + sum(range(2, 14)), packed
