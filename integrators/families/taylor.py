@@ -11,7 +11,8 @@ last coefficient is known. "quick_taylor14" sums the last three terms apart from
     q1 = q_0 + h (q_1 + h (q_2 + (h (q_3 + ... + h q_(p-3)) + h**(p-4) (q_(p-2) + h (q_(p-1) + h q_p)))))
 
 A processor sums the others while it computes the last coefficients: a step of one pendulum takes some 15 % less time.
-Both sums round as little, since the parts meet below the first two terms; the last digits of their results differ.
+Both ways to sum have rounding errors of the same size, but other ones, so that the last digits of results differ. The
+power ``h**(p-4)`` must be a finite double, as ``h**p`` must be with a tolerance.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ LOWEST, HIGHEST, USUAL = 2, 30, 12
 The usual order is the cheapest for a tolerance of 1e-10 (Jorba & Zou 2005, p = 1 - log(tol)/2).
 """
 BEFORE, APART = 2, 3
-"""Numbers of terms of a quick Taylor series: of the first, to which all others are added, and the last, summed apart.
+"""Of a quick Taylor series, APART last terms are summed apart from the others, and added before the first BEFORE terms.
 
-With fewer than two before, each step rounds up to 1.2 times as much.
+If they were added after the first two terms, rounding errors would be up to 1.2 times as large.
 """
 
 
@@ -46,8 +47,10 @@ With fewer than two before, each step rounds up to 1.2 times as much.
 class Taylor(Method):
     """A method that advances by the Taylor series up to ``order``.
 
-    If it is ``quick``, it sums the last three terms apart from the others. Raises MethodError unless the order is from
-    2 to 30, of a quick one from 6 to 30.
+    Raises MethodError unless the order is from 2 to 30, with ``quick`` from 6 to 30.
+
+    Attributes:
+        quick: True if the last three terms are summed apart from the others, which takes less time.
     """
 
     family: ClassVar[str] = "Taylor"
@@ -125,8 +128,8 @@ def of_order(order: int, **changes: Any) -> Taylor:
     return Taylor(**{
         "name": f"taylor{order}", "order": order,
         "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
-        "summary": f"Taylor series of order {order} by recurrences; other orders by name, such as taylor20, and some "
-                   "15 % faster, rounded otherwise, as quick_taylor20", **changes,
+        "summary": f"Taylor series of order {order} by recurrences; taylor2 to taylor30 are of other orders, and "
+                   "quick_taylor6 to quick_taylor30 take some 15 % less time for one pendulum", **changes,
     })
 
 
@@ -144,12 +147,18 @@ def quick_of_order(order: int) -> Taylor:
 TAYLOR = (of_order(USUAL, name="taylor", aliases=(f"taylor{USUAL}",)),)
 
 
+QUICK = f"quick_taylor{USUAL}"
+"""Name of the quick Taylor series of the usual order."""
+
+
 def named_order(name: str) -> Taylor | None:
     """Return the method with a name such as "taylor20" or "quick_taylor20", or None for other names.
 
+    "quick_taylor" is of the usual order, as "taylor" is.
+
     Raises MethodError unless the order is from 2 to 30, of a quick one from 6 to 30.
     """
-    match = re.fullmatch("(quick_)?taylor([0-9]+)", name)
+    match = re.fullmatch("(quick_)?taylor([0-9]+)", QUICK if name == "quick_taylor" else name)
     return (quick_of_order if match[1] else of_order)(int(match[2])) if match else None
 
 
@@ -279,4 +288,5 @@ def add_twins(trace: Trace) -> None:
                 trace.apply(other, Symbol(trace, operation.operands[0]))
 
 
-__all__ = ["TAYLOR", "Taylor", "coefficients", "cos", "exp", "log", "named_order", "of_order", "sin", "sqrt"]
+__all__ = ["TAYLOR", "Taylor", "coefficients", "cos", "exp", "log", "named_order", "of_order", "quick_of_order", "sin",
+           "sqrt"]

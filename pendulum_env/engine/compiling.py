@@ -5,8 +5,8 @@ generated program, functions call each other several levels deep and are always 
 optimised at every level, and only the code of the outermost is used. Here the inner functions stay as they are until
 the outermost is optimised. That takes three quarters of the time, and no bit of a result depends on it, because no
 pass of the optimiser may change a floating-point operation. Short functions are written in place of their calls before
-that; see :mod:`pendulum_env.engine.folding`. In runs of one pendulum, the long sums of a Taylor series are paired; see
-:mod:`pendulum_env.engine.pairs`.
+that; see :mod:`pendulum_env.engine.folding`. In runs of one pendulum, sums of long Taylor series are paired; see
+:mod:`pendulum_env.engine.pairs`. Both are left out in programs with functions of a user.
 
 numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary.
 """
@@ -21,7 +21,7 @@ from numba.core import codegen, compiler
 
 from pendulum_env.engine.folding import folded
 from pendulum_env.engine.kernels import TEXT
-from pendulum_env.engine.pairs import paired, two_sums
+from pendulum_env.engine.pairs import NAME, paired, two_sums
 
 __all__ = ["Entry", "Inlined", "Separate"]
 
@@ -72,7 +72,7 @@ class _Unoptimised(_Optimised):
         return 0
 
 
-def _with_fewer_calls(function: Callable[..., Any]) -> Any:
+def _rewritten(function: Callable[..., Any]) -> Any:
     """Return a function of a program, whose short functions are written in place of their calls.
 
     In runs of one pendulum, pairs of sums are calls of ``two_sums``.
@@ -83,7 +83,7 @@ def _with_fewer_calls(function: Callable[..., Any]) -> Any:
     text = folded(names[TEXT])
     if function.__name__ == "run":
         text = paired(text)
-    fewer: dict[str, Any] = {"__name__": names["__name__"], two_sums.__name__: two_sums}
+    fewer: dict[str, Any] = {"__name__": names["__name__"], NAME: two_sums}
     exec(compile(text, function.__code__.co_filename, "exec"), fewer)
     return fewer[function.__name__].py_func
 
@@ -96,7 +96,7 @@ class Entry(compiler.Compiler):  # type: ignore[misc]
         collects = gc.isenabled()
         gc.disable()
         try:
-            return super().compile_extra(_with_fewer_calls(function))
+            return super().compile_extra(_rewritten(function))
         finally:
             if collects:
                 gc.enable()

@@ -173,12 +173,18 @@ def cache_folder() -> Path:
         raise FileNotFoundError(errno.ENOENT, "there is no home folder") from None
 
 
+@cache
+def rewriting() -> tuple[str, ...]:
+    """Return the texts of the modules that rewrite programs before they are compiled: with others, code differs."""
+    return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in ("folding", "pairs"))
+
+
 def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     """Return a program's functions, compiled at their first call; source and machine code are cached on disk."""
     import numba
 
     text = (PREAMBLE.replace('"_nrt": False', ALLOCATING) if program.own else PREAMBLE) + program.text
-    key = "\n".join([text, numba.__version__, platform.machine(), sys.version])
+    key = "\n".join([text, *rewriting(), numba.__version__, platform.machine(), sys.version])
     name = f"kernel_{hashlib.sha256(key.encode()).hexdigest()[:24]}"
     file, cached = f"<lab-pendulum {program.title}>", False
     try:

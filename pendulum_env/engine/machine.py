@@ -279,7 +279,8 @@ class Machine:
 
     def array(self, values: Iterable[float]) -> Any:
         """Return numbers in the type that the backend needs: a float64 array (compiled) or a list of floats."""
-        return np.array([*values], dtype=float) if self.compiled else [float(value) for value in values]
+        numbers = [float(value) for value in values]
+        return np.array(numbers) if self.compiled else numbers
 
     def state(self, angle: float, velocity: float, uniform: Sequence[float] = ()) -> Any:
         """Return the state at step 0 for an angle [rad] and a velocity [rad/s]; its energies are not computed yet.

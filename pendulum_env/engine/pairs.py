@@ -1,28 +1,30 @@
-"""Sums of a Taylor series' sines and cosines, computed side by side in a SIMD register, for runs of one pendulum.
+"""Two sums of a Taylor series at once, in runs of one pendulum: one instruction multiplies or adds for both.
 
-The recurrences of sin(x) and cos(x) multiply the same coefficients of the rate of x by those of the cosine and of the
-sine (:mod:`integrators.steps.recurrences`)::
+The coefficients of sin(x) and cos(x) are sums with the same factors v, the coefficients of the rate of x
+(:mod:`integrators.steps.recurrences`)::
 
     s_k = 1/k*(v_0*c_(k-1) + v_1*c_(k-2) + ...)        c_k = -1/k*(v_0*s_(k-1) + v_1*s_(k-2) + ...)
 
-Both sums are added in the same order. So one instruction adds or multiplies for both: half the instructions, and the
-same bits. LLVM does not find this by itself. Short sums gain nothing, since they wait for one another. Batches do
-without, as their instructions work on several pendulums already.
+Both are added in the same order, so that packed instructions, which work on two numbers at once, compute the same bits
+with fewer instructions. LLVM does not find this by itself. A series of low order gains nothing: its time is that of a
+chain of operations each of which takes the result of the one before. Batches do without pairs, because their
+instructions work on several pendulums already.
 """
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from numba.core.cgutils import ir
+from numba.core.cgutils import ir  # that of llvmlite, on which numba is built
 from numba.extending import intrinsic
 
 from pendulum_env.engine.source import PARSING
 
-LONGEST = 13
-"""Sums are paired if the longest of a function has at least so many products: from series of order 14 on."""
+LEAST = 13
+"""The sums of a series are paired if the longest of them has at least so many products: from order 14 on."""
+NAME = "_two_sums"
+"""Name of :func:`two_sums` in a program."""
 _PAIR = ir.VectorType(ir.DoubleType(), 2)
 _FIRST, _SECOND = ir.IntType(32)(0), ir.IntType(32)(1)
 
@@ -53,7 +55,7 @@ def two_sums(typing: Any, scales: Any, factors: Any, first: Any, second: Any) ->
 
 
 class _Sum(NamedTuple):
-    """A line ``name = scale*(x*y + ...)``: its name, the text of its scale, and the names of x and of y."""
+    """A line ``name = scale*(x*y + ...)``: its name, its scale, and the names of all x and of all y."""
 
     name: str
     scale: float
@@ -62,18 +64,19 @@ class _Sum(NamedTuple):
 
 
 def paired(text: str) -> str:
-    """Return a program whose pairs of long sums with the same first factors are calls of :func:`two_sums`.
+    """Return a program in whose function ``series`` pairs of sums with the same factors are calls of :func:`two_sums`.
 
-    The second of the sums moves up to the first, so that all that it adds must be known there.
+    The second of the sums moves up to the first, so that all that it adds must be known there. Nothing changes if all
+    sums have fewer than LEAST products, or if the function sets a name twice.
     """
     if "def series(" not in text:
         return text
     with PARSING:
         tree = ast.parse(text)
     for function in tree.body:
-        if isinstance(function, ast.FunctionDef):
-            pairs = [*_pairs(function.body)]
-            if max((len(one.factors) for _, _, one, _ in pairs), default=0) >= LONGEST:
+        if isinstance(function, ast.FunctionDef) and function.name == "series":
+            pairs = _pairs(function)
+            if max((len(one.factors) for _, _, one, _ in pairs), default=0) >= LEAST:
                 for place, _, one, other in pairs:
                     function.body[place] = _call(one, other)
                 for late in sorted((late for _, late, _, _ in pairs), reverse=True):
@@ -81,21 +84,25 @@ def paired(text: str) -> str:
     return ast.unparse(tree)
 
 
-def _pairs(lines: list[ast.stmt]) -> Iterator[tuple[int, int, _Sum, _Sum]]:
-    """Yield the places and the sums of the pairs in straight-line code, in which no name is set twice."""
+def _pairs(function: ast.FunctionDef) -> list[tuple[int, int, _Sum, _Sum]]:
+    """Return the places and the sums of all pairs in a function; none if it sets a name twice."""
     waiting: dict[tuple[str, ...], tuple[int, _Sum]] = {}
-    known: dict[str, int] = {}
-    for place, line in enumerate(lines):
+    known = {parameter.arg: -1 for parameter in function.args.args}
+    pairs = []
+    for place, line in enumerate(function.body):
         found = _sum(line)
         if found:
             begun = waiting.pop(found.factors, None)
             if begun and all(known.get(name, -1) < begun[0] for name in found.others):
-                yield begun[0], place, begun[1], found
+                pairs.append((begun[0], place, begun[1], found))
             else:
                 waiting[found.factors] = place, found
         for node in ast.walk(line):
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                if node.id in known:
+                    return []
                 known[node.id] = place
+    return pairs
 
 
 def _sum(line: ast.stmt) -> _Sum | None:
@@ -131,4 +138,4 @@ def _call(one: _Sum, other: _Sum) -> ast.stmt:
     """Return the line that computes both sums."""
     given = [repr((one.scale, other.scale)), *(f"({', '.join(x)})" for x in (one.factors, one.others, other.others))]
     with PARSING:
-        return ast.parse(f"{one.name}, {other.name} = two_sums({', '.join(given)})").body[0]
+        return ast.parse(f"{one.name}, {other.name} = {NAME}({', '.join(given)})").body[0]

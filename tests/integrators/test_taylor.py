@@ -189,6 +189,9 @@ def test_names() -> None:
     quick = integrators.get("quick_taylor7")
     assert (quick.name, quick.order, pickle.loads(pickle.dumps(quick))) == ("quick_taylor7", 7, quick)
     assert quick != integrators.get("taylor7")
+    assert integrators.get("quick_taylor") == integrators.get("quick_taylor12")
+    with pytest.raises(MethodError, match="no integrator 'quicktaylor12'; did you mean quick_taylor12"):
+        integrators.get("quicktaylor12")
     for name in ("taylor1", "taylor31", "taylor0"):
         with pytest.raises(MethodError, match=r"^Taylor series have orders from 2 to 30 here, not (1|31|0)"):
             integrators.get(name)
