@@ -34,7 +34,8 @@ PAIRED = {
     "other scales": series(ONE, OTHER.replace("-0.3", "7.0"), "return a, b"),
     "a short pair beside a long one": series("e = 0.5*(v0*c0 + v1*c1)", "f = 2.5*(v0*s0 + v1*s1)", ONE, OTHER,
                                              "return a, b, e, f"),
-    "the second takes what is known before the first": series("w = v0*c1", ONE, OTHER.replace("s3", "w"), "return a, b"),
+    "the second takes what is known before the first": series("w = v0*c1", ONE, OTHER.replace("s3", "w"),
+                                                               "return a, b"),
 }
 ALONE = {
     "the second takes the first": series(ONE, OTHER.replace("s3", "a"), "return a, b"),
@@ -96,8 +97,8 @@ def test_every_order_of_a_long_series_is_paired(name: str, expected: int) -> Non
 
 
 OPTIONS: dict[str, dict[str, Any]] = {
-    "vacuum": {}, "lab": {"diagnostics": ("heat_by_effect", "energy")}, "kapitza": {"compensated": True},
-    "chaotic": {"rtol": 1e-9}, "rod": {"rtol": 1e-9, "even_steps": True}, "sticky_bearing": {},
+    "vacuum": {"rtol": 1e-9, "even_steps": True}, "lab": {"diagnostics": ("heat_by_effect", "energy")}, "kapitza": {"compensated": True},
+    "chaotic": {"rtol": 1e-9}, "sticky_bearing": {},
 }
 """Scenes, several of which take more than one sine, and what their runs ask for."""
 
