@@ -10,7 +10,7 @@ last coefficient is known. "quick_taylor14" sums the last three terms apart from
 
     q1 = q_0 + h (q_1 + h (q_2 + (h (q_3 + ... + h q_(p-3)) + h**(p-4) (q_(p-2) + h (q_(p-1) + h q_p)))))
 
-A processor sums the others while it computes the last coefficients: a step of one pendulum takes some 15 % less time.
+A processor sums the others while it computes the last coefficients: a step of one pendulum takes some 10 % less time.
 Both ways to sum have rounding errors of the same size, but other ones, so that the last digits of results differ. The
 power ``h**(p-4)`` must be a finite double, as ``h**p`` must be with a tolerance.
 """
@@ -129,7 +129,7 @@ def of_order(order: int, **changes: Any) -> Taylor:
         "name": f"taylor{order}", "order": order,
         "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
         "summary": f"Taylor series of order {order} by recurrences; taylor2 to taylor30 are of other orders, and "
-                   "quick_taylor6 to quick_taylor30 take some 15 % less time for one pendulum", **changes,
+                   "quick_taylor6 to quick_taylor30 take some 10 % less time for one pendulum", **changes,
     })
 
 

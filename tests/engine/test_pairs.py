@@ -97,8 +97,8 @@ def test_every_order_of_a_long_series_is_paired(name: str, expected: int) -> Non
 
 
 OPTIONS: dict[str, dict[str, Any]] = {
-    "vacuum": {"rtol": 1e-9, "even_steps": True}, "lab": {"diagnostics": ("heat_by_effect", "energy")}, "kapitza": {"compensated": True},
-    "chaotic": {"rtol": 1e-9}, "sticky_bearing": {},
+    "vacuum": {"rtol": 1e-9, "even_steps": True}, "lab": {"diagnostics": ("heat_by_effect", "energy")},
+    "kapitza": {"compensated": True}, "chaotic": {"rtol": 1e-9}, "sticky_bearing": {},
 }
 """Scenes, several of which take more than one sine, and what their runs ask for."""
 

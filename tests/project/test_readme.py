@@ -117,7 +117,8 @@ def test_numbers_of_the_front_page_are_those_of_the_results() -> None:
     results = " ".join(" ".join(page.split()) for name, page in READMES.items() if name != "README.md")
     for measured, goal, command in rows:
         assert measured in results
-        assert goal == "-" or f"| {measured} | {goal} |" in results or f"our goal is {goal}, missed" in results
+        verdict = "missed" if "**" in measured else "met"
+        assert goal == "-" or f"| {measured} | {goal} |" in results or f"our goal is {goal}, {verdict}" in results
         assert command == "the same" or command in results
 
 
