@@ -20,8 +20,11 @@ from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from planted import Planted
 from small_caches import Start, posix, small, uncached
 
+import integrators
+from pendulum_env import SCENES
 from pendulum_env.common import replacing, trust
 from pendulum_env.engine import kernels
+from pendulum_env.engine.generate import program
 
 
 def listing(folder: Path) -> dict[str, tuple[int, int]]:
@@ -48,6 +51,18 @@ def test_a_warm_start_writes_nothing(warm: Path, start: Start) -> None:
     assert sorted(Path(name).suffix for name in before) == [".nbc", ".py"]
     assert start(warm) == 2.5
     assert listing(warm) == before
+
+
+def test_code_that_was_rewritten_in_another_way_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After an upgrade that folds or pairs otherwise, programs of the same text are compiled anew."""
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
+    found = program(SCENES["textbook"], integrators.get("symplectic_euler"), ())
+    for _ in range(2):
+        kernels.compiled(found)
+    assert len(list(tmp_path.glob("*.py"))) == 1
+    monkeypatch.setattr(kernels, "rewriting", lambda: ("another",))
+    kernels.compiled(found)
+    assert len(list(tmp_path.glob("*.py"))) == 2
 
 
 COMPILER = """

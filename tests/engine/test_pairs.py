@@ -50,6 +50,8 @@ ALONE = {
     "only one": series(ONE, "b = a", "return a, b"),
     "a factor changes between": series(ONE, "v3 = 2.0*v3", OTHER, "return a, b"),
     "a result is set before": series(ONE, "b = 7.0", "d = 2.0*b", OTHER, "return a, b, d"),
+    "a function beside the series": series(ONE, OTHER, "return a, b").replace("def series", "def other")
+    + series("return other(" + ARGUMENTS + ")"),
     "no series": series(ONE, OTHER, "return a").replace("def series", "def other"),
 }
 
