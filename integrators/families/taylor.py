@@ -37,9 +37,10 @@ LOWEST, HIGHEST, USUAL = 2, 30, 12
 The usual order is the cheapest for a tolerance of 1e-10 (Jorba & Zou 2005, p = 1 - log(tol)/2).
 """
 BEFORE, APART = 2, 3
-"""Of a quick Taylor series, APART last terms are summed apart from the others, and added before the first BEFORE terms.
+"""Numbers of terms of a quick Taylor series: the first BEFORE, the largest, are added last; the last APART are summed
+apart.
 
-If they were added after the first two terms, rounding errors would be up to 1.2 times as large.
+If the sum of the last terms were added to that of all others, rounding errors would be up to 1.2 times as large.
 """
 
 

@@ -175,8 +175,10 @@ def cache_folder() -> Path:
 
 @cache
 def rewriting() -> tuple[str, ...]:
-    """Return the texts of the modules that rewrite programs before they are compiled: with others, code differs."""
-    return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in ("folding", "pairs"))
+    """Return the texts of the modules that rewrite a program before it is compiled, on which its machine code depends.
+    """
+    modules = ("compiling", "folding", "pairs")
+    return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in modules)
 
 
 def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:

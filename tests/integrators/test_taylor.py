@@ -158,10 +158,10 @@ def test_a_quick_step_is_the_sum_of_the_series(order: int) -> None:
     assert list(found[3:]) == [terms_q[-1] * h**order, terms_v[-1] * h**order]
 
 
-@pytest.mark.parametrize("order", [10, 20])
+@pytest.mark.parametrize("order", [16, 20])
 def test_a_quick_series_rounds_as_little(order: int) -> None:
     """The energy of pendulums without losses wanders by rounding alone, as far as with the other sum."""
-    starts, h = np.random.default_rng(5).uniform(0.3, 2.8, 2000), {10: 0.015, 20: 0.08}[order]
+    starts, h = np.random.default_rng(5).uniform(0.3, 2.8, 2000), {16: 0.05, 20: 0.08}[order]
     wide, stiffness = np.longdouble, SCENES["vacuum"].omega0 ** 2
     spread = {}
     for name in (f"taylor{order}", f"quick_taylor{order}"):
