@@ -13,14 +13,12 @@ from choice import is_quick
 from command_line import run_here
 from fake_clock import clock
 from hypothesis import HealthCheck, settings
-from quick_typing import remember_types
 from small_caches import start
 
 __all__ = ["clock", "run_here", "start"]  # fixtures of several tests
 
 settings.register_profile("same", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("same")
-remember_types()
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # windows that nobody sees, of Gymnasium's checkers too
 
 

@@ -6,24 +6,89 @@ optimised at every level, and only the code of the outermost is used. Here the i
 the outermost is optimised. That takes three quarters of the time, and no bit of a result depends on it, because no
 pass of the optimiser may change a floating-point operation. Short functions are written in place of their calls before
 that; see :mod:`pendulum_env.engine.folding`. In runs of one pendulum, sums of long Taylor series are paired; see
-:mod:`pendulum_env.engine.pairs`. Both are left out in programs with functions of a user.
+:mod:`pendulum_env.engine.pairs`. Passes of numba for parts of Python that no generated program has are left out. All
+three are done only in programs without functions of a user.
 
-numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary.
+numba has no public way to choose this, so that this module replaces methods of its classes CodeLibrary and
+BaseFunction.
 """
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from numba.core import codegen, compiler
+from numba.core import codegen, compiler, types
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.types.functions import BaseFunction
 
 from pendulum_env.engine.folding import folded
 from pendulum_env.engine.kernels import TEXT
 from pendulum_env.engine.pairs import NAME, paired, two_sums
 
-__all__ = ["Entry", "Inlined", "Separate"]
+__all__ = ["LEFT_OUT", "SIGNATURES", "Entry", "Inlined", "Separate", "load_array_functions", "remembered_types"]
+
+
+LEFT_OUT = {
+    "WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "LiteralUnroll",
+    "FindLiterallyCalls", "LiteralPropagationSubPipelinePass", "RewriteSemanticConstants", "DeadBranchPrune",
+    "InlineInlinables", "InlineOverloads", "NopythonRewrites", "AnnotateTypes", "DumpParforDiagnostics",
+}
+"""Names of numba's passes that change nothing in a generated program. They are for blocks ``with``, closures,
+exceptions, branches that are known before the program runs, tuples of several types, and operations on whole arrays;
+``AnnotateTypes`` is for printing, and ``DumpParforDiagnostics`` for ``parallel=True``."""
+
+
+def load_array_functions() -> None:
+    """Import numba's functions of arrays without scipy.linalg, which would take a tenth of the first compilation.
+
+    numba imports scipy.linalg to see if it is there, and once more wherever a function needs it; no program does.
+    """
+    from numba.np import linalg
+
+    import_them = linalg.ensure_blas
+    linalg.ensure_blas = lambda: None
+    try:
+        from numba.np import arraymath
+    finally:
+        linalg.ensure_blas = import_them
+    arraymath.ensure_blas = import_them
+
+
+if "numba.np.arraymath" not in sys.modules:
+    load_array_functions()
+
+
+SIGNATURES: dict[tuple[Any, ...], Any] = {}
+"""Signatures that numba has found, by function, context and types of the arguments."""
+
+
+@contextmanager
+def remembered_types() -> Iterator[None]:
+    """Have numba search only once for the types of an operation on numbers or arrays, while one thread compiles.
+
+    For each ``a + b``, numba tries ten templates, those of NumPy among them, and a program has the same few operations
+    hundreds of times. What is compiled stays the same.
+    """
+    search = BaseFunction.get_call_type
+
+    def signature(self: Any, context: Any, args: Any, kws: Any) -> Any:
+        if kws or not all(isinstance(kind, (types.Number, types.Boolean, types.Array)) for kind in args):
+            return search(self, context, args, kws)
+        key = self, context, args
+        if key not in SIGNATURES:
+            SIGNATURES[key] = search(self, context, args, kws)
+        return SIGNATURES[key]
+
+    with global_compiler_lock:
+        BaseFunction.get_call_type = signature  # type: ignore[method-assign]
+        try:
+            yield
+        finally:
+            BaseFunction.get_call_type = search  # type: ignore[method-assign]
 
 
 class _Unloaded:
@@ -83,12 +148,23 @@ def _rewritten(function: Callable[..., Any]) -> Any:
     text = folded(names[TEXT])
     if function.__name__ == "run":
         text = paired(text)
-    fewer: dict[str, Any] = {"__name__": names["__name__"], NAME: two_sums}
+    fewer: dict[str, Any] = {"__name__": names["__name__"], NAME: two_sums, TEXT: text}
     exec(compile(text, function.__code__.co_filename, "exec"), fewer)
     return fewer[function.__name__].py_func
 
 
-class Entry(compiler.Compiler):  # type: ignore[misc]
+class _Shorter(compiler.Compiler):  # type: ignore[misc]
+    """numba's compiler without the passes that a generated program does not need."""
+
+    def define_pipelines(self) -> Any:
+        pipelines = super().define_pipelines()
+        if TEXT in self.state.func_id.func.__globals__:
+            for pipeline in pipelines:
+                pipeline.passes = [one for one in pipeline.passes if one[0].__name__ not in LEFT_OUT]
+        return pipelines
+
+
+class Entry(_Shorter):
     """numba's compiler for the functions of a program that Python calls, with all that they inline."""
 
     def compile_extra(self, function: Any) -> Any:
@@ -96,7 +172,8 @@ class Entry(compiler.Compiler):  # type: ignore[misc]
         collects = gc.isenabled()
         gc.disable()
         try:
-            return super().compile_extra(_rewritten(function))
+            with remembered_types():
+                return super().compile_extra(_rewritten(function))
         finally:
             if collects:
                 gc.enable()
@@ -107,7 +184,7 @@ class Entry(compiler.Compiler):  # type: ignore[misc]
         return super().define_pipelines()
 
 
-class Inlined(compiler.Compiler):  # type: ignore[misc]
+class Inlined(_Shorter):
     """numba's compiler for the functions of a program that its other functions inline."""
 
     def define_pipelines(self) -> Any:

@@ -22,7 +22,7 @@ from integrators.steps.tracing import Symbol, Trace
 from integrators.steps.unroll import unroll
 from pendulum_env.engine.problem import by_flow, moving, slipping
 from pendulum_env.engine.series import TorqueTracer
-from pendulum_env.engine.source import Plain, arguments, text_of, with_callees
+from pendulum_env.engine.source import Plain, arguments, constants_of, names_of, text_of, with_callees
 from pendulum_env.engine.starts import checked_steps
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -202,7 +202,8 @@ class _Functions:
         lines: source lines of the functions so far.
         signatures: name of a written function -> names of its arguments.
         numbers: names of the scene's coefficients that they use.
-        imports: lines that give elementary functions the names by which copied functions call them, and the like.
+        imports: lines that give elementary functions and constants the names by which copied functions use them, and
+            the like.
         timed: True if the acceleration depends on the time.
     """
 
@@ -216,6 +217,7 @@ class _Functions:
         self.imports: list[str] = []
         self.timed = False
         self._copied: set[str] = set()
+        self._constants: dict[str, float] = {}
 
     def acceleration(self, trace: Record) -> Callable[..., Symbol]:
         """Return the recording function ``acceleration(t, q, v)`` of all torques."""
@@ -321,10 +323,22 @@ class _Functions:
             if each.__module__ == elementary.__name__ or each.__name__ in self._copied:
                 continue
             self._copied.add(each.__name__)
-            for name in _elementary_names(each):
-                line = f"{name} = {NUMPY[name]}"
-                self.imports += [line] if line not in self.imports else []
+            lines = [f"{name} = {NUMPY[name]}" for name in _elementary_names(each)]
+            for name, value in constants_of([each]).items():
+                self._check_constant(name, each)
+                lines.append(f"{name} = {value!r}")
+            self.imports += [line for line in lines if line not in self.imports]
             self.lines += [*text_of(each).rstrip().split("\n"), ""]
+
+    def _check_constant(self, name: str, function: Plain) -> None:
+        """Raise SceneError if the name of a copied function's constant has another meaning in the program."""
+        taken = {*STATE, *self.scene.coefficients, *NUMPY, "control", "steps", "n", "np", "plt", "angles", "velocities",
+                 "acceleration", "force", "slope", "drag"}
+        others = self._constants.setdefault(name, function.__globals__[name])
+        if name in taken or others != function.__globals__[name]:
+            raise SceneError(f"The scene '{self.scene.name}' has no plain loop: in it, the name {name}, a constant of "
+                             f"{function.__name__}, has another meaning. Rename the constant, or use language='engine' "
+                             "(--language engine).")
 
     def _define(
         self, name: str, label: str, tracer: TorqueTracer, value: Symbol, comment: str, h: Symbol | None = None
@@ -364,4 +378,4 @@ def _used(trace: Trace, value: Symbol) -> list[int]:
 
 def _elementary_names(function: FunctionType) -> Mapping[str, None]:
     """Return the names of elementary functions that a function calls."""
-    return {name: None for name in function.__code__.co_names if name in NUMPY}
+    return {name: None for name in names_of(function.__code__) if name in NUMPY}

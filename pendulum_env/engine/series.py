@@ -17,7 +17,7 @@ from integrators.families.taylor import add_twins, results_of_series
 from integrators.steps.recurrences import CALLS, Writer, times_reciprocal
 from integrators.steps.tracing import Symbol, Trace, TraceError, cos, exp, log, power, sin
 from pendulum_env.engine.problem import Problem, moving, slipping
-from pendulum_env.engine.source import Plain, arguments
+from pendulum_env.engine.source import Plain, arguments, names_of
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 
@@ -79,7 +79,7 @@ def _recording(function: Plain) -> Plain:
         return RECORDED[function]
     if not isinstance(function, FunctionType):
         return function
-    named = {name: function.__globals__[name] for name in function.__code__.co_names if name in function.__globals__}
+    named = {name: function.__globals__[name] for name in names_of(function.__code__) if name in function.__globals__}
     replaced = {name: _recording(value) for name, value in named.items() if isinstance(value, FunctionType)}
     return FunctionType(function.__code__, {**function.__globals__, **replaced}, function.__name__)
 

@@ -6,12 +6,12 @@ import ast
 import inspect
 import re
 import textwrap
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from symtable import symtable
 from threading import Lock
 from tokenize import TokenError
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import Any
 
 from pendulum_env.physics.elementary import sqrt
@@ -55,6 +55,17 @@ def ours(function: Plain) -> bool:
     return str(function.__module__).partition(".")[0] in ("pendulum_env", "integrators")
 
 
+def names_of(code: CodeType) -> Iterator[str]:
+    """Yield the names that a function's code takes from its module, and those of attributes.
+
+    A comprehension has code of its own up to Python 3.11, and a lambda or a function inside the function always.
+    """
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from names_of(constant)
+
+
 def called_in(text: str, functions: Iterable[Plain]) -> list[Plain]:
     """Return those of the given functions that a source text calls by name."""
     names = set(_CALL.findall(text))
@@ -69,7 +80,7 @@ def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
         """Append a function to the list ``ordered`` after all functions that it calls."""
         if not isinstance(function, FunctionType) or function in ordered:
             return
-        for name in function.__code__.co_names:
+        for name in names_of(function.__code__):
             visit(function.__globals__.get(name))
         if function not in ordered:
             ordered.append(function)
@@ -127,7 +138,7 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
     """
     constants: dict[str, float] = {}
     for function in functions:
-        for name in function.__code__.co_names:
+        for name in names_of(function.__code__):
             value = function.__globals__.get(name)
             if isinstance(value, float):
                 constants[name] = value

@@ -78,9 +78,14 @@ def with_lists(angle: float, mine_rate: float) -> float:
     return -mine_rate*table[0 if angle < 0.0 else 2]*sin(angle)
 
 
+def with_a_comprehension(angle: float, mine_rate: float) -> float:
+    return -mine_rate*sum([v*sin(share*angle) for share in (0.5, 1.0)])
+
+
 FORMS: tuple[Callable[..., float], ...] = (
     with_a_constant, with_two_targets, with_a_keyword, with_a_keyword_of_the_sine, with_a_walrus, with_truth_values,
-    with_nested_targets, with_a_guard, the_same_for_all, with_lists)
+    with_nested_targets, with_a_guard, the_same_for_all, with_lists,
+    with_a_comprehension)
 
 
 def scene_with(form: Callable[..., float], scene: str) -> Scene:
@@ -112,15 +117,24 @@ def test_blocks_have_the_bits_of_single_runs(form: Callable[..., float], integra
         assert many.ledger.work[place].tolist() == single.ledger.work.tolist()
 
 
+@pytest.mark.usefixtures("interpreted")
+def test_names_in_a_comprehension_are_found_for_series_too() -> None:
+    own = scene_with(with_a_comprehension, "torsion")
+    series, steps = (rollout(own, angle=1.0, duration=1.0, dt=0.05, integrator=name).angle
+                     for name in ("taylor", "dop853"))
+    assert series == pytest.approx(steps, abs=1e-12)
+    assert abs(series[-1] - rollout(SCENES["torsion"], angle=1.0, duration=1.0, dt=0.05).angle[-1]) > 0.1
+
+
 def test_stages_end_with_the_whole_force() -> None:
     text = batch_program(scene_with(with_a_constant, "vacuum"), integrators.get("rk4"), (), frozenset()).text
     assert text.count("def stage_") == 4
     assert "sin_block" not in text
 
 
-@pytest.mark.parametrize("form", [with_lists, with_a_constant])
+@pytest.mark.parametrize("form", [with_lists, with_a_comprehension, with_a_constant])
 def test_compiled_programs_with_functions_of_a_user(form: Callable[..., float]) -> None:
-    """A user's functions may make lists, which needs numba's memory."""
+    """A user's functions may make lists, which needs numba's memory, and comprehensions, which need all its passes."""
     own, angle = scene_with(form, "vacuum"), np.array([-0.5, 0.3, 1.0])
     many = rollout(own, angle=angle, duration=0.1, backend="compiled")
     single = rollout(own, angle=1.0, duration=0.1, backend="compiled")

@@ -9,7 +9,8 @@ import math
 import subprocess
 import sys
 import warnings
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,8 @@ from integrators import METHODS, MethodError, from_step
 from pendulum_env import SCENES, Scene, SceneError, code, rollout
 from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.plain import is_plain
-from pendulum_env.physics.effects import BearingFriction, Gravity, LinearDrag, QuadraticDrag
+from pendulum_env.physics.effects import BearingFriction, Effect, Gravity, LinearDrag, QuadraticDrag
+from pendulum_env.physics.elementary import sin
 from pendulum_env.physics.medium import air
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
@@ -113,6 +115,41 @@ def test_several_drags_are_composed_as_in_the_engine() -> None:
 def test_a_step_of_one_s_own_has_one() -> None:
     own = from_step("omega = omega + acceleration(theta, omega)*dt\ntheta = theta + omega*dt")
     assert "    omega = omega + acceleration(theta, omega)*dt\n    theta = theta + omega*dt\n" in check("lab", own)
+
+
+SHARE = 0.7
+theta = 0.2
+"""Constants of the torques below; a plain program has a ``theta`` of its own."""
+
+
+def with_a_constant(angle: float, mine_rate: float) -> float:
+    return -mine_rate*(SHARE*sin(angle) if angle > 0.1 else sum([sin(angle*share) for share in (SHARE, 1.0)]))
+
+
+def with_a_taken_name(angle: float, mine_rate: float) -> float:
+    return -mine_rate*(theta if angle > 0.1 else 0.0)
+
+
+def scene_with(torque: Callable[..., float]) -> Scene:
+    """Return the torsion pendulum with an effect of one's own that cannot be recorded, because it branches."""
+    @dataclass(frozen=True)
+    class Mine(Effect):
+        """A drive of one's own."""
+
+        name, kind, equation, source = "mine", "drive", "mine", "none"
+
+        def coefficients(self, scene: Any) -> Mapping[str, float]:
+            return {"mine_rate": 50.0}
+
+    Mine.torque = staticmethod(torque)
+    return SCENES["torsion"].with_effects((*SCENES["torsion"].effects, Mine()))
+
+
+def test_a_copied_function_has_its_constants() -> None:
+    program = check(scene_with(with_a_constant), "rk4")
+    assert "SHARE = 0.7\n" in program
+    with pytest.raises(SceneError, match="the name theta, a constant of with_a_taken_name, has another meaning"):
+        code(scene_with(with_a_taken_name), "rk4")
 
 
 def test_the_program_of_symplectic_euler_is_the_lab_sheet_s() -> None:

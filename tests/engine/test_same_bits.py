@@ -90,8 +90,7 @@ ASKING = """
 import json, sys, warnings
 sys.path.insert(0, sys.argv[1])
 warnings.simplefilter("ignore")
-import quick_typing, same_bits
-quick_typing.remember_types()
+import same_bits
 kinds, samples = json.loads(sys.argv[2])
 digests = {kind: {each: same_bits.GROUPS[same_bits.KINDS[kind]][kind](each) for each in samples} for kind in kinds}
 import numpy as np
