@@ -47,6 +47,8 @@ def load_array_functions() -> None:
 
     numba imports scipy.linalg to see if it is there, and once more wherever a function needs it; no program does.
     """
+    if "numba.np.arraymath" in sys.modules:
+        return
     from numba.np import linalg
 
     import_them = linalg.ensure_blas
@@ -56,10 +58,6 @@ def load_array_functions() -> None:
     finally:
         linalg.ensure_blas = import_them
     arraymath.ensure_blas = import_them
-
-
-if "numba.np.arraymath" not in sys.modules:
-    load_array_functions()
 
 
 SIGNATURES: dict[tuple[Any, ...], Any] = {}
@@ -154,7 +152,11 @@ def _rewritten(function: Callable[..., Any]) -> Any:
 
 
 class _Shorter(compiler.Compiler):  # type: ignore[misc]
-    """numba's compiler without the passes that a generated program does not need."""
+    """numba's compiler without the imports and passes that a generated program does not need."""
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        load_array_functions()
+        super().__init__(*given, **named)
 
     def define_pipelines(self) -> Any:
         pipelines = super().define_pipelines()
