@@ -187,7 +187,8 @@ class _Body:
     def _(self, node: ast.Return) -> list[str]:
         return [f"return {self.value(node.value)};" if node.value else "return;"]
 
-    @lines.register
+    @lines.register(ast.Break)
+    @lines.register(ast.Continue)
     def _(self, node: ast.Break | ast.Continue) -> list[str]:
         return [f"break{self._left};" if isinstance(node, ast.Break) else "continue;"]
 

@@ -16,7 +16,7 @@ from readme_code import ROOT
 from pendulum_env.engine.compiling import LEFT_OUT
 
 ASSEMBLY = """
-import sys
+import re, sys
 from contextlib import nullcontext
 from pendulum_env.engine import compiling
 if sys.argv[1] == "everything":
@@ -29,6 +29,7 @@ search = BaseFunction.get_call_type
 machine = Machine(SCENES["lab"], "rk4", backend="compiled")
 machine.advance(machine.state(0.5, 0.0), 0.375, 0.004, 10)
 (assembly,) = machine.entry.inspect_asm().values()
+assembly = re.sub("0x[0-9a-f]{8,}", "an address", assembly)  # of an object, in a message of numba 0.60
 assert BaseFunction.get_call_type is search, "numba's own search is back"
 print(len(compiling.SIGNATURES), "known")
 print(assembly)

@@ -41,6 +41,19 @@ def test_every_imported_package_is_declared_and_every_declared_one_is_used() -> 
     assert packages == DECLARED - {"moviepy"}  # imported by Gymnasium's RecordVideo, which films episodes
 
 
+def test_functions_that_are_chosen_by_type_name_one_type_each() -> None:
+    """Python 3.10, the oldest that is declared, cannot import a module in which ``register`` reads ``a | b``."""
+    found = []
+    for path in (*(ROOT / "pendulum_env").rglob("*.py"), *(ROOT / "integrators").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and any(
+                    isinstance(one, ast.Attribute) and one.attr == "register" for one in node.decorator_list):
+                chosen = next(one for one in node.args.args if one.arg != "self")
+                found.append((f"{path.name}, line {node.lineno}", chosen.annotation))
+    assert len(found) > 10
+    assert not [place for place, kind in found if isinstance(kind, ast.BinOp)]
+
+
 @pytest.fixture(scope="module")
 def command(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The command ``lab-pendulum`` of an environment in which the project is installed without any extra."""
