@@ -129,8 +129,8 @@ def of_order(order: int, **changes: Any) -> Taylor:
     return Taylor(**{
         "name": f"taylor{order}", "order": order,
         "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
-        "summary": f"Taylor series of order {order} by recurrences; also taylor2 to 30, and faster quick_taylor6 to 30",
-        **changes,
+        "summary": f"Taylor series of order {order} by recurrences; also taylor2 to 30; for one pendulum quick_taylor6 "
+                   "to 30", **changes,
     })
 
 

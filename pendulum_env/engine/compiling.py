@@ -9,8 +9,8 @@ that; see :mod:`pendulum_env.engine.folding`. In runs of one pendulum, sums of l
 :mod:`pendulum_env.engine.pairs`. Passes of numba for parts of Python that no generated program has are left out. All
 three are done only in programs without functions of a user.
 
-numba has no public way to choose this, so that this module replaces methods of its classes CodeLibrary and
-BaseFunction.
+numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary and, for as long
+as a program is compiled, one of BaseFunction and, while it is imported, the function ``ensure_blas``.
 """
 
 from __future__ import annotations
@@ -69,19 +69,23 @@ def remembered_types() -> Iterator[None]:
     """Have numba search only once for the types of an operation on numbers or arrays, while one thread compiles.
 
     For each ``a + b``, numba tries ten templates, those of NumPy among them, and a program has the same few operations
-    hundreds of times. What is compiled stays the same.
+    hundreds of times. What is compiled stays the same. Functions that numba compiles from Python, such as ``max``, are
+    searched each time: there are several of them, one for each set of options.
     """
-    search = BaseFunction.get_call_type
 
     def signature(self: Any, context: Any, args: Any, kws: Any) -> Any:
         if kws or not all(isinstance(kind, (types.Number, types.Boolean, types.Array)) for kind in args):
             return search(self, context, args, kws)
         key = self, context, args
-        if key not in SIGNATURES:
-            SIGNATURES[key] = search(self, context, args, kws)
-        return SIGNATURES[key]
+        if key in SIGNATURES:
+            return SIGNATURES[key]
+        found = search(self, context, args, kws)
+        if self.get_impl_key(found) is self.typing_key:
+            SIGNATURES[key] = found
+        return found
 
     with global_compiler_lock:
+        search = BaseFunction.get_call_type
         BaseFunction.get_call_type = signature  # type: ignore[method-assign]
         try:
             yield

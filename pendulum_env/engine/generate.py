@@ -20,7 +20,16 @@ from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
 from pendulum_env.engine.shape import Shape
-from pendulum_env.engine.source import Plain, called_in, check_names, constants_of, copied, ours, with_callees
+from pendulum_env.engine.source import (
+    Plain,
+    called_in,
+    check_names,
+    constants_of,
+    copied,
+    float_text,
+    ours,
+    with_callees,
+)
 from pendulum_env.engine.stages import BETWEEN, WHOLE, divided
 from pendulum_env.engine.subflows import sub_flows
 from pendulum_env.physics import elementary
@@ -129,7 +138,7 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     known = [*_functions_of(problem), *([flow.function] if flow else []), *HELPERS]
     copies = with_callees([*called_in("\n".join(pieces), known), *functions])
     head = f'"""{equation_text(problem.effects)}\n\nMethod: {method.name} ({method.source}).\n"""\n'
-    numbers = {"NAN": "float('nan')", **{name: repr(value) for name, value in constants_of(copies).items()}}
+    numbers = {"NAN": "float('nan')", **{name: float_text(value) for name, value in constants_of(copies).items()}}
     constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
     body = "\n\n".join([copied(copies), *pieces])
     head += "from math import sqrt\n\n" if "sqrt(" in body else ""

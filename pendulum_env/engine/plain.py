@@ -7,8 +7,10 @@ time, and the program computes the numbers of :func:`pendulum_env.rollout` up to
 
 from __future__ import annotations
 
+import ast
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from types import FunctionType
 from typing import Any
@@ -22,7 +24,16 @@ from integrators.steps.tracing import Symbol, Trace
 from integrators.steps.unroll import unroll
 from pendulum_env.engine.problem import by_flow, moving, slipping
 from pendulum_env.engine.series import TorqueTracer
-from pendulum_env.engine.source import Plain, arguments, constants_of, names_of, text_of, with_callees
+from pendulum_env.engine.source import (
+    PARSING,
+    Plain,
+    arguments,
+    constants_of,
+    float_text,
+    names_of,
+    text_of,
+    with_callees,
+)
 from pendulum_env.engine.starts import checked_steps
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -89,7 +100,34 @@ def plain_program(scene: Scene, method: Method) -> str:
         'plt.gca().set(xlabel="time [s]", ylabel="angle [degrees]")',
         "plt.show()",
     ]
-    return "\n".join(lines) + "\n"
+    text = "\n".join(lines) + "\n"
+    _check_constants(scene, text, functions.constants, functions.copied)
+    return text
+
+
+def _check_constants(scene: Scene, text: str, constants: Mapping[str, str], copied: Collection[str]) -> None:
+    """Raise SceneError if the name of a copied function's constant has another meaning in a program."""
+    with PARSING:
+        tree = ast.parse(text)
+    inside = {id(node) for function in tree.body if isinstance(function, ast.FunctionDef) and function.name in copied
+              for node in ast.walk(function)}
+    outside = Counter(name for node in ast.walk(tree) if id(node) not in inside for name in _named(node))
+    outside.update(copied)
+    for name, function in constants.items():
+        if outside[name] > 1:
+            raise SceneError(f"The scene '{scene.name}' has no plain loop: in it, the name {name}, a constant of "
+                             f"{function}, has another meaning. Rename the constant, or use language='engine' "
+                             "(--language engine).")
+
+
+def _named(node: ast.AST) -> list[str]:
+    """Return the name that a part of a program reads or sets, or those of an import, a function or an argument."""
+    match node:
+        case ast.Name(id=name) | ast.FunctionDef(name=name) | ast.arg(arg=name):
+            return [name]
+        case ast.alias(name=name, asname=short):
+            return [short or name]
+    return []
 
 
 def _check_scene(scene: Scene) -> None:
@@ -204,6 +242,8 @@ class _Functions:
         numbers: names of the scene's coefficients that they use.
         imports: lines that give elementary functions and constants the names by which copied functions use them, and
             the like.
+        copied: names of the functions of effects that are copied.
+        constants: name of a constant of a copied function -> name of the function.
         timed: True if the acceleration depends on the time.
     """
 
@@ -216,8 +256,8 @@ class _Functions:
         self.numbers: list[str] = []
         self.imports: list[str] = []
         self.timed = False
-        self._copied: set[str] = set()
-        self._constants: dict[str, float] = {}
+        self.copied: set[str] = set()
+        self.constants: dict[str, str] = {}
 
     def acceleration(self, trace: Record) -> Callable[..., Symbol]:
         """Return the recording function ``acceleration(t, q, v)`` of all torques."""
@@ -320,25 +360,15 @@ class _Functions:
     def _copy(self, function: Plain) -> None:
         """Append the source of an effect's function and of the functions that it calls, each once."""
         for each in with_callees([function]):
-            if each.__module__ == elementary.__name__ or each.__name__ in self._copied:
+            if each.__module__ == elementary.__name__ or each.__name__ in self.copied:
                 continue
-            self._copied.add(each.__name__)
+            self.copied.add(each.__name__)
             lines = [f"{name} = {NUMPY[name]}" for name in _elementary_names(each)]
             for name, value in constants_of([each]).items():
-                self._check_constant(name, each)
-                lines.append(f"{name} = {value!r}")
+                lines.append(f"{name} = {float_text(value)}")
+                self.constants[name] = each.__name__
             self.imports += [line for line in lines if line not in self.imports]
             self.lines += [*text_of(each).rstrip().split("\n"), ""]
-
-    def _check_constant(self, name: str, function: Plain) -> None:
-        """Raise SceneError if the name of a copied function's constant has another meaning in the program."""
-        taken = {*STATE, *self.scene.coefficients, *NUMPY, "control", "steps", "n", "np", "plt", "angles", "velocities",
-                 "acceleration", "force", "slope", "drag"}
-        others = self._constants.setdefault(name, function.__globals__[name])
-        if name in taken or others != function.__globals__[name]:
-            raise SceneError(f"The scene '{self.scene.name}' has no plain loop: in it, the name {name}, a constant of "
-                             f"{function.__name__}, has another meaning. Rename the constant, or use language='engine' "
-                             "(--language engine).")
 
     def _define(
         self, name: str, label: str, tracer: TorqueTracer, value: Symbol, comment: str, h: Symbol | None = None

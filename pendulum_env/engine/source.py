@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import dis
 import inspect
+import math
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator
@@ -33,6 +35,13 @@ def arguments(function: Plain) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters)
 
 
+def float_text(value: float) -> str:
+    """Return a float as source text, also one that is infinite or not a number."""
+    if math.isnan(value):
+        return "float('nan')"
+    return repr(value) if math.isfinite(value) else "1e999" if value > 0 else "-1e999"
+
+
 @cache
 def text_of(function: Plain) -> str:
     """Return the source of one function as text, without indentation; SourceError if it cannot be read."""
@@ -56,11 +65,11 @@ def ours(function: Plain) -> bool:
 
 
 def names_of(code: CodeType) -> Iterator[str]:
-    """Yield the names that a function's code takes from its module, and those of attributes.
+    """Yield the names that a function's code takes from its module or from Python itself.
 
     A comprehension has code of its own up to Python 3.11, and a lambda or a function inside the function always.
     """
-    yield from code.co_names
+    yield from (str(one.argval) for one in dis.get_instructions(code) if one.opname in ("LOAD_GLOBAL", "LOAD_NAME"))
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from names_of(constant)

@@ -15,24 +15,32 @@ from readme_code import ROOT
 
 from pendulum_env.engine.compiling import LEFT_OUT
 
-ASSEMBLY = """
+ASSEMBLY = r"""
 import re, sys
 from contextlib import nullcontext
 from pendulum_env.engine import compiling
 if sys.argv[1] == "everything":
     compiling.remembered_types = nullcontext
     compiling.LEFT_OUT.clear()
-from pendulum_env import SCENES
-from pendulum_env.engine.machine import Machine
+from pendulum_env import rollout
 from numba.core.types.functions import BaseFunction
-search = BaseFunction.get_call_type
-machine = Machine(SCENES["lab"], "rk4", backend="compiled")
-machine.advance(machine.state(0.5, 0.0), 0.375, 0.004, 10)
-(assembly,) = machine.entry.inspect_asm().values()
-assembly = re.sub("0x[0-9a-f]{8,}", "an address", assembly)  # of an object, in a message of numba 0.60
+search, compile_extra = BaseFunction.get_call_type, compiling.Entry.compile_extra
+
+
+def kept(self, function):
+    result = compile_extra(self, function)
+    text = re.sub("0x[0-9a-f]{8,}", "", result.library.get_asm_str())  # addresses of objects, in messages of numba 0.60
+    print(re.sub(r"B\d+v\d+B", "", re.sub(".*_ZN08NumbaEnv.*", "", text)))  # numbers and options of other functions
+    return result
+
+
+compiling.Entry.compile_extra = kept
+rollout("lab", integrator="rk4", duration=0.1)
+rollout("lab", integrator="rk4", angle=[0.1, 0.2], duration=0.1)
+rollout("lab", integrator="dopri5", angle=[0.1, 0.2], duration=0.1, rtol=1e-6)
+rollout("gymnasium", integrator="symplectic_euler", duration=0.1)
 assert BaseFunction.get_call_type is search, "numba's own search is back"
-print(len(compiling.SIGNATURES), "known")
-print(assembly)
+print(len(compiling.SIGNATURES))
 """
 
 LATER = """
@@ -53,19 +61,51 @@ def solution(matrix, vector):
     return np.linalg.solve(matrix, vector)
 
 
+from numba.np import arraymath, linalg
+assert arraymath.ensure_blas is linalg.ensure_blas and linalg.ensure_blas.__module__ == linalg.__name__
 matrix, vector = np.array([[2.0, 1.0], [0.0, 4.0]]), np.array([3.0, 8.0])
 print(product(matrix, vector).tolist(), solution(matrix, vector).tolist(), "scipy.linalg" in sys.modules)
 """
 
 
 @pytest.mark.slow
-def test_a_program_has_the_instructions_that_numba_gives_it_by_itself(tmp_path: Path) -> None:
-    known, assembly = zip(*(output(ASSEMBLY, kind, tmp_path / kind).split("\n", 1) for kind in ("everything", "less")),
-                          strict=True)
+def test_programs_have_the_instructions_that_numba_gives_them_by_itself(tmp_path: Path) -> None:
+    """A run, a batch, a batch with steps of its own, and a run with a bound, which calls max and min."""
+    assembly, known = zip(*(output(ASSEMBLY, kind, tmp_path / kind).rstrip().rsplit("\n", 1)
+                            for kind in ("everything", "less")), strict=True)
     assert assembly[0] == assembly[1]
-    assert assembly[0].count("mul") > 50, "a whole program"
-    assert known[0] == "0 known"
-    assert int(known[1].split()[0]) > 20
+    assert assembly[0].count("mul") > 500, "whole programs"
+    assert known[0] == "0"
+    assert int(known[1]) > 20
+
+
+AFTER = """
+import numba
+from pendulum_env import SCENES
+from pendulum_env.engine.machine import Machine
+
+
+def fast_operations(integrator):
+    machine = Machine(SCENES["gymnasium"], integrator, backend="compiled")
+    machine.advance(machine.state(0.5, 0.0), 0.375, 0.004, 10)
+    (text,) = machine.entry.inspect_llvm().values()
+    assert text.count("fmul") > 10
+    return sum(" fast " in line for line in text.split("\\n"))
+
+
+@numba.njit(fastmath=True)
+def user(x, bound):
+    return max(-bound, min(bound, x))
+
+
+print(fast_operations("symplectic_euler"), user(1.0, 2.0), fast_operations("heun"))
+"""
+
+
+@pytest.mark.slow
+def test_options_of_a_users_function_do_not_reach_a_program(tmp_path: Path) -> None:
+    """The scene has a bound: max and min, which numba compiles with the options of the function that calls them."""
+    assert output(AFTER, "", tmp_path / "cache") == "0 1.0 0\n"
 
 
 @pytest.mark.slow

@@ -118,16 +118,28 @@ def test_a_step_of_one_s_own_has_one() -> None:
 
 
 SHARE = 0.7
-theta = 0.2
-"""Constants of the torques below; a plain program has a ``theta`` of its own."""
+MOST = math.inf
+NOTHING = math.nan
+theta, a1, range = 0.2, 0.5, 0.3
+"""Constants of the torques below; a plain program has a ``theta``, an ``a1`` and a ``range`` of its own."""
 
 
-def with_a_constant(angle: float, mine_rate: float) -> float:
+def with_constants(angle: float, mine_rate: float) -> float:
+    if angle > MOST or angle < -MOST:
+        return NOTHING
     return -mine_rate*(SHARE*sin(angle) if angle > 0.1 else sum([sin(angle*share) for share in (SHARE, 1.0)]))
 
 
-def with_a_taken_name(angle: float, mine_rate: float) -> float:
+def with_the_angle(angle: float, mine_rate: float) -> float:
     return -mine_rate*(theta if angle > 0.1 else 0.0)
+
+
+def with_a_stage(angle: float, mine_rate: float) -> float:
+    return -mine_rate*(a1 if angle > 0.1 else 0.0)
+
+
+def with_a_builtin(angle: float, mine_rate: float) -> float:
+    return -mine_rate*(range if angle > 0.1 else 0.0)
 
 
 def scene_with(torque: Callable[..., float]) -> Scene:
@@ -146,10 +158,15 @@ def scene_with(torque: Callable[..., float]) -> Scene:
 
 
 def test_a_copied_function_has_its_constants() -> None:
-    program = check(scene_with(with_a_constant), "rk4")
-    assert "SHARE = 0.7\n" in program
-    with pytest.raises(SceneError, match="the name theta, a constant of with_a_taken_name, has another meaning"):
-        code(scene_with(with_a_taken_name), "rk4")
+    program = check(scene_with(with_constants), "rk4")
+    assert {"SHARE = 0.7", "MOST = 1e999", "NOTHING = float('nan')"} <= {*program.split("\n")}
+
+
+@pytest.mark.parametrize(("torque", "name"), [
+    (with_the_angle, "theta"), (with_a_stage, "a1"), (with_a_builtin, "range")])
+def test_a_constant_whose_name_the_program_needs_is_refused(torque: Callable[..., float], name: str) -> None:
+    with pytest.raises(SceneError, match=f"the name {name}, a constant of {torque.__name__}, has another meaning"):
+        code(scene_with(torque), "rk4")
 
 
 def test_the_program_of_symplectic_euler_is_the_lab_sheet_s() -> None:
