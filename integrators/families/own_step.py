@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from hashlib import sha256
+from types import CodeType
 from typing import Any, ClassVar
 
 from integrators.method import Method, System
@@ -27,6 +28,12 @@ CALLED = "own_step"
 
 class UnrecordableError(Exception):
     """Raised for a step function whose operations cannot be recorded once for all numbers."""
+
+
+def _content(code: CodeType) -> tuple[Any, ...]:
+    """Return what a function's code does: its instructions, constants and names, inner functions included."""
+    constants = tuple(_content(one) if isinstance(one, CodeType) else one for one in code.co_consts)
+    return code.co_code, constants, code.co_names
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -62,7 +69,7 @@ class OwnStep(Method):
     def __post_init__(self) -> None:
         super().__post_init__()
         code = getattr(self.function, "__code__", None)
-        own = (code.co_code, code.co_consts, code.co_names) if code is not None else self.function
+        own = _content(code) if code is not None else self.function
         text = "\n".join(self.recorded or ()) or repr(own)
         object.__setattr__(self, "digest", sha256(text.encode()).hexdigest()[:12])
 

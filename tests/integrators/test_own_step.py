@@ -264,6 +264,20 @@ def test_steps_with_different_lines_have_different_digests() -> None:
     assert all("\n" not in repr(step) for step in steps)
 
 
+def test_the_same_text_has_the_same_digest_and_another_inner_function_another() -> None:
+    text = """
+    def step(theta, omega, dt, acceleration):
+        pull = lambda angle: 1.0*acceleration(angle, omega)
+        if theta > 3.0:
+            theta = theta - 6.0
+        omega = omega + dt*pull(theta)
+        return theta + dt*omega, omega
+    """
+    other = text.replace("1.0*acceleration(angle, omega)", "acceleration(angle, omega)/1.0")
+    digests = [from_step(one).digest for one in (text, text, other)]
+    assert digests[0] == digests[1] != digests[2]
+
+
 def test_the_new_angle_in_a_step_called_forward_euler_is_named() -> None:
     """Check the mistakes that leave a step of order 1: its name is that of another method than the one it equals."""
 
