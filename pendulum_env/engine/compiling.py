@@ -9,8 +9,8 @@ that; see :mod:`pendulum_env.engine.folding`. In runs of one pendulum, sums of l
 :mod:`pendulum_env.engine.pairs`. Passes of numba for parts of Python that no generated program has are left out. All
 three are done only in programs without functions of a user.
 
-numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary and, for as long
-as a program is compiled, one of BaseFunction and, while it is imported, the function ``ensure_blas``.
+numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary, a method of its
+class BaseFunction while a program is compiled, and its function ``ensure_blas`` while the first one is prepared.
 """
 
 from __future__ import annotations

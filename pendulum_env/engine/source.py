@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import dis
 import inspect
 import math
 import re
@@ -65,11 +64,11 @@ def ours(function: Plain) -> bool:
 
 
 def names_of(code: CodeType) -> Iterator[str]:
-    """Yield the names that a function's code takes from its module or from Python itself.
+    """Yield the names that a function's code takes from its module or from Python itself, and those of attributes.
 
     A comprehension has code of its own up to Python 3.11, and a lambda or a function inside the function always.
     """
-    yield from (str(one.argval) for one in dis.get_instructions(code) if one.opname in ("LOAD_GLOBAL", "LOAD_NAME"))
+    yield from code.co_names
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from names_of(constant)

@@ -135,4 +135,4 @@ def test_the_machine_code_of_a_run_multiplies_pairs() -> None:
         space["run"].compile((numbers, numbers, number, number, whole, whole, number,
                               numba.types.Array(number, 2, "C"), numba.types.Array(numba.float32, 1, "C")))
         packed[order] = "\n".join(space["run"].inspect_llvm().values()).count("fmul <2 x double>")
-    assert packed[14] >= packed[13] + 0.95 * sum(range(2, 14)), packed  # numba 0.60 packs two fewer
+    assert packed[14] >= packed[13] + sum(range(2, 14)) - 2, packed  # numba 0.60 packs two fewer
