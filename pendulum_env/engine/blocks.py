@@ -169,7 +169,7 @@ def _between(layout: Layout) -> list[str]:
         results = [f"to_{name}" for name in functions]
         if functions[0] in TURNED:
             loops = [[f"{m}, {y}, {low} = _quadrant(a[i + x])"],
-                     [f"o[i + to_{name}] = {name}_reduced(a[i + x], {m}, {y}, {low})" for name in functions]]
+                     [f"o[i + to_{name}] = {name}_reduced({m}, {y}, {low})" for name in functions]]
         else:
             loops = [[f"o[i + to_{names}] = {names}({joined(('a[i + x]',), constants)})"]]
         lines = [line for loop in loops for line in ("for i in range(U(n)):", *indent(loop, 1))]
@@ -366,7 +366,10 @@ def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
 
 
 def _observe(layout: Layout) -> str:
-    """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block."""
+    """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block.
+
+    It writes rewards and quantities to the user's arrays, the others to ``o``, because they have other types there.
+    """
     goal = layout.goal
     assert goal is not None
     turned = ["cosine = -cosine", "sine = -sine"] if goal.upright else []
@@ -379,7 +382,7 @@ def _observe(layout: Layout) -> str:
         f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound",
         *([report.judged("status")] if layout.shape.ledger else []),
         f"status = {LOST}.0 if {goal.call(goal.lost)} & (status == 0.0) else status",
-        f"{layout.out('reward')} = {goal.call(goal.reward)}",
+        f"reward[i] = {goal.call(goal.reward)}",
         *[f"{layout.at(name)} = {BEFORE[name]}" for name in goal.before],
         *goal.ahead(),
         *turned,
@@ -387,9 +390,10 @@ def _observe(layout: Layout) -> str:
         *[f"{layout.out(name)} = {name}" for name in goal.seen],
         f"{layout.out('ended')} = status",
         f"{layout.at('status')} = {LATE}.0 if late & (status == 0.0) else status",
-        *[f"{layout.out(name)} = r_{name}" for name in layout.reports],
+        *[f"row_{name}[i] = r_{name}" for name in layout.reports],
     ]
-    return block_loop("observe", "s, o, n, h, bound", layout, lines)
+    arguments = joined(("s", "o", "n", "h", "bound", "reward"), layout.rows)
+    return block_loop("observe", arguments, layout, lines, apart=True)
 
 
 def _record(layout: Layout) -> str:
@@ -400,9 +404,9 @@ def _record(layout: Layout) -> str:
         *([report.judged("status")] if layout.shape.ledger else []),
         f"{layout.at('status')} = status",
         "gone = index < reached",
-        *[f"{layout.out(name)} = NAN if gone else r_{name}" for name in layout.reports],
+        *[f"row_{name}[i] = NAN if gone else r_{name}" for name in layout.reports],
     ]
-    return block_loop("record", "s, o, n, h, reached", layout, lines)
+    return block_loop("record", joined(("s", "o", "n", "h", "reached"), layout.rows), layout, lines, apart=True)
 
 
 def _loaded(layout: Layout) -> list[str]:
@@ -444,8 +448,7 @@ def _step_blocks(layout: Layout) -> str:
     adaptive, more = layout.shape.adaptive, _more(layout)
 
     doubted = layout.goal is not None and layout.goal.doubted
-    rows = {"reward": "reward[base:base + n]"}
-    rows |= {name: f"info[{k}, base:base + n]" for k, name in enumerate(layout.reports)}
+    rows = joined(("reward[base:base + n]",), [f"info[{k}, base:base + n]" for k in range(len(layout.reports))])
     steps = [*_begun("hold > 0", "hold", layout), "        for _ in range(substeps):", *_steps(layout, 3)]
     if adaptive:
         fresh = f"hold > 0 and turn == 0 and {layout.active} == 0.0"
@@ -470,7 +473,7 @@ def _step_blocks(layout: Layout) -> str:
             "-1.0 if asked[i] < -1.0 else (asked[i] if asked[i] < 1.0 else 1.0)",
             *steps,
             "        n = max(0, min(n, len(reward) - base))",
-            f"        observe(s, o, n, h, bound{shared})",
+            f"        observe(s, o, n, h, bound, {rows}{shared})",
             "        seen = observation[base:base + n]",
             "        for i in range(U(n)):",
             *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(seen)],
@@ -480,15 +483,10 @@ def _step_blocks(layout: Layout) -> str:
             "        late = truncated[base:base + n]",
             "        for i in range(U(n)):",
             f"            late[i] = o[i + U({place['late']})] != 0.0",
-            *[
-                line
-                for name, row in rows.items()
-                for line in (f"        row = {row}", "        for i in range(U(n)):",
-                             f"            row[i] = o[i + U({place[name]})]")
-            ],
             *([
+                "        given = reward[base:base + n]",
                 "        for i in range(U(n)):",
-                f"            r_found += 0 if abs(o[i + U({place['reward']})]) <= {LARGEST} else {WRONG}",
+                f"            r_found += 0 if abs(given[i]) <= {LARGEST} else {WRONG}",
             ] if doubted else []),
             "        r_ended = False",  # last: to read over and late right after they are written would wait for memory
             "        for i in range(U(n)):",
@@ -511,13 +509,8 @@ def _run_blocks(layout: Layout) -> str:
     remembers, adaptive = bool(layout.shape.remembered), layout.shape.adaptive
     hold = ", hold" if remembers else ""
     shared = "".join(f", {name}" for name in layout.shared)
-    write = [
-        f"record(s, o, n, h, taken + (row + 1.0)*every{shared})",
-        f"for k in range({len(layout.reports)}):",
-        f"    report, offset = out[row, k, base:base + n], U({BLOCK} + {BLOCK}*k)",
-        "    for i in range(U(n)):",
-        "        report[i] = o[i + offset]",
-    ]
+    rows = [f"out[row, {k}, base:base + n]" for k in range(len(layout.reports))]
+    write = [f"record({joined(('s', 'o', 'n', 'h', 'taken + (row + 1.0)*every'), rows)}{shared})"]
     loops = [
         *(["        count = taken"] if remembers else _begun("rows*every > 0", "", layout)),
         *([f"        slide = U({AHEAD * BLOCK})"] if layout.histories else []),

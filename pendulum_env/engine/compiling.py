@@ -4,42 +4,28 @@ By itself numba optimises each function together with all that it calls, and tra
 generated program, functions call each other several levels deep and are always inlined, so the innermost would be
 optimised at every level, and only the code of the outermost is used. Here the inner functions stay as they are until
 the outermost is optimised. That takes three quarters of the time, and no bit of a result depends on it, because no
-pass of the optimiser may change a floating-point operation. Short functions are written in place of their calls before
-that; see :mod:`pendulum_env.engine.folding`. In runs of one pendulum, sums of long Taylor series are paired; see
-:mod:`pendulum_env.engine.pairs`. Passes of numba for parts of Python that no generated program has are left out. All
-three are done only in programs without functions of a user.
+pass of the optimiser may change a floating-point operation. In programs without functions of a user, arithmetic is not
+left to numba at all; see :mod:`pendulum_env.engine.llvm`.
 
-numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary, a method of its
-class BaseFunction while a program is compiled, and its function ``ensure_blas`` while the first one is prepared.
+numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary, and its function
+``ensure_blas`` while the first program is prepared.
 """
 
 from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from numba.core import codegen, compiler, types
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.types.functions import BaseFunction
+from numba.core import codegen, compiler
 
-from pendulum_env.engine.folding import folded
 from pendulum_env.engine.kernels import TEXT
-from pendulum_env.engine.pairs import NAME, paired, two_sums
+from pendulum_env.engine.llvm import CALL, Program, instructions
+from pendulum_env.engine.pairs import paired
 
-__all__ = ["LEFT_OUT", "SIGNATURES", "Entry", "Inlined", "Separate", "load_array_functions", "remembered_types"]
-
-
-LEFT_OUT = {
-    "WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "LiteralUnroll",
-    "FindLiterallyCalls", "LiteralPropagationSubPipelinePass", "RewriteSemanticConstants", "DeadBranchPrune",
-    "InlineInlinables", "InlineOverloads", "NopythonRewrites", "AnnotateTypes", "DumpParforDiagnostics",
-}
-"""Names of numba's passes that change nothing in a generated program. They are for blocks ``with``, closures,
-exceptions, branches that are known before the program runs, tuples of several types, and operations on whole arrays;
-``AnnotateTypes`` is for printing, and ``DumpParforDiagnostics`` for ``parallel=True``."""
+__all__ = ["Entry", "Inlined", "Separate", "load_array_functions"]
 
 
 def load_array_functions() -> None:
@@ -58,39 +44,6 @@ def load_array_functions() -> None:
     finally:
         linalg.ensure_blas = import_them
     arraymath.ensure_blas = import_them
-
-
-SIGNATURES: dict[tuple[Any, ...], Any] = {}
-"""Signatures that numba has found, by function, context and types of the arguments."""
-
-
-@contextmanager
-def remembered_types() -> Iterator[None]:
-    """Have numba search only once for the types of an operation on numbers or arrays, while one thread compiles.
-
-    For each ``a + b``, numba tries ten templates, those of NumPy among them, and a program has the same few operations
-    hundreds of times. What is compiled stays the same. Functions that numba compiles from Python, such as ``max``, are
-    searched each time: there are several of them, one for each set of options.
-    """
-
-    def signature(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        if kws or not all(isinstance(kind, (types.Number, types.Boolean, types.Array)) for kind in args):
-            return search(self, context, args, kws)
-        key = self, context, args
-        if key in SIGNATURES:
-            return SIGNATURES[key]
-        found = search(self, context, args, kws)
-        if self.get_impl_key(found) is self.typing_key:
-            SIGNATURES[key] = found
-        return found
-
-    with global_compiler_lock:
-        search = BaseFunction.get_call_type
-        BaseFunction.get_call_type = signature  # type: ignore[method-assign]
-        try:
-            yield
-        finally:
-            BaseFunction.get_call_type = search  # type: ignore[method-assign]
 
 
 class _Unloaded:
@@ -139,38 +92,35 @@ class _Unoptimised(_Optimised):
         return 0
 
 
-def _rewritten(function: Callable[..., Any]) -> Any:
-    """Return a function of a program, whose short functions are written in place of their calls.
+@contextmanager
+def _rewritten(function: Callable[..., Any], given: Sequence[Any]) -> Iterator[Any]:
+    """Give a function of a program whose arithmetic is written as instructions, for arguments of these types.
 
-    In runs of one pendulum, pairs of sums are calls of ``two_sums``.
+    In runs of one pendulum, sums of long Taylor series are paired.
     """
     names = function.__globals__
     if TEXT not in names:
-        return function
-    text = folded(names[TEXT])
-    if function.__name__ == "run":
-        text = paired(text)
-    fewer: dict[str, Any] = {"__name__": names["__name__"], NAME: two_sums, TEXT: text}
-    exec(compile(text, function.__code__.co_filename, "exec"), fewer)
-    return fewer[function.__name__].py_func
+        yield function
+        return
+    text = paired(names[TEXT]) if function.__name__ == "run" else names[TEXT]
+    program = Program(text, function.__name__, given)
+    rest: dict[str, Any] = {"__name__": names["__name__"], CALL: instructions}
+    exec(compile(program.text, function.__code__.co_filename, "exec"), rest)
+    try:
+        yield rest[function.__name__].py_func
+    finally:
+        program.forget()
 
 
-class _Shorter(compiler.Compiler):  # type: ignore[misc]
-    """numba's compiler without the imports and passes that a generated program does not need."""
+class _Prepared(compiler.Compiler):  # type: ignore[misc]
+    """numba's compiler without imports that no generated program needs."""
 
     def __init__(self, *given: Any, **named: Any) -> None:
         load_array_functions()
         super().__init__(*given, **named)
 
-    def define_pipelines(self) -> Any:
-        pipelines = super().define_pipelines()
-        if TEXT in self.state.func_id.func.__globals__:
-            for pipeline in pipelines:
-                pipeline.passes = [one for one in pipeline.passes if one[0].__name__ not in LEFT_OUT]
-        return pipelines
 
-
-class Entry(_Shorter):
+class Entry(_Prepared):
     """numba's compiler for the functions of a program that Python calls, with all that they inline."""
 
     def compile_extra(self, function: Any) -> Any:
@@ -178,8 +128,8 @@ class Entry(_Shorter):
         collects = gc.isenabled()
         gc.disable()
         try:
-            with remembered_types():
-                return super().compile_extra(_rewritten(function))
+            with _rewritten(function, self.state.args) as rewritten:
+                return super().compile_extra(rewritten)
         finally:
             if collects:
                 gc.enable()
@@ -190,7 +140,7 @@ class Entry(_Shorter):
         return super().define_pipelines()
 
 
-class Inlined(_Shorter):
+class Inlined(_Prepared):
     """numba's compiler for the functions of a program that its other functions inline."""
 
     def define_pipelines(self) -> Any:

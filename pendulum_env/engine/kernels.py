@@ -48,7 +48,7 @@ count references to arrays, and a call takes a quarter to a third less.
 
 
 TEXT = "_text"
-"""Name in a program's module of its text, from which short functions may be folded into those that call them."""
+"""Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
 
 
 class EngineError(RuntimeError):
@@ -177,7 +177,7 @@ def cache_folder() -> Path:
 def rewriting() -> tuple[str, ...]:
     """Return the texts of the modules that rewrite a program before it is compiled, on which its machine code depends.
     """
-    modules = ("compiling", "folding", "pairs")
+    modules = ("compiling", "llvm", "pairs")
     return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in modules)
 
 

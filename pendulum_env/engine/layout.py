@@ -203,6 +203,11 @@ class Layout:
         """Return the source of the array element that holds the result ``name`` of environment ``i`` in a block."""
         return f"o[{index} + U({self.results.index(name) * BLOCK})]"
 
+    @property
+    def rows(self) -> list[str]:
+        """Return the names of the user's arrays that reported quantities are written to."""
+        return [f"row_{name}" for name in self.reports]
+
     def load(self, *names: str, index: str = "i", sliding: bool = False) -> list[str]:
         """Return the source lines that assign fields and the action to local names; names that are neither are skipped.
 
@@ -214,7 +219,8 @@ class Layout:
         return [f"{name} = {places[name]}" for name in names if name in places]
 
 
-def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], before: Iterable[str] = ()) -> str:
+def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], before: Iterable[str] = (),
+               apart: bool = False) -> str:
     """Write the source of a function ``name`` that runs ``lines``, the source for one environment, for all of a block.
 
     The lines ``before`` are run once, before the loop. The function's arrays must not overlap.
@@ -223,7 +229,7 @@ def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], befo
     ``s``; with those of other arrays there would be too many, and the loop would take one environment at a time.
     """
     head = f"def {name}({joined((first,), layout.shared)}):"
-    inlined = "@separate" if layout.histories else "@inline"
+    inlined = "@separate" if layout.histories or apart else "@inline"
     return "\n".join([inlined, head, *indent(before, 1), "    for i in range(U(n)):", *indent(lines, 2), ""])
 
 

@@ -17,14 +17,13 @@ import ast
 from typing import Any, NamedTuple
 
 from numba.core.cgutils import ir  # that of llvmlite, on which numba is built
-from numba.extending import intrinsic
 
 from pendulum_env.engine.source import PARSING
 
 LEAST = 13
 """The sums of a series are paired if the longest of them has at least so many products: from order 14 on."""
 NAME = "_two_sums"
-"""Name of :func:`two_sums` in a program."""
+"""Name in a program of the function that :func:`write_two_sums` writes."""
 _PAIR = ir.VectorType(ir.DoubleType(), 2)
 _FIRST, _SECOND = ir.IntType(32)(0), ir.IntType(32)(1)
 
@@ -34,24 +33,17 @@ def _pair(builder: Any, one: Any, other: Any) -> Any:
     return builder.insert_element(half, other, _SECOND)
 
 
-@intrinsic
-def two_sums(typing: Any, scales: Any, factors: Any, first: Any, second: Any) -> Any:
-    """Return ``scales[0]*sum_i factors[i]*first[i]`` and ``scales[1]*sum_i factors[i]*second[i]`` to compiled code.
+def write_two_sums(builder: Any, scales: Any, factors: Any, first: Any, second: Any) -> list[Any]:
+    """Write ``scales[0]*sum_i factors[i]*first[i]`` and ``scales[1]*sum_i factors[i]*second[i]``; return both values.
 
-    All arguments are tuples of floats. Products are added from left to right.
+    Products are added from left to right.
     """
-    def write(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-        weights, x, y, z = ([builder.extract_value(one, i) for i in range(len(kind))]
-                            for one, kind in zip(given, signature.args, strict=True))
-        total = None
-        for factor, one, other in zip(x, y, z, strict=True):
-            product = builder.fmul(_pair(builder, factor, factor), _pair(builder, one, other))
-            total = product if total is None else builder.fadd(total, product)
-        scaled = builder.fmul(total, _pair(builder, *weights))
-        found = [builder.extract_element(scaled, place) for place in (_FIRST, _SECOND)]
-        return context.make_tuple(builder, signature.return_type, found)
-
-    return scales(scales, factors, first, second), write  # the results have the type of the scales: two floats
+    total = None
+    for factor, one, other in zip(factors, first, second, strict=True):
+        product = builder.fmul(_pair(builder, factor, factor), _pair(builder, one, other))
+        total = product if total is None else builder.fadd(total, product)
+    scaled = builder.fmul(total, _pair(builder, *scales))
+    return [builder.extract_element(scaled, place) for place in (_FIRST, _SECOND)]
 
 
 class _Sum(NamedTuple):
@@ -64,7 +56,7 @@ class _Sum(NamedTuple):
 
 
 def paired(text: str) -> str:
-    """Return a program in whose function ``series`` pairs of sums with the same factors are calls of :func:`two_sums`.
+    """Return a program in whose function ``series`` pairs of sums with the same factors are calls of ``_two_sums``.
 
     The second of the sums moves up to the first, so that all that it adds must be known there. Nothing changes if all
     sums have fewer than LEAST products, or if the function sets a name twice.

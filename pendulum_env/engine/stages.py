@@ -319,7 +319,10 @@ def _levels(lines: list[_Line], ends: Callable[[_Line], bool]) -> list[int]:
 def _function(name: str, number: int, stage: Stage, whole: ast.FunctionDef) -> str:
     """Write the source of the function that computes stage ``number`` of the function ``whole``."""
     head = f"def {name}_{number}({', '.join(_inputs(stage, whole))}):"
-    return "\n    ".join([f"@inline\n{head}", *stage.lines, f"return {', '.join(stage.handed) or 'result'}"]) + "\n"
+    lines, result = [*stage.lines], ", ".join(stage.handed)
+    if lines and not result:
+        result = lines.pop().removeprefix("result = ")
+    return "\n    ".join([f"@inline\n{head}", *lines, f"return {result}"]) + "\n"
 
 
 def _inputs(stage: Stage, whole: ast.FunctionDef) -> list[str]:

@@ -25,7 +25,7 @@ def _quadrant(x: float) -> tuple[float, float, float]:
     """Reduce x to (m, y, low) with x = k*pi/2 + y - low, |y| <= pi/4 and m = k modulo 4.
 
     m is in -2 ... 2, where -2 and 2 are equivalent. pi/2 is the sum of four parts of 24 bits and a tail, so that k*part
-    is exact for |k| <= 2**29.
+    is exact for |k| <= 2**29; y is nan beyond.
     """
     k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0
     m = k - ((k + 27021597764222976.0) - 27021597764222976.0)
@@ -34,7 +34,9 @@ def _quadrant(x: float) -> tuple[float, float, float]:
     b = a - p
     q = k * 3.282003415807913e-22
     y = b - q
-    return m, y, k * 1.2706558760139879e-29 - (((a - b) - p) + ((b - y) - q))
+    low = k * 1.2706558760139879e-29 - (((a - b) - p) + ((b - y) - q))
+    y = y if abs(x) <= 843314856.5 else 1e999 - 1e999
+    return m, y, low
 
 
 def sin_near_zero(y: float, low: float) -> float:
@@ -55,13 +57,12 @@ def cos_near_zero(y: float, low: float) -> float:
     return c + (((1.0 - c) - h) + (z * z * (4.16666666666666019037e-02 + z * r) + y * low))
 
 
-def sin_reduced(x: float, m: float, y: float, low: float) -> float:
-    """Return the sine of x [rad], which ``_quadrant`` has reduced to m, y and low."""
+def sin_reduced(m: float, y: float, low: float) -> float:
+    """Return the sine of an angle that ``_quadrant`` has reduced to m, y and low."""
     s = sin_near_zero(y, low)
     c = cos_near_zero(y, low)
     f = c if abs(m) == 1.0 else s
-    f = f if abs(m - 0.5) < 1.0 else -f
-    return f if abs(x) <= 843314856.5 else 1e999 - 1e999
+    return f if abs(m - 0.5) < 1.0 else -f
 
 
 def sin(x: float) -> float:
@@ -70,16 +71,15 @@ def sin(x: float) -> float:
     Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
-    return sin_reduced(x, m, y, low)
+    return sin_reduced(m, y, low)
 
 
-def cos_reduced(x: float, m: float, y: float, low: float) -> float:
-    """Return the cosine of x [rad], which ``_quadrant`` has reduced to m, y and low."""
+def cos_reduced(m: float, y: float, low: float) -> float:
+    """Return the cosine of an angle that ``_quadrant`` has reduced to m, y and low."""
     s = sin_near_zero(y, low)
     c = cos_near_zero(y, low)
     f = s if abs(m) == 1.0 else c
-    f = f if abs(m + 0.5) < 1.0 else -f
-    return f if abs(x) <= 843314856.5 else 1e999 - 1e999
+    return f if abs(m + 0.5) < 1.0 else -f
 
 
 def cos(x: float) -> float:
@@ -88,7 +88,7 @@ def cos(x: float) -> float:
     Callers must keep x in that range, by wrapping the angle.
     """
     m, y, low = _quadrant(x)
-    return cos_reduced(x, m, y, low)
+    return cos_reduced(m, y, low)
 
 
 def _power_of_two(h: float) -> float:

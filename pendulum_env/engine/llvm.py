@@ -1,0 +1,588 @@
+"""Arithmetic of a program, and its loops over blocks of pendulums, written as instructions of LLVM.
+
+numba finds the types of every operation, which takes 0.6 ms for each. In a generated program there is little to find:
+nearly all that it computes is a number or a truth value. So functions with nothing but arithmetic, choices, calls of
+each other and loops ``for i in range(U(n))`` over elements of arrays are written here, statement by statement, as the
+same operations in the same order: the bits of a result stay the same. In all other functions this is done with
+statements that follow each other. numba compiles what is left, such as loops that end early.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Sequence, Set
+from itertools import count
+from typing import Any, NamedTuple
+
+from numba.core import cgutils, types
+from numba.core.cgutils import ir  # that of llvmlite, on which numba is built
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from pendulum_env.engine.pairs import NAME, write_two_sums
+from pendulum_env.engine.source import PARSING
+
+__all__ = ["CALL", "Function", "Program", "WRITTEN", "Writer", "instructions"]
+
+CALL = "_instructions"
+"""Name of :func:`instructions` in a program."""
+LEAST = 2
+"""Statements in a row that have fewer operations are left to numba."""
+NUMBER, TRUTH, WHOLE = ir.DoubleType(), ir.IntType(1), ir.IntType(64)
+KINDS = {types.float64: NUMBER, types.boolean: TRUTH, types.int64: WHOLE, types.uint64: WHOLE}
+"""Types of numba -> those of LLVM."""
+SINGLE, BYTE = ir.FloatType(), ir.IntType(8)
+ELEMENTS = {types.float64: NUMBER, types.float32: SINGLE, types.boolean: BYTE}
+"""Types of the elements of an array -> those of LLVM, in memory."""
+OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv", ast.BitAnd: "and_", ast.BitOr: "or_"}
+SIGNS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
+ELEMENTARY = {"abs": "llvm.fabs", "sqrt": "llvm.sqrt"}
+CHOSEN = {"max": ">", "min": "<"}
+"""Functions of two numbers -> how the second must compare with the first to be the result, as in Python."""
+
+
+class Function(NamedTuple):
+    """Function of a program that is written as instructions, or statements in a row that are made a function.
+
+    ``results`` are the values that it returns, as a tuple or, if it is ``single``, as one value. ``kind`` is the name
+    of its decorator: "inline", "separate", if its arrays never overlap, or "apart", if it should not be inlined.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    body: tuple[ast.stmt, ...]
+    results: tuple[ast.expr, ...]
+    single: bool
+    kind: str
+
+
+class Program:
+    """A program in two parts: ``text``, which numba compiles, and functions that :func:`instructions` writes.
+
+    Args:
+        text: source of the program.
+        entry: name of the function that Python calls.
+        given: types of the arguments of that function, in numba.
+    """
+
+    def __init__(self, text: str, entry: str, given: Sequence[Any]) -> None:
+        with PARSING:
+            tree = ast.parse(text)
+        self._entry, self._given = entry, given
+        self._shapes: Mapping[str, int] = {}
+        self.functions: dict[str, Function] = {}
+        self.constants: dict[str, float] = {}
+        self._whole: Set[str] = frozenset()
+        tree.body = [node for node in tree.body if not self._takes(node)]
+        calls = _Numbered(self)
+        self.text = ast.unparse(ast.fix_missing_locations(calls.visit(tree)))
+        self._numbers = tuple(calls.numbers.values())
+
+    def forget(self) -> None:
+        """Forget the program's functions, once it has been compiled."""
+        for number in self._numbers:
+            WRITTEN.pop(number, None)
+
+    def _takes(self, node: ast.stmt) -> bool:
+        """Return True for a function that is written as a whole; of any other, take the statements in a row."""
+        match node:
+            case ast.Assign(targets=[ast.Name(id=name)], value=value):
+                constant = _constant(value)
+                if constant is not None:
+                    self.constants[name] = constant
+            case ast.FunctionDef():
+                self._whole, self._shapes = _whole_numbers(node), {}
+                if node.name == self._entry:
+                    names = [parameter.arg for parameter in node.args.args]
+                    self._shapes = {name: kind.ndim if _can_be_read(kind) else 0
+                                    for name, kind in zip(names, self._given, strict=True)
+                                    if isinstance(kind, types.Array)}
+                found = self._function(node)
+                if found is None:
+                    _Rows(node, self).replace()
+                    return False
+                self.functions[found.name] = found
+                return True
+        return False
+
+    def _function(self, node: ast.FunctionDef) -> Function | None:
+        """Return a function that can be written as instructions as a whole, else None."""
+        decorators = [one.id for one in node.decorator_list if isinstance(one, ast.Name)]
+        if decorators not in (["inline"], ["separate"], ["apart"]) or node.args.defaults:
+            return None
+        parameters = tuple(parameter.arg for parameter in node.args.args)
+        body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+        results: tuple[ast.expr, ...] = ()
+        single = False
+        match body[-1]:
+            case ast.Return(value=ast.Tuple(elts=elements)):
+                body, results = body[:-1], tuple(elements)
+            case ast.Return(value=ast.expr() as value):
+                body, results, single = body[:-1], (value,), True
+        known = {*parameters, *self.constants}
+        if all(self.line(one, known) for one in body) and all(self.value(one, known) for one in results):
+            return Function(node.name, parameters, tuple(body), results, single, decorators[0])
+        return None
+
+    def line(self, line: ast.stmt, known: set[str]) -> bool:
+        """Return True if a statement can be written as instructions; add the names that it sets to ``known``."""
+        match line:
+            case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Tuple() | ast.Call() as value):
+                good = self.values(value, known)
+            case ast.Assign(targets=[target], value=value):
+                targets, good = [target], self.value(value, known)
+            case ast.Expr(value=ast.Call(func=ast.Name(id=name)) as call):
+                return name in self.functions and not self.functions[name].results and self._called(call, known)
+            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name("range"), args=[
+                    ast.Call(func=ast.Name("U"), args=[ast.Name(id=size)])]), orelse=[]):
+                inside = {*known, name}
+                return size in known and known.isdisjoint(_names(line, ast.Store)) and all(
+                    self.line(one, inside) for one in line.body)
+            case _:
+                return False
+        for target in targets:
+            match target:
+                case ast.Name(id=name) if name not in self.functions:
+                    known.add(name)
+                case ast.Subscript() if self._element(target, known):
+                    pass
+                case _:
+                    return False
+        return good
+
+    def values(self, node: ast.expr, known: Set[str]) -> bool:
+        """Return True if a tuple, or a call with several results, can be written as instructions."""
+        match node:
+            case ast.Tuple(elts=elements):
+                return all(self.value(one, known) for one in elements)
+            case ast.Call(func=ast.Name(id=name)) if name == NAME:
+                return True
+            case ast.Call(func=ast.Name(id=name)):
+                return name in self.functions and not self.functions[name].single and self._called(node, known)
+        return False
+
+    def value(self, node: ast.expr, known: Set[str]) -> bool:
+        """Return True if an expression can be written as instructions, with these names."""
+        match node:
+            case ast.Name(id=name):
+                return name in known and name not in self._whole
+            case ast.Constant(value=value):
+                return isinstance(value, (float, bool))
+            case ast.BinOp(left=left, op=op, right=right):
+                return type(op) in OPERATIONS and self.value(left, known) and self.value(right, known)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return self.value(operand, known)
+            case ast.Compare(left=left, ops=[op], comparators=[right]):
+                return type(op) in SIGNS and self.value(left, known) and self.value(right, known)
+            case ast.IfExp(test=test, body=body, orelse=other):
+                return all(self.value(one, known) for one in (test, body, other))
+            case ast.Subscript():
+                return self._element(node, known)
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in ELEMENTARY:
+                return self.value(argument, known)
+            case ast.Call(func=ast.Name(id=name), args=[one, other], keywords=[]) if name in CHOSEN:
+                return self.value(one, known) and self.value(other, known)
+            case ast.Call(func=ast.Name(id=name)):
+                return name in self.functions and self.functions[name].single and self._called(node, known)
+        return False
+
+    def _called(self, call: ast.Call, known: Set[str]) -> bool:
+        """Return True for a call with a value, an array or a place for every parameter."""
+        assert isinstance(call.func, ast.Name)
+        return not call.keywords and len(call.args) == len(self.functions[call.func.id].parameters) and all(
+            self.value(one, known) or _given(one, known) for one in call.args)
+
+    def _element(self, node: ast.Subscript, known: Set[str]) -> bool:
+        """Return True for an element of an array of one or two dimensions."""
+        places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if not isinstance(node.value, ast.Name) or node.value.id not in known:
+            return False
+        return self._shapes.get(node.value.id, len(places)) == len(places) <= 2 and all(
+            _place(one, known) for one in places)
+
+
+def _names(node: ast.AST, context: type[ast.expr_context]) -> list[str]:
+    return [one.id for one in ast.walk(node) if isinstance(one, ast.Name) and isinstance(one.ctx, context)]
+
+
+def _constant(node: ast.expr) -> float | None:
+    """Return the number of a constant of a program, such as ``100.0``, ``-1.0`` and ``float('nan')``, else None."""
+    match node:
+        case ast.Constant(value=float(number)):
+            return number
+        case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=float(number))):
+            return -number
+        case ast.Call(func=ast.Name("float"), args=[ast.Constant(value=str(text))]):
+            return float(text)
+    return None
+
+
+def _given(node: ast.expr, known: Set[str]) -> bool:
+    """Return True for an argument that is a name or a whole number."""
+    return not isinstance(node, ast.BinOp) and _place(node, known)
+
+
+def _place(node: ast.expr, known: Set[str]) -> bool:
+    """Return True for a place in an array: a whole number, a name, or a sum of them."""
+    match node:
+        case ast.Name(id=name):
+            return name in known
+        case ast.Constant(value=value):
+            return type(value) is int and value >= 0
+        case ast.Call(func=ast.Name("U"), args=[ast.Constant(value=int())]):
+            return True
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            return _place(left, known) and _place(right, known)
+    return False
+
+
+def _whole_numbers(function: ast.FunctionDef) -> Set[str]:
+    """Return the local names that are whole numbers: counts, places in arrays, and what is computed of these."""
+    found: set[str] = set()
+    lines: list[tuple[str, ast.expr]] = []
+    for node in ast.walk(function):
+        match node:
+            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name("range"))):
+                found.add(name)
+            case ast.Assign(targets=[ast.Name(id=name)], value=value) | ast.AugAssign(
+                    target=ast.Name(id=name), value=value):
+                lines.append((name, value))
+            case ast.Call(func=ast.Name("range" | "U"), args=parts):
+                found.update(one.id for one in parts if isinstance(one, ast.Name))
+            case ast.Subscript(slice=places):
+                found.update(_names(places, ast.Load))
+    before = -1
+    while len(found) > before:
+        before = len(found)
+        found.update(name for name, value in lines if _is_whole(value, found))
+    return found
+
+
+def _is_whole(node: ast.expr, known: Set[str]) -> bool:
+    """Return True for an expression whose value is a whole number."""
+    match node:
+        case ast.Constant(value=value):
+            return type(value) is int
+        case ast.Name(id=name):
+            return name in known
+        case ast.Call(func=ast.Name("len" | "int" | "U")):
+            return True
+        case ast.Call(func=ast.Name("min" | "max"), args=parts):
+            return all(_is_whole(one, known) for one in parts)
+        case ast.BinOp(left=one, right=other) | ast.IfExp(body=one, orelse=other):
+            return _is_whole(one, known) or _is_whole(other, known)
+    return False
+
+
+def _read_outside(node: ast.AST, inside: frozenset[str]) -> Set[str]:
+    """Return the names that a function reads outside the loops that set them."""
+    if isinstance(node, ast.For):
+        inside = inside.union(_names(node, ast.Store))
+    found = {node.id} if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) else set()
+    return found.difference(inside).union(*(_read_outside(one, inside) for one in ast.iter_child_nodes(node)))
+
+
+class _Rows:
+    """Replaces statements in a row by calls, in a function of which a part is left to numba."""
+
+    def __init__(self, function: ast.FunctionDef, program: Program) -> None:
+        self.function, self.program, self.numbers = function, program, count()
+        self.local = {parameter.arg for parameter in function.args.args}.union(_names(function, ast.Store))
+        self.reads = _names(function, ast.Load)
+        self.outside = _read_outside(function, frozenset())
+
+    def replace(self) -> None:
+        """Replace the statements of the function."""
+        self.function.body = self._block(self.function.body)
+
+    def _block(self, body: Sequence[ast.stmt]) -> list[ast.stmt]:
+        """Return the statements of a block, in which those in a row are replaced."""
+        done: list[ast.stmt] = []
+        row: list[ast.stmt] = []
+        for line in body:
+            inside = _names(line, ast.Store) if isinstance(line, ast.For) else ()
+            known = self.local.union(self.program.constants).difference(inside)
+            if self.outside.isdisjoint(inside) and self.program.line(line, known):
+                row.append(line)
+                continue
+            done += self._call(row)
+            row = []
+            for block in ("body", "orelse"):
+                if getattr(line, block, None):
+                    setattr(line, block, self._block(getattr(line, block)))
+            done.append(line)
+        return done + self._call(row)
+
+    def _call(self, row: list[ast.stmt]) -> list[ast.stmt]:
+        """Return statements in a row as the call of a function made of them; as they are, if they are few."""
+        operations = sum(isinstance(node, (ast.operator, ast.Compare, ast.IfExp, ast.Call, ast.Subscript))
+                         for line in row for node in ast.walk(line))
+        if operations < LEAST:
+            return row
+        given: dict[str, None] = {}
+        made: dict[str, None] = {}
+        for line in row:
+            stored = _names(line, ast.Store)
+            inside = stored if isinstance(line, ast.For) else ()  # a loop keeps its names to itself
+            given.update(dict.fromkeys(name for name in _names(line, ast.Load)
+                                       if name in self.local and name not in made and name not in inside))
+            made.update(dict.fromkeys(name for name in stored if name not in inside))
+        here = [name for line in row for name in _names(line, ast.Load)]
+        wanted = [name for name in made if name in given or self.reads.count(name) > here.count(name)]
+        name = f"_{self.function.name}_{next(self.numbers)}"
+        results = tuple(ast.Name(one, ast.Load()) for one in wanted)
+        self.program.functions[name] = Function(name, tuple(given), tuple(row), results, len(wanted) == 1, "inline")
+        call = ast.Call(ast.Name(name, ast.Load()), [ast.Name(one, ast.Load()) for one in given], [])
+        if not wanted:
+            return [ast.Expr(call)]
+        targets: list[ast.expr] = [ast.Name(one, ast.Store()) for one in wanted]
+        return [ast.Assign([targets[0] if len(targets) == 1 else ast.Tuple(targets, ast.Store())], call)]
+
+
+class _Numbered(ast.NodeTransformer):
+    """Writes calls of :func:`instructions` in place of those of a program's functions, each with a number."""
+
+    def __init__(self, program: Program) -> None:
+        self.program, self.writer = program, Writer(program)
+        self.numbers: dict[str, int] = {}
+
+    def visit_Call(self, call: ast.Call) -> ast.expr:
+        self.generic_visit(call)
+        if not isinstance(call.func, ast.Name) or call.func.id not in self.program.functions:
+            return call
+        name = call.func.id
+        if name not in self.numbers:
+            self.numbers[name] = next(_NUMBERS)
+            WRITTEN[self.numbers[name]] = self.writer, self.program.functions[name]
+        parameters = self.program.functions[name].parameters
+        named = {one.arg: one.value for one in call.keywords}
+        given = [*call.args, *(named[name] for name in parameters[len(call.args):])]
+        return ast.Call(ast.Name(CALL, ast.Load()),
+                        [ast.Constant(self.numbers[name]), ast.Tuple(given, ast.Load())], [])
+
+
+class Writer:
+    """Writes functions of a program into modules of LLVM."""
+
+    def __init__(self, program: Program) -> None:
+        self.functions, self.constants = program.functions, program.constants
+        self._results: dict[tuple[str, str], list[Any]] = {}
+
+    def function(self, module: Any, function: Function, kinds: Sequence[Any]) -> Any:
+        """Return the function of a module for parameters of these types; write it, if it is not there."""
+        name = f"{function.name}.{' '.join(map(str, kinds))}"
+        if name in module.globals:
+            return module.globals[name]
+        results = self.results(function, kinds)
+        kind = ir.VoidType() if not results else results[0] if function.single else ir.LiteralStructType(results)
+        written = ir.Function(module, ir.FunctionType(kind, kinds), name)
+        written.linkage = "internal"
+        written.attributes.add("noinline" if function.kind == "apart" else "alwaysinline")
+        if function.kind == "separate":
+            for argument in written.args:
+                if isinstance(argument.type, ir.PointerType):
+                    argument.add_attribute("noalias")
+        builder = ir.IRBuilder(written.append_basic_block())
+        found = self._body(builder, function, written.args)
+        if function.single:
+            builder.ret(found[0])
+        elif found:
+            builder.ret(_together(builder, kind, found))
+        else:
+            builder.ret_void()
+        return written
+
+    def results(self, function: Function, kinds: Sequence[Any]) -> list[Any]:
+        """Return the types of a function's results, for parameters of these types."""
+        key = function.name, " ".join(map(str, kinds))
+        if key not in self._results:
+            written = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "unused")
+            found = self._body(ir.IRBuilder(written.append_basic_block()), function, written.args)
+            self._results[key] = [one.type for one in found]
+        return self._results[key]
+
+    def _body(self, builder: Any, function: Function, given: Sequence[Any]) -> list[Any]:
+        """Write the statements of a function and return its results."""
+        values = dict(zip(function.parameters, given, strict=True))
+        self._lines(builder, function.body, values)
+        return [self._value(builder, one, values) for one in function.results]
+
+    def _lines(self, builder: Any, body: Sequence[ast.stmt], values: dict[str, Any]) -> None:
+        """Write statements; put the names that they set into ``values``."""
+        for line in body:
+            match line:
+                case ast.Expr(value=ast.Call() as call):
+                    self._called(builder, call, values)
+                case ast.For(target=ast.Name(id=name), iter=ast.Call(args=[ast.Call(args=[ast.Name(id=size)])])):
+                    with cgutils.for_range(builder, values[size]) as loop:
+                        self._lines(builder, line.body, {**values, name: loop.index})
+                case ast.Assign(targets=[ast.Tuple(elts=targets)], value=value):
+                    for target, one in zip(targets, self._several(builder, value, values), strict=True):
+                        self._set(builder, target, one, values)
+                case ast.Assign(targets=[target], value=value):
+                    self._set(builder, target, self._value(builder, value, values), values)
+
+    def _set(self, builder: Any, target: ast.expr, value: Any, values: dict[str, Any]) -> None:
+        """Write the assignment of a value to a name or to an element of an array."""
+        match target:
+            case ast.Name(id=name):
+                values[name] = value
+            case ast.Subscript():
+                address = self._address(builder, target, values)
+                kind = address.type.pointee
+                if kind == SINGLE:
+                    value = builder.fptrunc(value, kind)
+                elif kind == BYTE:
+                    value = builder.zext(value, kind)
+                builder.store(value, address)
+
+    def _several(self, builder: Any, node: ast.expr, values: Mapping[str, Any]) -> list[Any]:
+        """Write a tuple, or a call with several results, and return its values."""
+        match node:
+            case ast.Tuple(elts=elements):
+                return [self._value(builder, one, values) for one in elements]
+            case ast.Call(func=ast.Name(id=name), args=parts) if name == NAME:
+                return write_two_sums(builder, *(self._several(builder, one, values) for one in parts))
+        made = self._called(builder, node, values)
+        return [builder.extract_value(made, place) for place in range(len(made.type.elements))]
+
+    def _called(self, builder: Any, call: Any, values: Mapping[str, Any]) -> Any:
+        """Write the call of a function and return what it returns."""
+        function = self.functions[call.func.id]
+        given = [self._place(builder, one, values) if _given(one, values.keys()) else self._value(builder, one, values)
+                 for one in call.args]
+        return builder.call(self.function(builder.module, function, [one.type for one in given]), given)
+
+    def _value(self, builder: Any, node: ast.expr, values: Mapping[str, Any]) -> Any:
+        """Write an expression and return its value."""
+        match node:
+            case ast.Name(id=name):
+                return values[name] if name in values else NUMBER(self.constants[name])
+            case ast.Constant(value=bool(truth)):
+                return TRUTH(truth)
+            case ast.Constant(value=number):
+                return NUMBER(number)
+            case ast.UnaryOp(operand=operand):
+                return builder.fneg(self._value(builder, operand, values))
+            case ast.BinOp(left=left, op=op, right=right):
+                kind = TRUTH if isinstance(op, (ast.BitAnd, ast.BitOr)) else NUMBER
+                return getattr(builder, OPERATIONS[type(op)])(*self._both(builder, left, right, kind, values))
+            case ast.Compare(left=left, ops=[op], comparators=[right]):
+                compare = builder.fcmp_unordered if isinstance(op, ast.NotEq) else builder.fcmp_ordered
+                return compare(SIGNS[type(op)], *self._both(builder, left, right, NUMBER, values))
+            case ast.IfExp(test=test, body=body, orelse=other):
+                return builder.select(*(self._value(builder, one, values) for one in (test, body, other)))
+            case ast.Call(func=ast.Name(id=name), args=[argument]) if name in ELEMENTARY:
+                function = builder.module.declare_intrinsic(ELEMENTARY[name], [NUMBER])
+                return builder.call(function, [self._value(builder, argument, values)])
+            case ast.Call(func=ast.Name(id=name), args=[first, second]) if name in CHOSEN:
+                one, other = self._both(builder, first, second, NUMBER, values)
+                return builder.select(builder.fcmp_ordered(CHOSEN[name], other, one), other, one)
+            case ast.Subscript():
+                found = builder.load(self._address(builder, node, values))
+                if found.type == SINGLE:
+                    return builder.fpext(found, NUMBER)
+                return builder.trunc(found, TRUTH) if found.type == BYTE else found
+        return self._called(builder, node, values)
+
+    def _both(self, builder: Any, left: ast.expr, right: ast.expr, kind: Any, values: Mapping[str, Any]) -> list[Any]:
+        """Write two operands of this type and return their values; a whole number beside a number becomes one."""
+        found = [self._value(builder, one, values) for one in (left, right)]
+        if sorted(map(str, (one.type for one in found))) == sorted(map(str, (WHOLE, kind))):
+            found = [builder.sitofp(one, kind) if one.type == WHOLE else one for one in found]
+        if any(one.type != kind for one in found):
+            raise TypingError(f"{ast.unparse(left)} and {ast.unparse(right)}: {found[0].type} and {found[1].type}")
+        return found
+
+    def _address(self, builder: Any, node: ast.Subscript, values: Mapping[str, Any]) -> Any:
+        """Write the address of an element of an array and return it."""
+        assert isinstance(node.value, ast.Name)
+        array = values[node.value.id]
+        if not isinstance(node.slice, ast.Tuple):
+            return builder.gep(array, [self._place(builder, node.slice, values)])
+        row, column = (self._place(builder, one, values) for one in node.slice.elts)
+        start, width = (builder.extract_value(array, place) for place in (0, 1))
+        return builder.gep(start, [builder.add(builder.mul(row, width), column)])
+
+    def _place(self, builder: Any, node: ast.expr, values: Mapping[str, Any]) -> Any:
+        """Write a place in an array and return it."""
+        match node:
+            case ast.Name(id=name):
+                return values[name]
+            case ast.Call(args=[one]):
+                return self._place(builder, one, values)
+            case ast.BinOp(left=left, right=right):
+                return builder.add(self._place(builder, left, values), self._place(builder, right, values))
+            case ast.Constant(value=number):
+                return WHOLE(number)
+        raise NotImplementedError(ast.dump(node))
+
+
+def _together(builder: Any, kind: Any, values: Sequence[Any]) -> Any:
+    """Write a structure of values and return it."""
+    made = ir.Constant(kind, ir.Undefined)
+    for place, value in enumerate(values):
+        made = builder.insert_value(made, value, place)
+    return made
+
+
+_NUMBERS = count()
+WRITTEN: dict[int, tuple[Writer, Function]] = {}
+"""Functions of the programs that are being compiled, by their numbers, none of which is used twice."""
+
+
+@intrinsic(prefer_literal=True)
+def instructions(typing: Any, number: Any, given: Any) -> Any:
+    """Return the results of a program's function to code that numba compiles.
+
+    ``number`` is that of the function, and ``given`` a tuple of its arguments: numbers, truth values, whole numbers
+    and arrays of one or two dimensions, whose elements lie in the order of C.
+    """
+    if not isinstance(number, types.IntegerLiteral):
+        raise TypingError("The number of a function must be known.")
+    writer, function = WRITTEN[number.literal_value]
+    kinds = [_kind(one, f"{function.name}, {name}") for name, one in zip(function.parameters, given, strict=True)]
+    found = [types.float64 if kind == NUMBER else types.boolean if kind == TRUTH else types.int64
+             for kind in writer.results(function, kinds)]
+    if function.single:
+        return found[0](number, given), _write
+    result: Any = types.Tuple(found) if found else types.none  # type: ignore[attr-defined]
+    return result(number, given), _write
+
+
+def _write(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    """Write the call of a function whose number and types of arguments are in the signature; return its results."""
+    number, given = signature.args
+    writer, function = WRITTEN[number.literal_value]
+    arguments = []
+    for place, kind in enumerate(given):
+        value = builder.extract_value(values[1], place)
+        if isinstance(kind, types.Array):
+            array = context.make_array(kind)(context, builder, value)
+            value = array.data
+            if kind.ndim == 2:
+                value = _together(builder, _kind(kind, ""), [value, builder.extract_value(array.shape, 1)])
+        arguments.append(value)
+    made = builder.call(writer.function(builder.module, function, [one.type for one in arguments]), arguments)
+    if not function.results:
+        return context.get_dummy_value()
+    if function.single:
+        return made
+    return context.make_tuple(builder, signature.return_type,
+                              [builder.extract_value(made, place) for place in range(len(function.results))])
+
+
+def _can_be_read(array: Any) -> bool:
+    """Return True for the type of an array whose elements can be read and written here."""
+    return array.layout == "C" and array.dtype in ELEMENTS
+
+
+def _kind(kind: Any, what: str) -> Any:
+    """Return the type in LLVM for a type of numba; ``what`` names the argument in the message of an error."""
+    kind = types.unliteral(kind)  # type: ignore[attr-defined]
+    if kind in KINDS:
+        return KINDS[kind]
+    if isinstance(kind, types.Array) and kind.ndim <= 2 and _can_be_read(kind):
+        start = ir.PointerType(ELEMENTS[kind.dtype])
+        return start if kind.ndim == 1 else ir.LiteralStructType([start, WHOLE])
+    raise TypingError(f"{what}: instructions cannot be written for {kind}.")
