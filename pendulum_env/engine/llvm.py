@@ -22,7 +22,7 @@ from numba.extending import intrinsic
 from pendulum_env.engine.pairs import NAME, write_two_sums
 from pendulum_env.engine.source import PARSING
 
-__all__ = ["CALL", "Function", "Program", "WRITTEN", "Writer", "instructions"]
+__all__ = ["CALL", "WRITTEN", "Function", "Program", "Writer", "instructions"]
 
 CALL = "_instructions"
 """Name of :func:`instructions` in a program."""
