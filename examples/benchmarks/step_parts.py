@@ -1,7 +1,8 @@
 """What the compiled step of a vector of environments consists of, in ns for one environment, one thread.
 
-Parts of the generated program are left out one after the other: the copies to the user's arrays, the observation with
-reward, endings and energies, and the motion. Python is the rest of a whole step of 1024 environments. Then: adaptive
+Parts of the generated program are left out one after the other: copies of observations and endings to the user's
+arrays, the observation with reward, endings and energies, and the motion. Python is the rest of a whole step of 1024
+environments. Then: adaptive
 steps of 1024 pendulums at once beside one run after the other; those of one pendulum, chosen one by one and evenly; and
 a step of a single Taylor series by its order, with and without damping, beside a loop that takes only the steps, and of
 a quick one.
@@ -26,8 +27,9 @@ from machine import describe
 
 import integrators
 from pendulum_env import rollout
+from pendulum_env.engine.elementwise import Kernel
 from pendulum_env.engine.generate import program
-from pendulum_env.engine.kernels import PREAMBLE
+from pendulum_env.engine.kernels import functions
 from pendulum_env.physics.damping import build_scene
 
 SIZE, REPEATS = 1024, 9
@@ -64,10 +66,9 @@ def parts(name: str) -> None:
                  action.ravel(), *batch.results(), *batch._shared)
 
     def of(text: str) -> float:
-        space: dict[str, Any] = {}
-        exec(PREAMBLE + text, space)
+        step = functions(Kernel(text, "parts"), "compiled")["step_blocks"]
         env.reset(seed=0)
-        return shortest(lambda: space["step_blocks"](*arguments), 500)
+        return shortest(lambda: step(*arguments), 500)
 
     text = batch.program.text
     full = of(text)
@@ -138,14 +139,13 @@ def series(order: int, gamma: float, steps: int = 400_000) -> None:
         return float(rollout(scene, integrator=method, duration=0.1 * steps, dt=0.1, every=steps, angle=1.0,
                              diagnostics=()).angle[-1])
 
-    space: dict[str, Any] = {}
     found = program(scene, integrators.get(method), ())
     loop = ONLY_STEPS.format(parameters=", ".join(found.shape.parameters), given=", ".join(found.shape.forces))
-    exec(PREAMBLE + found.text.split("@entry\ndef run(")[0] + loop, space)
+    only_steps = functions(Kernel(found.text.split("@entry\ndef run(")[0] + loop, "steps"), "compiled")["only_steps"]
     values = [scene.coefficients[name] for name in found.shape.parameters]
 
     def by_hand() -> float:
-        return float(space["only_steps"](1.0, 0.0, 0.1, steps, *values))
+        return float(only_steps(1.0, 0.0, 0.1, steps, *values))
 
     assert ours() == by_hand()
     whole, only, quick = (shortest(run) / steps for run in (ours, by_hand, lambda: ours(f"quick_{method}")))
