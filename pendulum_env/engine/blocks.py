@@ -393,7 +393,7 @@ def _observe(layout: Layout) -> str:
         *[f"row_{name}[i] = r_{name}" for name in layout.reports],
     ]
     arguments = joined(("s", "o", "n", "h", "bound", "reward"), layout.rows)
-    return block_loop("observe", arguments, layout, lines, apart=True)
+    return block_loop("observe", arguments, layout, lines, separate=True)
 
 
 def _record(layout: Layout) -> str:
@@ -406,7 +406,7 @@ def _record(layout: Layout) -> str:
         "gone = index < reached",
         *[f"row_{name}[i] = NAN if gone else r_{name}" for name in layout.reports],
     ]
-    return block_loop("record", joined(("s", "o", "n", "h", "reached"), layout.rows), layout, lines, apart=True)
+    return block_loop("record", joined(("s", "o", "n", "h", "reached"), layout.rows), layout, lines, separate=True)
 
 
 def _loaded(layout: Layout) -> list[str]:

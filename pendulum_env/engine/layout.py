@@ -77,7 +77,8 @@ class Layout:
         shared: names of the parameters that are equal in all environments, in the order of the loops' arguments.
         fields: names of a block's fields in the order in memory; a field holds one number per environment.
         reports: names of the reported quantities: the entries of ``info``, or without a task of a run's record.
-        results: names of a block's results: action, observation, reward, end of episode, reported quantities.
+        results: names of a block's results: action, observation, end of episode. Rewards and reported quantities go
+            straight to the user's arrays.
         moved: names of the fields that a step changes; ``side`` is computed from ``turns``.
         moving: names of the fields that make up a state: all but the parameters.
         given: names of the values, other than the motion, that an adaptive step takes and that are not ``shared``.
@@ -120,8 +121,7 @@ class Layout:
         fields = (*state, *memory, *initial, *shape.sums, *lost, *shape.remembered, *shape.slackened,
                   *(ADAPTED if shape.adaptive else ()), *(goal.before if goal else ()), *own)
         reports = shape.info if goal else report.names_recorded(shape)
-        seen = (*goal.seen, "reward", "late", "ended") if goal else ()
-        results = ("control", *seen, *reports)
+        results = ("control", *((*goal.seen, "late", "ended") if goal else ()))
         moved = tuple(name for name in shape.carried if name != "side")
         pull = shape.pull[:2] if shape.slack else ()
         given = tuple(name for name in (*shape.extra, *pull, *shape.slackened) if name not in shared)
@@ -220,16 +220,17 @@ class Layout:
 
 
 def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], before: Iterable[str] = (),
-               apart: bool = False) -> str:
+               separate: bool = False) -> str:
     """Write the source of a function ``name`` that runs ``lines``, the source for one environment, for all of a block.
 
     The lines ``before`` are run once, before the loop. The function's arrays must not overlap.
 
-    If histories slide, the compiler is told that the arrays do not overlap. It still has to compare addresses within
-    ``s``; with those of other arrays there would be too many, and the loop would take one environment at a time.
+    With ``separate``, or if histories slide, the compiler is told that the arrays do not overlap. It still has to
+    compare addresses within ``s``; with those of other arrays there would be too many, and the loop would take one
+    environment at a time.
     """
     head = f"def {name}({joined((first,), layout.shared)}):"
-    inlined = "@separate" if layout.histories or apart else "@inline"
+    inlined = "@separate" if layout.histories or separate else "@inline"
     return "\n".join([inlined, head, *indent(before, 1), "    for i in range(U(n)):", *indent(lines, 2), ""])
 
 

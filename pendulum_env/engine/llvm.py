@@ -431,9 +431,11 @@ class Writer:
                 address = self._address(builder, target, values)
                 kind = address.type.pointee
                 if kind == SINGLE:
-                    value = builder.fptrunc(value, kind)
+                    value = builder.fptrunc(_number(builder, value, target), kind)
                 elif kind == BYTE:
                     value = builder.zext(value, kind)
+                else:
+                    value = _number(builder, value, target)
                 builder.store(value, address)
 
     def _several(self, builder: Any, node: ast.expr, values: Mapping[str, Any]) -> list[Any]:
@@ -471,10 +473,13 @@ class Writer:
                 compare = builder.fcmp_unordered if isinstance(op, ast.NotEq) else builder.fcmp_ordered
                 return compare(SIGNS[type(op)], *self._both(builder, left, right, NUMBER, values))
             case ast.IfExp(test=test, body=body, orelse=other):
-                return builder.select(*(self._value(builder, one, values) for one in (test, body, other)))
+                true, false = (self._value(builder, one, values) for one in (body, other))
+                if true.type != false.type:
+                    true, false = _number(builder, true, body), _number(builder, false, other)
+                return builder.select(self._value(builder, test, values), true, false)
             case ast.Call(func=ast.Name(id=name), args=[argument]) if name in ELEMENTARY:
                 function = builder.module.declare_intrinsic(ELEMENTARY[name], [NUMBER])
-                return builder.call(function, [self._value(builder, argument, values)])
+                return builder.call(function, [_number(builder, self._value(builder, argument, values), argument)])
             case ast.Call(func=ast.Name(id=name), args=[first, second]) if name in CHOSEN:
                 one, other = self._both(builder, first, second, NUMBER, values)
                 return builder.select(builder.fcmp_ordered(CHOSEN[name], other, one), other, one)
@@ -488,8 +493,8 @@ class Writer:
     def _both(self, builder: Any, left: ast.expr, right: ast.expr, kind: Any, values: Mapping[str, Any]) -> list[Any]:
         """Write two operands of this type and return their values; a whole number beside a number becomes one."""
         found = [self._value(builder, one, values) for one in (left, right)]
-        if sorted(map(str, (one.type for one in found))) == sorted(map(str, (WHOLE, kind))):
-            found = [builder.sitofp(one, kind) if one.type == WHOLE else one for one in found]
+        if kind == NUMBER and any(one.type == NUMBER for one in found):
+            found = [_number(builder, one, node) for one, node in zip(found, (left, right), strict=True)]
         if any(one.type != kind for one in found):
             raise TypingError(f"{ast.unparse(left)} and {ast.unparse(right)}: {found[0].type} and {found[1].type}")
         return found
@@ -516,6 +521,17 @@ class Writer:
             case ast.Constant(value=number):
                 return WHOLE(number)
         raise NotImplementedError(ast.dump(node))
+
+
+def _number(builder: Any, value: Any, node: ast.expr) -> Any:
+    """Return a value as a number; whole numbers and truth values become one. Messages show the source ``node``."""
+    if value.type == WHOLE:
+        return builder.sitofp(value, NUMBER)
+    if value.type == TRUTH:
+        return builder.uitofp(value, NUMBER)
+    if value.type != NUMBER:
+        raise TypingError(f"{ast.unparse(node)} must be a number, not {value.type}.")
+    return value
 
 
 def _together(builder: Any, kind: Any, values: Sequence[Any]) -> Any:

@@ -36,6 +36,8 @@ WHOLE = {
     "an infinite number": "@inline\ndef f(x, y):\n    return x if abs(y) < 1e999 else 1e999 - 1e999\n",
     "a function of functions": "@inline\ndef g(x):\n    return x*x\n\n@inline\ndef f(x, y):\n"
                                "    return g(x + g(y)) - g(y)\n",
+    "numbers of other types": "@inline\ndef g(x, n, b):\n    return (x if b else n) + sqrt(n) - b*x\n\n@inline\n"
+                              "def f(x, y):\n    return g(x, 3, x > y) - y\n",
     "a whole number that is given": "@inline\ndef g(x, n):\n    return x*n\n\n@inline\ndef f(x, y):\n"
                                     "    return g(x, 3) - y\n",
     "several results": "@inline\ndef g(x, y):\n    return y, x - y, x > y\n\n@inline\ndef f(x, y):\n"
