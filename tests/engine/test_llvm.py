@@ -172,7 +172,7 @@ def go(state, out, seen, counts, rows, x):
     state[0] = a
     state[2] = first[0]
     n = rows*3
-    m = n + kept + rows
+    m = n + kept + n
     return total + b, m
 """
 
@@ -185,7 +185,7 @@ def test_statements_in_a_row_have_the_bits_that_python_computes() -> None:
         total, whole = go(state, out, seen, np.array([[7, 8]])[0], 8, 0.1)
         found.append((total.hex(), whole, state.tobytes(), out.tobytes(), seen.tobytes()))
     assert found[0] == found[1]
-    assert found[0][1] == 3*8 + 7 + 8
+    assert found[0][1] == 3*8 + 7 + 3*8
 
 
 def test_rows_of_an_array_and_whole_numbers_are_left_to_numba() -> None:
@@ -193,7 +193,7 @@ def test_rows_of_an_array_and_whole_numbers_are_left_to_numba() -> None:
     program = llvm.Program(ROWS, "go", given)
     program.forget()
     text = program.text
-    for line in ("first = out[1]", "kept = counts[0]", "n = rows * 3", "m = n + kept + rows", "break"):
+    for line in ("first = out[1]", "kept = counts[0]", "n = rows * 3", "m = n + kept + n", "break"):
         assert line in text
     assert text.count(f"{llvm.CALL}(") == 4, "before the loop, within it, the loop over seen, and after it"
     assert "0.5 * a" not in text
