@@ -4,8 +4,8 @@ By itself numba optimises each function together with all that it calls, and tra
 generated program, functions call each other several levels deep and are always inlined, so the innermost would be
 optimised at every level, and only the code of the outermost is used. Here the inner functions stay as they are until
 the outermost is optimised. That takes three quarters of the time, and no bit of a result depends on it, because no
-pass of the optimiser may change a floating-point operation. In programs without functions of a user, arithmetic is not
-left to numba at all; see :mod:`pendulum_env.engine.llvm`.
+pass of the optimiser may change a floating-point operation. In programs without functions of a user, most of the
+arithmetic is not left to numba; see :mod:`pendulum_env.engine.llvm`.
 
 numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary, and its function
 ``ensure_blas`` while the first program is prepared.
@@ -21,6 +21,7 @@ from typing import Any
 
 from numba.core import codegen, compiler
 
+from pendulum_env.common.warn import warn
 from pendulum_env.engine.kernels import TEXT
 from pendulum_env.engine.llvm import CALL, Program, instructions
 from pendulum_env.engine.pairs import paired
@@ -130,14 +131,35 @@ class Entry(_Prepared):
         try:
             with _rewritten(function, self.state.args) as rewritten:
                 return super().compile_extra(rewritten)
+        except Exception as error:
+            if TEXT not in function.__globals__:
+                raise
+            warn(f"A program's arithmetic could not be written as instructions ({type(error).__name__}), so that numba "
+                 "compiles all of it, which takes longer. The results are the same; please report it.")
+            state = self.state
+            return _Alone(state.typingctx, state.targetctx, None, state.args, state.return_type, state.flags,
+                          state.locals).compile_extra(function)
         finally:
             if collects:
                 gc.enable()
 
     def define_pipelines(self) -> Any:
-        self.state.library = _Optimised(self.state.targetctx.codegen(), "entry")
-        self.state.library.enable_object_caching()
+        _optimise_as_a_whole(self.state)
         return super().define_pipelines()
+
+
+class _Alone(_Prepared):
+    """numba's compiler for a function that Python calls, if its arithmetic cannot be written as instructions."""
+
+    def define_pipelines(self) -> Any:
+        _optimise_as_a_whole(self.state)
+        return super().define_pipelines()
+
+
+def _optimise_as_a_whole(state: Any) -> None:
+    """Have a function optimised once, with all that it inlines."""
+    state.library = _Optimised(state.targetctx.codegen(), "entry")
+    state.library.enable_object_caching()
 
 
 class Inlined(_Prepared):
@@ -149,7 +171,10 @@ class Inlined(_Prepared):
 
 
 class Separate(Inlined):
-    """numba's compiler for inlined functions whose arrays never overlap, so that nothing has to check this."""
+    """numba's compiler for inlined functions whose arrays never overlap, so that nothing has to check this.
+
+    :mod:`pendulum_env.engine.llvm` says the same of those that it writes.
+    """
 
     def define_pipelines(self) -> Any:
         self.state.flags.noalias = True

@@ -31,6 +31,7 @@ LEAST = 2
 NUMBER, TRUTH, WHOLE = ir.DoubleType(), ir.IntType(1), ir.IntType(64)
 KINDS = {types.float64: NUMBER, types.boolean: TRUTH, types.int64: WHOLE, types.uint64: WHOLE}
 """Types of numba -> those of LLVM."""
+RESULTS = {NUMBER: types.float64, TRUTH: types.boolean, WHOLE: types.int64}
 SINGLE, BYTE = ir.FloatType(), ir.IntType(8)
 ELEMENTS = {types.float64: NUMBER, types.float32: SINGLE, types.boolean: BYTE}
 """Types of the elements of an array -> those of LLVM, in memory."""
@@ -155,8 +156,8 @@ class Program:
         match node:
             case ast.Tuple(elts=elements):
                 return all(self.value(one, known) for one in elements)
-            case ast.Call(func=ast.Name(id=name)) if name == NAME:
-                return True
+            case ast.Call(func=ast.Name(id=name), args=parts) if name == NAME:
+                return all(self.values(one, known) for one in parts)
             case ast.Call(func=ast.Name(id=name)):
                 return name in self.functions and not self.functions[name].single and self._called(node, known)
         return False
@@ -175,7 +176,8 @@ class Program:
             case ast.Compare(left=left, ops=[op], comparators=[right]):
                 return type(op) in SIGNS and self.value(left, known) and self.value(right, known)
             case ast.IfExp(test=test, body=body, orelse=other):
-                return all(self.value(one, known) for one in (test, body, other))
+                unread = (_elements(body) | _elements(other)) - _elements(test)  # both are computed in any case
+                return not unread and all(self.value(one, known) for one in (test, body, other))
             case ast.Subscript():
                 return self._element(node, known)
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in ELEMENTARY:
@@ -205,6 +207,11 @@ def _names(node: ast.AST, context: type[ast.expr_context]) -> list[str]:
     return [one.id for one in ast.walk(node) if isinstance(one, ast.Name) and isinstance(one.ctx, context)]
 
 
+def _elements(node: ast.expr) -> set[str]:
+    """Return the sources of the elements of arrays that an expression reads."""
+    return {ast.unparse(one) for one in ast.walk(node) if isinstance(one, ast.Subscript)}
+
+
 def _constant(node: ast.expr) -> float | None:
     """Return the number of a constant of a program, such as ``100.0``, ``-1.0`` and ``float('nan')``, else None."""
     match node:
@@ -218,12 +225,12 @@ def _constant(node: ast.expr) -> float | None:
 
 
 def _given(node: ast.expr, known: Set[str]) -> bool:
-    """Return True for an argument that is a name or a whole number."""
+    """Return True for an argument that is a name, a whole number such as ``3``, or a place such as ``U(3)``."""
     return not isinstance(node, ast.BinOp) and _place(node, known)
 
 
 def _place(node: ast.expr, known: Set[str]) -> bool:
-    """Return True for a place in an array: a whole number, a name, or a sum of them."""
+    """Return True for a place in an array: a whole number, a name, or a sum of them. Places are never negative."""
     match node:
         case ast.Name(id=name):
             return name in known
@@ -274,14 +281,6 @@ def _is_whole(node: ast.expr, known: Set[str]) -> bool:
     return False
 
 
-def _read_outside(node: ast.AST, inside: frozenset[str]) -> Set[str]:
-    """Return the names that a function reads outside the loops that set them."""
-    if isinstance(node, ast.For):
-        inside = inside.union(_names(node, ast.Store))
-    found = {node.id} if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) else set()
-    return found.difference(inside).union(*(_read_outside(one, inside) for one in ast.iter_child_nodes(node)))
-
-
 class _Rows:
     """Replaces statements in a row by calls, in a function of which a part is left to numba."""
 
@@ -289,11 +288,25 @@ class _Rows:
         self.function, self.program, self.numbers = function, program, count()
         self.local = {parameter.arg for parameter in function.args.args}.union(_names(function, ast.Store))
         self.reads = _names(function, ast.Load)
-        self.outside = _read_outside(function, frozenset())
+        self.outside = self._read_outside(function, frozenset())
 
     def replace(self) -> None:
         """Replace the statements of the function."""
         self.function.body = self._block(self.function.body)
+
+    def _taken(self, line: ast.stmt) -> bool:
+        """Return True for a statement that can be in a row. In every turn, a loop must set its names before it reads
+        them.
+        """
+        inside = _names(line, ast.Store) if isinstance(line, ast.For) else ()
+        return self.program.line(line, self.local.union(self.program.constants).difference(inside))
+
+    def _read_outside(self, node: ast.AST, inside: frozenset[str]) -> Set[str]:
+        """Return the names that are read elsewhere than in loops which set them before."""
+        if isinstance(node, ast.For) and self._taken(node):
+            inside = inside.union(_names(node, ast.Store))
+        found = {node.id} if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) else set()
+        return found.difference(inside).union(*(self._read_outside(one, inside) for one in ast.iter_child_nodes(node)))
 
     def _block(self, body: Sequence[ast.stmt]) -> list[ast.stmt]:
         """Return the statements of a block, in which those in a row are replaced."""
@@ -301,8 +314,7 @@ class _Rows:
         row: list[ast.stmt] = []
         for line in body:
             inside = _names(line, ast.Store) if isinstance(line, ast.For) else ()
-            known = self.local.union(self.program.constants).difference(inside)
-            if self.outside.isdisjoint(inside) and self.program.line(line, known):
+            if self.outside.isdisjoint(inside) and self._taken(line):
                 row.append(line)
                 continue
             done += self._call(row)
@@ -465,7 +477,7 @@ class Writer:
             case ast.Constant(value=number):
                 return NUMBER(number)
             case ast.UnaryOp(operand=operand):
-                return builder.fneg(self._value(builder, operand, values))
+                return builder.fneg(_number(builder, self._value(builder, operand, values), operand))
             case ast.BinOp(left=left, op=op, right=right):
                 kind = TRUTH if isinstance(op, (ast.BitAnd, ast.BitOr)) else NUMBER
                 return getattr(builder, OPERATIONS[type(op)])(*self._both(builder, left, right, kind, values))
@@ -551,15 +563,21 @@ WRITTEN: dict[int, tuple[Writer, Function]] = {}
 def instructions(typing: Any, number: Any, given: Any) -> Any:
     """Return the results of a program's function to code that numba compiles.
 
-    ``number`` is that of the function, and ``given`` a tuple of its arguments: numbers, truth values, whole numbers
-    and arrays of one or two dimensions, whose elements lie in the order of C.
+    ``number`` is that of the function, and ``given`` a tuple of its arguments: float64, truth values, int64 or uint64,
+    and arrays of float64, float32 or truth values of one or two dimensions, whose elements lie in the order of C.
+    Elements of type float32 are read as float64, and results of whole numbers are int64.
+
+    Raises TypingError for other types.
     """
     if not isinstance(number, types.IntegerLiteral):
         raise TypingError("The number of a function must be known.")
     writer, function = WRITTEN[number.literal_value]
     kinds = [_kind(one, f"{function.name}, {name}") for name, one in zip(function.parameters, given, strict=True)]
-    found = [types.float64 if kind == NUMBER else types.boolean if kind == TRUTH else types.int64
-             for kind in writer.results(function, kinds)]
+    found = []
+    for kind in writer.results(function, kinds):
+        if kind not in RESULTS:
+            raise TypingError(f"{function.name} cannot return {kind}.")
+        found.append(RESULTS[kind])
     if function.single:
         return found[0](number, given), _write
     result: Any = types.Tuple(found) if found else types.none  # type: ignore[attr-defined]

@@ -570,8 +570,8 @@ class Sensing:
         """Return a copy with the numbers of :meth:`saved`; None if they do not fit this environment."""
         other = copied(self)
         try:
-            readings = np.array(saved["readings"], dtype=np.float64)
-            actions = np.array(saved["actions"], dtype=np.float64)
+            readings = np.array(saved["readings"], dtype=np.float64, order="C")
+            actions = np.array(saved["actions"], dtype=np.float64, order="C")
             slot, row, late = (int(saved[name]) for name in ("slot", "row", "late"))
             low, high = self.plan.acts_late
             good = (readings.shape == self._memory[0].shape and actions.shape == self._queue[:, 0].shape
@@ -598,8 +598,8 @@ class Sensing:
         """Return a copy with the numbers of :meth:`saved_of_all`; None if they do not fit these environments."""
         other, own = copied(self), self.saved_of_all()
         try:
-            given = {name: np.array(saved[name], dtype=None if name == "actions" else getattr(value, "dtype", np.int64))
-                     for name, value in own.items()}
+            kinds = {name: getattr(value, "dtype", np.int64) for name, value in own.items()} | {"actions": None}
+            given = {name: np.array(saved[name], dtype=kind, order="C") for name, kind in kinds.items()}
             good = bool(all(given[name].shape == np.shape(value) for name, value in own.items())
                         and given["actions"].dtype in (np.float32, np.float64)
                         and np.isfinite(given["readings"]).all() and (np.abs(given["actions"]) <= 1.0).all()

@@ -305,6 +305,25 @@ def test_saved_states_resume_in_the_middle_of_a_queue(case: str) -> None:
                                      ).get_state())
 
 
+def test_a_state_with_arrays_in_the_order_of_fortran_resumes() -> None:
+    """As a file of another program may hold them: the compiled step reads the restored arrays themselves."""
+    env = gym.make_vec("LabPendulum-v0", 300, vectorization_mode="vector_entry_point", action_delay=0.02,
+                       observation="history")
+    actions = np.linspace(-1.0, 1.0, 300, dtype=np.float32)[:, None]
+    env.reset(seed=1)
+    env.step(actions)
+    saved = env.unwrapped.get_state()
+
+    def turned(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: turned(one) for name, one in value.items()}
+        return np.asfortranarray(value) if isinstance(value, np.ndarray) else value
+
+    expected = env.step(actions)[0].tobytes()
+    env.unwrapped.set_state(turned(saved))
+    assert env.step(actions)[0].tobytes() == expected
+
+
 def test_pickled_vectors_resume_too() -> None:
     env = vector(20, backend="python", max_episode_steps=6, **CASES["slow"])
     env.reset(seed=1)
