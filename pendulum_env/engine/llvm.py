@@ -277,7 +277,7 @@ def _is_whole(node: ast.expr, known: Set[str]) -> bool:
         case ast.Call(func=ast.Name("min" | "max"), args=parts):
             return all(_is_whole(one, known) for one in parts)
         case ast.BinOp(left=one, right=other) | ast.IfExp(body=one, orelse=other):
-            return _is_whole(one, known) or _is_whole(other, known)
+            return _is_whole(one, known) and _is_whole(other, known)
     return False
 
 
