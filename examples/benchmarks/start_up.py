@@ -1,7 +1,6 @@
 """Start-up times: from `gym.make` to the first step, with a warm and a cold cache, and the longest compilation.
 
-A start is the quickest of three with a cold cache, and of five with a warm one, because other work on the machine can only
-add to it.
+A start is the quickest of three with a cold cache and of five with a warm one: other work on the machine only adds.
 
 Goals: 0.5 s from `gym.make` to the first step with a warm cache, 1.2 s with a cold one; no program takes longer than
 4 s to compile.
