@@ -29,9 +29,13 @@ from pendulum_env.tasks import TASKS
 
 DECLARED = re.compile(r'^declare [^@]*@"?([\w.$]+)"?\(', re.MULTILINE)
 ALLOWED = re.compile(
-    r"(Py|_Py|NRT_|numba_|llvm\.(?!sin|cos|tan|exp|log|pow|fma|fmuladd|ldexp|frexp|round|rint)|sqrt$|memset$|memcpy$)"
+    r"(Py|_Py|NRT_|numba_|llvm\.(?!sin|cos|tan|exp(?!erimental\.noalias)|log|pow|fma|fmuladd|ldexp|frexp|round|rint)|"
+    r"sqrt$|memset$|memcpy$)"
 )
-"""External symbols allowed in a program: those of Python and numba, and the square root, an IEEE 754 instruction."""
+"""External symbols allowed in a program: those of Python and numba, and the square root, an IEEE 754 instruction.
+
+LLVM's ``experimental.noalias`` is a mark for its optimiser, no function.
+"""
 FUSED = re.compile(r"\b(?:vfn?m(?:add|sub)\w+|fn?m(?:add|sub|la|ls))\b")
 QUICK_KINDS = ("interpreted", "compensated", "adaptive")
 
