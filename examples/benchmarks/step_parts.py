@@ -2,10 +2,9 @@
 
 Parts of the generated program are left out one after the other: copies of observations and endings to the user's
 arrays, the observation with reward, endings and energies, and the motion. Python is the rest of a whole step of 1024
-environments. Then: adaptive
-steps of 1024 pendulums at once beside one run after the other; those of one pendulum, chosen one by one and evenly; and
-a step of a single Taylor series by its order, with and without damping, beside a loop that takes only the steps, and of
-a quick one.
+environments. Then: adaptive steps of 1024 pendulums at once beside one run after the other; those of one pendulum,
+chosen one by one and evenly; and a step of a single Taylor series by its order, with and without damping, beside a loop
+that takes only the steps, and of a quick one.
 """
 
 from __future__ import annotations

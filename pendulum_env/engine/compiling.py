@@ -121,8 +121,18 @@ class _Prepared(compiler.Compiler):  # type: ignore[misc]
         super().__init__(*given, **named)
 
 
-class Entry(_Prepared):
-    """numba's compiler for the functions of a program that Python calls, with all that they inline."""
+class _Whole(_Prepared):
+    """numba's compiler for a function that Python calls: optimised once, with all that it inlines."""
+
+    def define_pipelines(self) -> Any:
+        self.state.library = _Optimised(self.state.targetctx.codegen(), "entry")
+        self.state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
+class Entry(_Whole):
+    """numba's compiler for a function that Python calls, after most of its arithmetic has been written as instructions.
+    """
 
     def compile_extra(self, function: Any) -> Any:
         """Compile without looking for garbage in between, which would take some 5 % of the time."""
@@ -137,29 +147,11 @@ class Entry(_Prepared):
             warn(f"A program's arithmetic could not be written as instructions ({type(error).__name__}), so that numba "
                  "compiles all of it, which takes longer. The results are the same; please report it.")
             state = self.state
-            return _Alone(state.typingctx, state.targetctx, None, state.args, state.return_type, state.flags,
+            return _Whole(state.typingctx, state.targetctx, None, state.args, state.return_type, state.flags,
                           state.locals).compile_extra(function)
         finally:
             if collects:
                 gc.enable()
-
-    def define_pipelines(self) -> Any:
-        _optimise_as_a_whole(self.state)
-        return super().define_pipelines()
-
-
-class _Alone(_Prepared):
-    """numba's compiler for a function that Python calls, if its arithmetic cannot be written as instructions."""
-
-    def define_pipelines(self) -> Any:
-        _optimise_as_a_whole(self.state)
-        return super().define_pipelines()
-
-
-def _optimise_as_a_whole(state: Any) -> None:
-    """Have a function optimised once, with all that it inlines."""
-    state.library = _Optimised(state.targetctx.codegen(), "entry")
-    state.library.enable_object_caching()
 
 
 class Inlined(_Prepared):

@@ -36,7 +36,7 @@ _ALL = {"error_model": "numpy", "_nrt": False}
 _INSIDE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 inline = njit(**_ALL, **_INSIDE, pipeline_class=Inlined, forceinline=True)
 separate = njit(**_ALL, **_INSIDE, pipeline_class=Separate, forceinline=True)
-apart = njit(**_ALL, **_INSIDE, pipeline_class=Inlined)
+apart = inline
 entry = njit(**_ALL, nogil=True, pipeline_class=Entry)
 
 '''

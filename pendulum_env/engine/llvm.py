@@ -1,9 +1,9 @@
 """Arithmetic of a program, and its loops over blocks of pendulums, written as instructions of LLVM.
 
-numba finds the types of every operation, which takes 0.6 ms for each. In a generated program there is little to find:
-nearly all that it computes is a number or a truth value. So functions with nothing but arithmetic, choices, calls of
-each other and loops ``for i in range(U(n))`` over elements of arrays are written here, statement by statement, as the
-same operations in the same order: the bits of a result stay the same. In all other functions this is done with
+numba needs some 0.6 ms for every operation, because it finds the types of each. In a generated program there is little
+to find: nearly all that it computes is a number or a truth value. So functions with nothing but arithmetic, choices,
+calls of each other and loops ``for i in range(U(n))`` over elements of arrays are written here, statement by statement,
+as the same operations in the same order: the bits of a result stay the same. In all other functions this is done with
 statements that follow each other. numba compiles what is left, such as loops that end early.
 """
 
@@ -378,7 +378,8 @@ class Writer:
 
     def __init__(self, program: Program) -> None:
         self.functions, self.constants = program.functions, program.constants
-        self._results: dict[tuple[str, str], list[Any]] = {}
+        self._results: dict[str, list[Any]] = {}
+        self._trial = ir.Module()
 
     def function(self, module: Any, function: Function, kinds: Sequence[Any]) -> Any:
         """Return the function of a module for parameters of these types; write it, if it is not there."""
@@ -405,13 +406,13 @@ class Writer:
         return written
 
     def results(self, function: Function, kinds: Sequence[Any]) -> list[Any]:
-        """Return the types of a function's results, for parameters of these types."""
-        key = function.name, " ".join(map(str, kinds))
-        if key not in self._results:
-            written = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "unused")
+        """Return the types of a function's results, for parameters of these types, from a trial that nothing uses."""
+        name = f"trial of {function.name}.{' '.join(map(str, kinds))}"
+        if name not in self._results:
+            written = ir.Function(self._trial, ir.FunctionType(ir.VoidType(), kinds), name)
             found = self._body(ir.IRBuilder(written.append_basic_block()), function, written.args)
-            self._results[key] = [one.type for one in found]
-        return self._results[key]
+            self._results[name] = [one.type for one in found]
+        return self._results[name]
 
     def _body(self, builder: Any, function: Function, given: Sequence[Any]) -> list[Any]:
         """Write the statements of a function and return its results."""
@@ -508,7 +509,8 @@ class Writer:
         if kind == NUMBER and any(one.type == NUMBER for one in found):
             found = [_number(builder, one, node) for one, node in zip(found, (left, right), strict=True)]
         if any(one.type != kind for one in found):
-            raise TypingError(f"{ast.unparse(left)} and {ast.unparse(right)}: {found[0].type} and {found[1].type}")
+            raise TypingError(f"{ast.unparse(left)} and {ast.unparse(right)} must be of type {kind}, not "
+                              f"{found[0].type} and {found[1].type}.")
         return found
 
     def _address(self, builder: Any, node: ast.Subscript, values: Mapping[str, Any]) -> Any:
@@ -530,9 +532,8 @@ class Writer:
                 return self._place(builder, one, values)
             case ast.BinOp(left=left, right=right):
                 return builder.add(self._place(builder, left, values), self._place(builder, right, values))
-            case ast.Constant(value=number):
-                return WHOLE(number)
-        raise NotImplementedError(ast.dump(node))
+        assert isinstance(node, ast.Constant)
+        return WHOLE(node.value)
 
 
 def _number(builder: Any, value: Any, node: ast.expr) -> Any:

@@ -1,4 +1,4 @@
-"""Programs beside functions that a user has numba compile: neither changes the other."""
+"""What numba does not import for a program is there for functions that a user has it compile later."""
 
 from __future__ import annotations
 
@@ -33,35 +33,6 @@ assert arraymath.ensure_blas is linalg.ensure_blas and linalg.ensure_blas.__modu
 matrix, vector = np.array([[2.0, 1.0], [0.0, 4.0]]), np.array([3.0, 8.0])
 print(product(matrix, vector).tolist(), solution(matrix, vector).tolist(), "scipy.linalg" in sys.modules)
 """
-
-
-AFTER = """
-import numba
-from pendulum_env import SCENES
-from pendulum_env.engine.machine import Machine
-
-
-def fast_operations(integrator):
-    machine = Machine(SCENES["gymnasium"], integrator, backend="compiled")
-    machine.advance(machine.state(0.5, 0.0), 0.375, 0.004, 10)
-    (text,) = machine.entry.inspect_llvm().values()
-    assert text.count("fmul") > 10
-    return sum(" fast " in line for line in text.split("\\n"))
-
-
-@numba.njit(fastmath=True)
-def user(x, bound):
-    return max(-bound, min(bound, x))
-
-
-print(fast_operations("symplectic_euler"), user(1.0, 2.0), fast_operations("heun"))
-"""
-
-
-@pytest.mark.slow
-def test_options_of_a_users_function_do_not_reach_a_program(tmp_path: Path) -> None:
-    """The scene has a bound: max and min, which numba compiles with the options of the function that calls them."""
-    assert output(AFTER, "", tmp_path / "cache") == "0 1.0 0\n"
 
 
 @pytest.mark.slow
