@@ -37,7 +37,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "symplectic_euler, no diagnostics": {"integrator": "symplectic_euler", "diagnostics": ()},
 }
 ORDERS = (6, 8, 10, 12, 14, 16, 20, 24)
-COPIES = "        seen = observation[base:base + n]\n"
+COPIES = "        over = terminated[base:base + n]\n"
 """Line of the program with which the copies begin."""
 
 

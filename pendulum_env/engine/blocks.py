@@ -20,7 +20,7 @@ from integrators.solving.step_size import step_power_of_many
 from pendulum_env.engine import report, slack
 from pendulum_env.engine.advance import advanced, attempt, checked, landed
 from pendulum_env.engine.calls import begin
-from pendulum_env.engine.goal import BEFORE
+from pendulum_env.engine.goal import BEFORE, Goal
 from pendulum_env.engine.layout import AHEAD, BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.shape import (
     ADAPTED,
@@ -172,7 +172,7 @@ def _between(layout: Layout) -> list[str]:
                      [f"o[i + to_{name}] = {name}_reduced({m}, {y}, {low})" for name in functions]]
         else:
             loops = [[f"o[i + to_{names}] = {names}({joined(('a[i + x]',), constants)})"]]
-        lines = [line for loop in loops for line in ("for i in range(U(n)):", *indent(loop, 1))]
+        lines = [line for loop in loops for line in ("for i in lanes(n):", *indent(loop, 1))]
         head = f"def {'_'.join(functions)}_block({joined(('a', 'o', 'n', 'x'), results, constants)}):"
         texts.append("\n".join(["@apart", head, *indent(lines, 1), ""]))
     return texts
@@ -368,10 +368,16 @@ def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
 def _observe(layout: Layout) -> str:
     """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block.
 
-    It writes rewards and quantities to the user's arrays, the others to ``o``, because they have other types there.
+    It writes to the user's arrays. With functions of a user, which are not computed with vectors, it writes all but
+    rewards and quantities to ``o``: they have other types in the user's arrays, so that the compiler would take one
+    environment at a time.
     """
     goal = layout.goal
     assert goal is not None
+    told = [f"{layout.out('late')} = 1.0 if late else 0.0", f"{layout.out('ended')} = status",
+            *[f"{layout.out(name)} = {name}" for name in goal.seen]] if goal.doubted else [
+        "truncated[i] = late", "terminated[i] = status != 0.0",
+        *[f"observation[i, {column}] = {name}" for column, name in enumerate(goal.seen)]]
     turned = ["cosine = -cosine", "sine = -sine"] if goal.upright else []
     lines = [
         *_loaded(layout),
@@ -386,14 +392,17 @@ def _observe(layout: Layout) -> str:
         *[f"{layout.at(name)} = {BEFORE[name]}" for name in goal.before],
         *goal.ahead(),
         *turned,
-        f"{layout.out('late')} = 1.0 if late else 0.0",
-        *[f"{layout.out(name)} = {name}" for name in goal.seen],
-        f"{layout.out('ended')} = status",
+        *told,
         f"{layout.at('status')} = {LATE}.0 if late & (status == 0.0) else status",
         *[f"row_{name}[i] = r_{name}" for name in layout.reports],
     ]
-    arguments = joined(("s", "o", "n", "h", "bound", "reward"), layout.rows)
+    arguments = joined(("s", "o", "n", "h", "bound", *_user_arrays(goal)), layout.rows)
     return block_loop("observe", arguments, layout, lines, separate=True)
+
+
+def _user_arrays(goal: Goal) -> tuple[str, ...]:
+    """Return the names of the user's arrays, other than reported quantities, that ``observe`` writes to."""
+    return ("reward",) if goal.doubted else ("reward", "observation", "terminated", "truncated")
 
 
 def _record(layout: Layout) -> str:
@@ -444,11 +453,10 @@ def _step_blocks(layout: Layout) -> str:
     """
     shared = "".join(f", {name}" for name in layout.shared)
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
-    seen = layout.goal.seen if layout.goal else ()
-    adaptive, more = layout.shape.adaptive, _more(layout)
-
-    doubted = layout.goal is not None and layout.goal.doubted
-    rows = joined(("reward[base:base + n]",), [f"info[{k}, base:base + n]" for k in range(len(layout.reports))])
+    adaptive, more, goal = layout.shape.adaptive, _more(layout), layout.goal
+    assert goal is not None
+    rows = joined([f"{name}[base:base + n]" for name in _user_arrays(goal)],
+                  [f"info[{k}, base:base + n]" for k in range(len(layout.reports))])
     steps = [*_begun("hold > 0", "hold", layout), "        for _ in range(substeps):", *_steps(layout, 3)]
     if adaptive:
         fresh = f"hold > 0 and turn == 0 and {layout.active} == 0.0"
@@ -468,26 +476,26 @@ def _step_blocks(layout: Layout) -> str:
             f"        base = {BLOCK}*b",
             f"        n = min({BLOCK}, size - base)",
             "        asked = action[base:base + n]",
-            "        for i in range(U(n)):",
+            "        for i in lanes(n):",
             f"            o[i + U({place['control']})] = "
             "-1.0 if asked[i] < -1.0 else (asked[i] if asked[i] < 1.0 else 1.0)",
             *steps,
             "        n = max(0, min(n, len(reward) - base))",
             f"        observe(s, o, n, h, bound, {rows}{shared})",
-            "        seen = observation[base:base + n]",
-            "        for i in range(U(n)):",
-            *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(seen)],
             "        over = terminated[base:base + n]",
-            "        for i in range(U(n)):",
-            f"            over[i] = o[i + U({place['ended']})] != 0.0",
             "        late = truncated[base:base + n]",
-            "        for i in range(U(n)):",
-            f"            late[i] = o[i + U({place['late']})] != 0.0",
             *([
+                "        seen = observation[base:base + n]",
+                "        for i in lanes(n):",
+                *[f"            seen[i, {k}] = o[i + U({place[name]})]" for k, name in enumerate(goal.seen)],
+                "        for i in lanes(n):",
+                f"            over[i] = o[i + U({place['ended']})] != 0.0",
+                "        for i in lanes(n):",
+                f"            late[i] = o[i + U({place['late']})] != 0.0",
                 "        given = reward[base:base + n]",
                 "        for i in range(U(n)):",
                 f"            r_found += 0 if abs(given[i]) <= {LARGEST} else {WRONG}",
-            ] if doubted else []),
+            ] if goal.doubted else []),
             "        r_ended = False",  # last: to read over and late right after they are written would wait for memory
             "        for i in range(U(n)):",
             "            r_ended = r_ended | over[i] | late[i]",

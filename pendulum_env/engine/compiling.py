@@ -23,6 +23,7 @@ from numba.core import codegen, compiler
 
 from pendulum_env.common.warn import warn
 from pendulum_env.engine.kernels import TEXT
+from pendulum_env.engine.lanes import width
 from pendulum_env.engine.llvm import CALL, Program, instructions
 from pendulum_env.engine.pairs import paired
 
@@ -94,8 +95,9 @@ class _Unoptimised(_Optimised):
 
 
 @contextmanager
-def _rewritten(function: Callable[..., Any], given: Sequence[Any]) -> Iterator[Any]:
-    """Give a function of a program whose arithmetic is written as instructions, for arguments of these types.
+def _rewritten(function: Callable[..., Any], given: Sequence[Any], features: str) -> Iterator[Any]:
+    """Give a function of a program whose arithmetic is written as instructions, for arguments of these types, and for
+    a processor with these features.
 
     In runs of one pendulum, sums of long Taylor series are paired.
     """
@@ -104,7 +106,7 @@ def _rewritten(function: Callable[..., Any], given: Sequence[Any]) -> Iterator[A
         yield function
         return
     text = paired(names[TEXT]) if function.__name__ == "run" else names[TEXT]
-    program = Program(text, function.__name__, given)
+    program = Program(text, function.__name__, given, width(features))
     rest: dict[str, Any] = {"__name__": names["__name__"], CALL: instructions}
     exec(compile(program.text, function.__code__.co_filename, "exec"), rest)
     try:
@@ -139,7 +141,8 @@ class Entry(_Whole):
         collects = gc.isenabled()
         gc.disable()
         try:
-            with _rewritten(function, self.state.args) as rewritten:
+            _, _, features = self.state.targetctx.codegen().magic_tuple()
+            with _rewritten(function, self.state.args, features) as rewritten:
                 return super().compile_extra(rewritten)
         except Exception as error:
             if TEXT not in function.__globals__:

@@ -39,6 +39,11 @@ separate = njit(**_ALL, **_INSIDE, pipeline_class=Separate, forceinline=True)
 apart = inline
 entry = njit(**_ALL, nogil=True, pipeline_class=Entry)
 
+
+@inline
+def lanes(n):
+    return range(U(n))
+
 '''
 
 ALLOCATING = '"_nrt": True'
@@ -143,7 +148,7 @@ def interpreted(text: str, title: str, names: Mapping[str, Any] | None = None) -
 
     ``names`` maps names of functions in the program to functions that replace them.
     """
-    namespace: dict[str, Any] = {**dict.fromkeys(("inline", "separate", "apart", "entry"), _unchanged), "U": int}
+    namespace: dict[str, Any] = {**dict.fromkeys(("inline", "separate", "apart", "entry"), _unchanged), "U": int, "lanes": range}
     exec(compile(text, f"<lab-pendulum {title}>", "exec"), namespace)
     namespace.update(names or {})
     return namespace
@@ -177,7 +182,7 @@ def cache_folder() -> Path:
 def rewriting() -> tuple[str, ...]:
     """Return the texts of the modules that rewrite a program before it is compiled, on which its machine code depends.
     """
-    modules = ("compiling", "llvm", "pairs")
+    modules = ("compiling", "lanes", "llvm", "pairs")
     return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in modules)
 
 

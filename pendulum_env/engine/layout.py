@@ -17,11 +17,12 @@ from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.shape import ADAPTED, TOLERANCE, Shape, derived, indent, joined
 from pendulum_env.engine.stages import WHOLE, Division, rows_of
 
-BLOCK = 248
-"""Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache.
+BLOCK = 176
+"""Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache, and a whole number of
+vectors (see :mod:`pendulum_env.engine.lanes`).
 
-A field is an odd number of cache lines of 64 bytes, 31. With a power of 2, equal places of all fields would share a
-few lines of the cache and displace each other.
+A field is 30 cache lines of 64 bytes. With a power of 2, equal places of all fields would share a few lines of the
+cache and displace each other.
 """
 
 CACHE_LINE = 64
@@ -231,7 +232,7 @@ def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], befo
     """
     head = f"def {name}({joined((first,), layout.shared)}):"
     inlined = "@separate" if layout.histories or separate else "@inline"
-    return "\n".join([inlined, head, *indent(before, 1), "    for i in range(U(n)):", *indent(lines, 2), ""])
+    return "\n".join([inlined, head, *indent(before, 1), "    for i in lanes(n):", *indent(lines, 2), ""])
 
 
 def side_of_turns(layout: Layout) -> list[str]:

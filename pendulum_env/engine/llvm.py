@@ -5,6 +5,10 @@ to find: nearly all that it computes is a number or a truth value. So functions 
 calls of each other and loops ``for i in range(U(n))`` over elements of arrays are written here, statement by statement,
 as the same operations in the same order: the bits of a result stay the same. In all other functions this is done with
 statements that follow each other. numba compiles what is left, such as loops that end early.
+
+Loops ``for i in lanes(n)`` over elements of blocks are written with vectors: an operation then computes a number for
+each of several pendulums, for twice as many as fill a register of the processor, so that it always has two independent
+operations to work on. See :mod:`pendulum_env.engine.lanes`.
 """
 
 from __future__ import annotations
@@ -19,6 +23,8 @@ from numba.core.cgutils import ir  # that of llvmlite, on which numba is built
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
+from pendulum_env.engine import lanes
+from pendulum_env.engine.lanes import element, spread
 from pendulum_env.engine.pairs import NAME, write_two_sums
 from pendulum_env.engine.source import PARSING
 
@@ -64,12 +70,13 @@ class Program:
         text: source of the program.
         entry: name of the function that Python calls.
         given: types of the arguments of that function, in numba.
+        width: number of elements of a vector.
     """
 
-    def __init__(self, text: str, entry: str, given: Sequence[Any]) -> None:
+    def __init__(self, text: str, entry: str, given: Sequence[Any], width: int = 1) -> None:
         with PARSING:
             tree = ast.parse(text)
-        self._entry, self._given = entry, given
+        self._entry, self._given, self.width = entry, given, width
         self._shapes: Mapping[str, int] = {}
         self.functions: dict[str, Function] = {}
         self.constants: dict[str, float] = {}
@@ -134,8 +141,7 @@ class Program:
                 targets, good = [target], self.value(value, known)
             case ast.Expr(value=ast.Call(func=ast.Name(id=name)) as call):
                 return name in self.functions and not self.functions[name].results and self._called(call, known)
-            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name("range"), args=[
-                    ast.Call(func=ast.Name("U"), args=[ast.Name(id=size)])]), orelse=[]):
+            case ast.For(target=ast.Name(id=name), iter=ast.Call() as call, orelse=[]) if (size := _size(call)):
                 inside = {*known, name}
                 return size in known and known.isdisjoint(_names(line, ast.Store)) and all(
                     self.line(one, inside) for one in line.body)
@@ -203,6 +209,16 @@ class Program:
             _place(one, known) for one in places)
 
 
+def _size(call: ast.Call) -> str:
+    """Return the name of the number of turns of a loop over ``range(U(n))`` or ``lanes(n)``, else ""."""
+    match call:
+        case ast.Call(func=ast.Name("range"), args=[ast.Call(func=ast.Name("U"), args=[ast.Name(id=size)])]):
+            return size
+        case ast.Call(func=ast.Name(lanes.NAME), args=[ast.Name(id=size)]):
+            return size
+    return ""
+
+
 def _names(node: ast.AST, context: type[ast.expr_context]) -> list[str]:
     return [one.id for one in ast.walk(node) if isinstance(one, ast.Name) and isinstance(one.ctx, context)]
 
@@ -249,12 +265,12 @@ def _whole_numbers(function: ast.FunctionDef) -> Set[str]:
     lines: list[tuple[str, ast.expr]] = []
     for node in ast.walk(function):
         match node:
-            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name("range"))):
+            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=ast.Name("range" | lanes.NAME))):
                 found.add(name)
             case ast.Assign(targets=[ast.Name(id=name)], value=value) | ast.AugAssign(
                     target=ast.Name(id=name), value=value):
                 lines.append((name, value))
-            case ast.Call(func=ast.Name("range" | "U"), args=parts):
+            case ast.Call(func=ast.Name("range" | "U" | lanes.NAME), args=parts):
                 found.update(one.id for one in parts if isinstance(one, ast.Name))
             case ast.Subscript(slice=places):
                 found.update(_names(places, ast.Load))
@@ -352,7 +368,9 @@ class _Rows:
 
 
 class _Numbered(ast.NodeTransformer):
-    """Writes calls of :func:`instructions` in place of those of a program's functions, each with a number."""
+    """Writes calls of :func:`instructions` in place of those of a program's functions, each with a number; and for
+    numba, ``range(U(n))`` in place of ``lanes(n)``.
+    """
 
     def __init__(self, program: Program) -> None:
         self.program, self.writer = program, Writer(program)
@@ -360,6 +378,9 @@ class _Numbered(ast.NodeTransformer):
 
     def visit_Call(self, call: ast.Call) -> ast.expr:
         self.generic_visit(call)
+        match call:
+            case ast.Call(func=ast.Name(lanes.NAME), args=[size]):
+                return ast.Call(ast.Name("range", ast.Load()), [ast.Call(ast.Name("U", ast.Load()), [size], [])], [])
         if not isinstance(call.func, ast.Name) or call.func.id not in self.program.functions:
             return call
         name = call.func.id
@@ -377,7 +398,8 @@ class Writer:
     """Writes functions of a program into modules of LLVM."""
 
     def __init__(self, program: Program) -> None:
-        self.functions, self.constants = program.functions, program.constants
+        self.functions, self.constants, self.width = program.functions, program.constants, program.width
+        self._lane: lanes.Lane | None = None
         self._results: dict[str, list[Any]] = {}
         self._trial = ir.Module()
 
@@ -417,23 +439,65 @@ class Writer:
     def _body(self, builder: Any, function: Function, given: Sequence[Any]) -> list[Any]:
         """Write the statements of a function and return its results."""
         values = dict(zip(function.parameters, given, strict=True))
+        outside, self._lane = self._lane, None
         self._lines(builder, function.body, values)
-        return [self._value(builder, one, values) for one in function.results]
+        results = [self._value(builder, one, values) for one in function.results]
+        self._lane = outside
+        return results
 
     def _lines(self, builder: Any, body: Sequence[ast.stmt], values: dict[str, Any]) -> None:
         """Write statements; put the names that they set into ``values``."""
-        for line in body:
+        for line in lanes.rows(body, self._lane.name) if self._lane else body:
             match line:
+                case lanes.Row():
+                    self._set_row(builder, line, values)
                 case ast.Expr(value=ast.Call() as call):
                     self._called(builder, call, values)
-                case ast.For(target=ast.Name(id=name), iter=ast.Call(args=[ast.Call(args=[ast.Name(id=size)])])):
-                    with cgutils.for_range(builder, values[size]) as loop:
+                case ast.For(target=ast.Name(id=name), iter=ast.Call() as call):
+                    count = values[_size(call)]
+                    if self.width > 1 and lanes.fits(line):
+                        self._in_vectors(builder, line, count, values)
+                        continue
+                    with cgutils.for_range(builder, count) as loop:
                         self._lines(builder, line.body, {**values, name: loop.index})
                 case ast.Assign(targets=[ast.Tuple(elts=targets)], value=value):
                     for target, one in zip(targets, self._several(builder, value, values), strict=True):
                         self._set(builder, target, one, values)
                 case ast.Assign(targets=[target], value=value):
                     self._set(builder, target, self._value(builder, value, values), values)
+
+    def _in_vectors(self, builder: Any, loop: ast.For, count: Any, values: dict[str, Any]) -> None:
+        """Write a loop that computes with vectors; the last takes only the elements of some arrays that are there."""
+        assert isinstance(loop.target, ast.Name)
+        name, step = loop.target.id, WHOLE(self.width)
+        whole = lanes.arrays(loop) <= lanes.ROOMY
+        end = count if whole else builder.and_(count, WHOLE(-self.width))
+        with cgutils.for_range_slice(builder, WHOLE(0), end, step) as (index, _):
+            self._lane = lanes.Lane(name, None)
+            self._lines(builder, loop.body, {**values, name: index})
+        if not whole:
+            with builder.if_then(builder.icmp_signed("<", end, count)):
+                self._lane = lanes.Lane(name, lanes.counting(builder, builder.sub(count, end), self.width))
+                self._lines(builder, loop.body, {**values, name: end})
+        self._lane = None
+
+    def _set_row(self, builder: Any, row: lanes.Row, values: dict[str, Any]) -> None:
+        """Write the assignments to the columns of rows of an array, which lie one after the other in memory."""
+        assert self._lane is not None
+        columns = []
+        for node in row.values:
+            value = lanes.repeated(builder, _number(builder, self._value(builder, node, values), node), self.width)
+            columns.append(builder.fptrunc(value, lanes.like(value.type, SINGLE)))
+        start = builder.extract_value(values[row.array], 0)
+        start = builder.gep(start, [builder.mul(values[self._lane.name], WHOLE(len(columns)))])
+        mask = self._lane.mask
+        lanes.store(builder, lanes.interleaved(builder, columns), start,
+                    None if mask is None else lanes.each_repeated(builder, mask, len(columns)))
+
+    def _mask(self, node: ast.Subscript) -> Any:
+        """Return the elements that count of a vector in an array, or None if all do."""
+        assert self._lane is not None and isinstance(node.value, ast.Name)
+        return None if node.value.id in lanes.ROOMY else self._lane.mask
 
     def _set(self, builder: Any, target: ast.expr, value: Any, values: dict[str, Any]) -> None:
         """Write the assignment of a value to a name or to an element of an array."""
@@ -443,13 +507,19 @@ class Writer:
             case ast.Subscript():
                 address = self._address(builder, target, values)
                 kind = address.type.pointee
-                if kind == SINGLE:
-                    value = builder.fptrunc(_number(builder, value, target), kind)
-                elif kind == BYTE:
-                    value = builder.zext(value, kind)
-                else:
+                if kind != BYTE:
                     value = _number(builder, value, target)
-                builder.store(value, address)
+                in_vectors = self._lane is not None and lanes.along(target, self._lane.name)
+                if in_vectors:
+                    value = lanes.repeated(builder, value, self.width)
+                if kind == SINGLE:
+                    value = builder.fptrunc(value, lanes.like(value.type, kind))
+                elif kind == BYTE:
+                    value = builder.zext(value, lanes.like(value.type, kind))
+                if in_vectors:
+                    lanes.store(builder, value, address, self._mask(target))
+                else:
+                    builder.store(value, address)
 
     def _several(self, builder: Any, node: ast.expr, values: Mapping[str, Any]) -> list[Any]:
         """Write a tuple, or a call with several results, and return its values."""
@@ -487,31 +557,38 @@ class Writer:
                 return compare(SIGNS[type(op)], *self._both(builder, left, right, NUMBER, values))
             case ast.IfExp(test=test, body=body, orelse=other):
                 true, false = (self._value(builder, one, values) for one in (body, other))
-                if true.type != false.type:
+                if element(true.type) != element(false.type):
                     true, false = _number(builder, true, body), _number(builder, false, other)
-                return builder.select(self._value(builder, test, values), true, false)
+                return builder.select(*spread(builder, [self._value(builder, test, values), true, false]))
             case ast.Call(func=ast.Name(id=name), args=[argument]) if name in ELEMENTARY:
-                function = builder.module.declare_intrinsic(ELEMENTARY[name], [NUMBER])
-                return builder.call(function, [_number(builder, self._value(builder, argument, values), argument)])
+                value = _number(builder, self._value(builder, argument, values), argument)
+                kind = f"v{value.type.count}f64" if value.type != NUMBER else "f64"
+                function = builder.module.declare_intrinsic(
+                    f"{ELEMENTARY[name]}.{kind}", (), ir.FunctionType(value.type, [value.type]))
+                return builder.call(function, [value])
             case ast.Call(func=ast.Name(id=name), args=[first, second]) if name in CHOSEN:
                 one, other = self._both(builder, first, second, NUMBER, values)
                 return builder.select(builder.fcmp_ordered(CHOSEN[name], other, one), other, one)
             case ast.Subscript():
-                found = builder.load(self._address(builder, node, values))
-                if found.type == SINGLE:
-                    return builder.fpext(found, NUMBER)
-                return builder.trunc(found, TRUTH) if found.type == BYTE else found
+                address = self._address(builder, node, values)
+                if self._lane is not None and lanes.along(node, self._lane.name):
+                    found = lanes.load(builder, address, self.width, self._mask(node))
+                else:
+                    found = builder.load(address)
+                if element(found.type) == SINGLE:
+                    return builder.fpext(found, lanes.like(found.type, NUMBER))
+                return builder.trunc(found, lanes.like(found.type, TRUTH)) if element(found.type) == BYTE else found
         return self._called(builder, node, values)
 
     def _both(self, builder: Any, left: ast.expr, right: ast.expr, kind: Any, values: Mapping[str, Any]) -> list[Any]:
         """Write two operands of this type and return their values; a whole number beside a number becomes one."""
         found = [self._value(builder, one, values) for one in (left, right)]
-        if kind == NUMBER and any(one.type == NUMBER for one in found):
+        if kind == NUMBER and any(element(one.type) == NUMBER for one in found):
             found = [_number(builder, one, node) for one, node in zip(found, (left, right), strict=True)]
-        if any(one.type != kind for one in found):
+        if any(element(one.type) != kind for one in found):
             raise TypingError(f"{ast.unparse(left)} and {ast.unparse(right)} must be of type {kind}, not "
                               f"{found[0].type} and {found[1].type}.")
-        return found
+        return spread(builder, found)
 
     def _address(self, builder: Any, node: ast.Subscript, values: Mapping[str, Any]) -> Any:
         """Write the address of an element of an array and return it."""
@@ -540,9 +617,9 @@ def _number(builder: Any, value: Any, node: ast.expr) -> Any:
     """Return a value as a number; whole numbers and truth values become one. Messages show the source ``node``."""
     if value.type == WHOLE:
         return builder.sitofp(value, NUMBER)
-    if value.type == TRUTH:
-        return builder.uitofp(value, NUMBER)
-    if value.type != NUMBER:
+    if element(value.type) == TRUTH:
+        return builder.uitofp(value, lanes.like(value.type, NUMBER))
+    if element(value.type) != NUMBER:
         raise TypingError(f"{ast.unparse(node)} must be a number, not {value.type}.")
     return value
 

@@ -251,11 +251,11 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             )
         results = self._batch.results() if self._reused is None else self._reused
         try:
-            given = self._room(results)
             if self._sensing is None:
+                given = results.observation
                 taken = self._batch.step(action, results)
             else:
-                taken = True
+                given, taken = self._room(results), True
                 self._batch.step_in_parts(self._sensing, action, results, given)
         except BaseException:
             self._begun = False
@@ -278,7 +278,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             extra = self._restart(waiting, results)
             results.reward[waiting] = 0.0
             given = self._read(results)
-        seen = self._seen(given, results)
+        seen = given if self._sensing is None and not self._bounded else self._seen(given, results)
         over, self._over = NOBODY, NOBODY
         if self._batch.ended and (over := np.flatnonzero(results.terminated | results.truncated)).size:
             if self._penalty:
