@@ -148,7 +148,8 @@ def interpreted(text: str, title: str, names: Mapping[str, Any] | None = None) -
 
     ``names`` maps names of functions in the program to functions that replace them.
     """
-    namespace: dict[str, Any] = {**dict.fromkeys(("inline", "separate", "apart", "entry"), _unchanged), "U": int, "lanes": range}
+    namespace: dict[str, Any] = {**dict.fromkeys(("inline", "separate", "apart", "entry"), _unchanged),
+                                 "U": int, "lanes": range}
     exec(compile(text, f"<lab-pendulum {title}>", "exec"), namespace)
     namespace.update(names or {})
     return namespace

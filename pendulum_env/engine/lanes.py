@@ -52,7 +52,8 @@ class Row(NamedTuple):
 
 def arrays(loop: ast.For) -> set[str]:
     """Return the names of the arrays whose elements a loop reads or writes."""
-    return {one.value.id for one in ast.walk(loop) if isinstance(one, ast.Subscript) and isinstance(one.value, ast.Name)}
+    elements = [node.value for node in ast.walk(loop) if isinstance(node, ast.Subscript)]
+    return {array.id for array in elements if isinstance(array, ast.Name)}
 
 
 def fits(loop: ast.For) -> bool:
@@ -60,25 +61,18 @@ def fits(loop: ast.For) -> bool:
 
     Then the elements of a vector lie next to each other in memory.
     """
-    if not (isinstance(loop.iter, ast.Call) and isinstance(loop.iter.func, ast.Name) and loop.iter.func.id == NAME):
-        return False
-    assert isinstance(loop.target, ast.Name)
-    index = loop.target.id
-    lines = rows(loop.body, index)
-    read = {name for line in lines for name in _read(line)}
-    if any(isinstance(line, ast.For) or isinstance(line, Row) and line.array in read for line in lines):
-        return False
+    match loop:
+        case ast.For(target=ast.Name(id=index), iter=ast.Call(func=ast.Name(id=name))) if name == NAME:
+            lines = rows(loop.body, index)
+        case _:
+            return False
     parts = [part for line in lines for part in (line.values if isinstance(line, Row) else [line])]
     nodes = [node for part in parts for node in ast.walk(part)]
-    meant = sum(isinstance(node, ast.Name) and node.id == index for node in nodes)
-    return meant == sum(isinstance(node, ast.Subscript) and along(node, index) for node in nodes)
-
-
-def _read(line: ast.stmt | Row) -> set[str]:
-    """Return the names that a line reads, or the arrays of which it sets elements one by one."""
-    parts = line.values if isinstance(line, Row) else [line]
-    return {node.id for part in parts for node in ast.walk(part)
-            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+    names = [node.id for node in nodes if isinstance(node, ast.Name)]
+    meant = sum(isinstance(node, ast.Subscript) and along(node, index) for node in nodes)
+    whole_rows = {line.array for line in lines if isinstance(line, Row)}  # nothing else uses their elements
+    return (names.count(index) == meant and whole_rows.isdisjoint(names)
+            and not any(isinstance(line, ast.For) for line in lines))
 
 
 def along(node: ast.Subscript, index: str) -> bool:

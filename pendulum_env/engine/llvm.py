@@ -496,7 +496,8 @@ class Writer:
 
     def _mask(self, node: ast.Subscript) -> Any:
         """Return the elements that count of a vector in an array, or None if all do."""
-        assert self._lane is not None and isinstance(node.value, ast.Name)
+        assert self._lane is not None
+        assert isinstance(node.value, ast.Name)
         return None if node.value.id in lanes.ROOMY else self._lane.mask
 
     def _set(self, builder: Any, target: ast.expr, value: Any, values: dict[str, Any]) -> None:
