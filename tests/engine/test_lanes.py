@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -15,7 +16,7 @@ import pytest
 
 from pendulum_env.engine import lanes
 from pendulum_env.engine.elementwise import Kernel
-from pendulum_env.engine.kernels import functions, interpreted
+from pendulum_env.engine.kernels import forget, functions, interpreted
 from pendulum_env.engine.layout import BLOCK
 
 ROOM = 64
@@ -133,7 +134,9 @@ def test_which_loops_are_written_with_vectors(name: str) -> None:
     assert lanes.fits(loop) == (name in VECTORS)
 
 
-def test_vectors_are_in_the_compiled_program() -> None:
+def test_vectors_are_in_the_compiled_program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))  # numba shows no code that it has loaded
+    forget()
     found = []
     for name in ("fields of blocks", "every second element"):
         go = compiled(program(name, "apart"))
