@@ -1,6 +1,6 @@
 """Many pendulums with the same effects and method, stored in blocks and advanced by one call of a generated program.
 
-A block holds 248 pendulums (BLOCK) in one array, so that the compiled loop over them uses SIMD instructions.
+A block holds BLOCK pendulums in one array, so that the compiled loop over them uses SIMD instructions.
 """
 
 from __future__ import annotations
@@ -268,7 +268,7 @@ class Blocks:
     def _blocks(self, size: int) -> Array:
         """Return zero-filled memory for ``size`` pendulums, an array ``(blocks, fields * BLOCK)``.
 
-        A row is one block: for every field, such as angle or velocity, it holds the numbers of 248 (BLOCK) pendulums.
+        A row is one block: for every field, such as angle or velocity, it holds the numbers of BLOCK pendulums.
         """
         return aligned((-(-size // BLOCK), len(self.layout.fields) * BLOCK))
 
@@ -280,7 +280,7 @@ class Blocks:
     def _fields(self, state: Array) -> Array:
         """Return a view of the blocks in ``state`` with the shape ``(blocks, fields, BLOCK)``.
 
-        A field is one quantity, such as angle or velocity, and BLOCK = 248 is the number of pendulums in a block.
+        A field is one quantity, such as angle or velocity, and BLOCK is the number of pendulums in a block.
         """
         return state.reshape(-1, len(self.layout.fields), BLOCK)
 

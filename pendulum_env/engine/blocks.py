@@ -1,8 +1,9 @@
 """Generated source of the loops over blocks of environments, without branches, so that they compile to SIMD code.
 
-One array holds a block of 248 environments (BLOCK), field after field: all angles, then all velocities, and so on. From
-one base address and constant offsets the compiler can prove that fields do not overlap, and unsigned indices need no
-check of their sign. The state of environments that have stopped is preserved by selection, not by branches. In runs a
+One array holds a block of environments (BLOCK), field after field: all angles, then all velocities, and so on. Loops
+``for i in lanes(n)`` take several environments at once, and may go on to the end of a vector, where fields have room;
+see :mod:`pendulum_env.engine.lanes`. Other loops are ``range(U(n))``: from one base address and constant offsets the
+compiler can prove that fields do not overlap, and unsigned indices need no check of their sign. The state of environments that have stopped is preserved by selection, not by branches. In runs a
 long history of a multistep method has changing offsets; see :class:`pendulum_env.engine.layout.Layout`.
 
 With a tolerance every pendulum takes steps of its own. While it is within a step of h, its progress is in a *slot* of

@@ -226,9 +226,9 @@ def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], befo
 
     The lines ``before`` are run once, before the loop. The function's arrays must not overlap.
 
-    With ``separate``, or if histories slide, the compiler is told that the arrays do not overlap. It still has to
-    compare addresses within ``s``; with those of other arrays there would be too many, and the loop would take one
-    environment at a time.
+    With ``separate``, or if histories slide, the compiler is told that the arrays do not overlap. Where a loop is left
+    to it, it still has to compare addresses within ``s``; with those of other arrays there would be too many, and the
+    loop would take one environment at a time.
     """
     head = f"def {name}({joined((first,), layout.shared)}):"
     inlined = "@separate" if layout.histories or separate else "@inline"

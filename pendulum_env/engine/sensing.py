@@ -152,7 +152,7 @@ class MotionFields:
     """Layout of the environments' motion in memory.
 
     Attributes:
-        width: number of environments in a block: 248, or 1 for the state of a single environment.
+        width: number of environments in a block: BLOCK, or 1 for the state of a single environment.
         angle, turns, velocity: indices of these fields.
         periodic: True if the angle is that from the nearer of bottom and top.
     """
