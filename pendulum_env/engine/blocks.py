@@ -2,9 +2,10 @@
 
 One array holds a block of environments (BLOCK), field after field: all angles, then all velocities, and so on. Loops
 ``for i in lanes(n)`` take several environments at once, and may go on to the end of a vector, where fields have room;
-see :mod:`pendulum_env.engine.lanes`. Other loops are ``range(U(n))``: from one base address and constant offsets the
-compiler can prove that fields do not overlap, and unsigned indices need no check of their sign. The state of environments that have stopped is preserved by selection, not by branches. In runs a
-long history of a multistep method has changing offsets; see :class:`pendulum_env.engine.layout.Layout`.
+see :mod:`pendulum_env.engine.lanes`. Other loops are over ``range(U(n))``: from one base address and constant offsets
+the compiler can prove that fields do not overlap, and unsigned indices need no check of their sign. The state of
+environments that have stopped is preserved by selection, not by branches. In runs a long history of a multistep method
+has changing offsets; see :class:`pendulum_env.engine.layout.Layout`.
 
 With a tolerance every pendulum takes steps of its own. While it is within a step of h, its progress is in a *slot* of
 the block's work array ``w``. Loops without branches take one attempt of an adaptive step in every slot in use, and
@@ -369,14 +370,13 @@ def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
 def _observe(layout: Layout) -> str:
     """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block.
 
-    It writes to the user's arrays. With functions of a user, which are not computed with vectors, it writes all but
-    rewards and quantities to ``o``: they have other types in the user's arrays, so that the compiler would take one
-    environment at a time.
+    It writes to the user's arrays. With functions of a user that the loop computes for one environment after the other,
+    it writes all but rewards and quantities to ``o``, because arrays of several types would take the compiler longer.
     """
     goal = layout.goal
     assert goal is not None
     told = [f"{layout.out('late')} = 1.0 if late else 0.0", f"{layout.out('ended')} = status",
-            *[f"{layout.out(name)} = {name}" for name in goal.seen]] if goal.doubted else [
+            *[f"{layout.out(name)} = {name}" for name in goal.seen]] if not goal.straight else [
         "truncated[i] = late", "terminated[i] = status != 0.0",
         *[f"observation[i, {column}] = {name}" for column, name in enumerate(goal.seen)]]
     turned = ["cosine = -cosine", "sine = -sine"] if goal.upright else []
@@ -403,7 +403,7 @@ def _observe(layout: Layout) -> str:
 
 def _user_arrays(goal: Goal) -> tuple[str, ...]:
     """Return the names of the user's arrays, other than reported quantities, that ``observe`` writes to."""
-    return ("reward",) if goal.doubted else ("reward", "observation", "terminated", "truncated")
+    return ("reward", "observation", "terminated", "truncated") if goal.straight else ("reward",)
 
 
 def _record(layout: Layout) -> str:
@@ -493,6 +493,8 @@ def _step_blocks(layout: Layout) -> str:
                 f"            over[i] = o[i + U({place['ended']})] != 0.0",
                 "        for i in lanes(n):",
                 f"            late[i] = o[i + U({place['late']})] != 0.0",
+            ] if not goal.straight else []),
+            *([
                 "        given = reward[base:base + n]",
                 "        for i in range(U(n)):",
                 f"            r_found += 0 if abs(given[i]) <= {LARGEST} else {WRONG}",

@@ -8,11 +8,12 @@ same bits.
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pendulum_env.engine.source import Plain, arguments, constants_of, copied, with_callees
+from pendulum_env.engine.source import PARSING, Plain, arguments, constants_of, copied, with_callees
 from pendulum_env.engine.translated import Piece, built
 from pendulum_env.engine.wrap import half_turns
 from pendulum_env.physics.elementary import cos, sin
@@ -102,6 +103,17 @@ class Goal:
     def doubted(self) -> bool:
         """Return True if functions are a user's, so that programs count the rewards that are not finite."""
         return bool(self.pieces)
+
+    @property
+    def straight(self) -> bool:
+        """Return True if a loop can compute the functions for several environments at once.
+
+        A user's function with ``if`` or a power with a broken exponent is computed for one after the other.
+        """
+        with PARSING:
+            nodes = [node for piece in self.pieces for node in ast.walk(ast.parse(piece.text))]
+        return not any(isinstance(node, ast.If) or (isinstance(node, ast.Name) and node.id == "power")
+                       for node in nodes)
 
     @property
     def named(self) -> frozenset[str]:

@@ -45,7 +45,7 @@ OPERATIONS = {ast.Add: "fadd", ast.Sub: "fsub", ast.Mult: "fmul", ast.Div: "fdiv
 SIGNS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 ELEMENTARY = {"abs": "llvm.fabs", "sqrt": "llvm.sqrt"}
 CHOSEN = {"max": ">", "min": "<"}
-"""Functions of two numbers -> how the second must compare with the first to be the result, as in Python."""
+"""Functions of numbers -> how a later number must compare with the result so far to take its place, as in Python."""
 
 
 class Function(NamedTuple):
@@ -188,8 +188,8 @@ class Program:
                 return self._element(node, known)
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in ELEMENTARY:
                 return self.value(argument, known)
-            case ast.Call(func=ast.Name(id=name), args=[one, other], keywords=[]) if name in CHOSEN:
-                return self.value(one, known) and self.value(other, known)
+            case ast.Call(func=ast.Name(id=name), args=[_, _, *_] as parts, keywords=[]) if name in CHOSEN:
+                return all(self.value(one, known) for one in parts)
             case ast.Call(func=ast.Name(id=name)):
                 return name in self.functions and self.functions[name].single and self._called(node, known)
         return False
@@ -567,9 +567,13 @@ class Writer:
                 function = builder.module.declare_intrinsic(
                     f"{ELEMENTARY[name]}.{kind}", (), ir.FunctionType(value.type, [value.type]))
                 return builder.call(function, [value])
-            case ast.Call(func=ast.Name(id=name), args=[first, second]) if name in CHOSEN:
-                one, other = self._both(builder, first, second, NUMBER, values)
-                return builder.select(builder.fcmp_ordered(CHOSEN[name], other, one), other, one)
+            case ast.Call(func=ast.Name(id=name), args=[first, *rest]) if name in CHOSEN:
+                one = _number(builder, self._value(builder, first, values), first)
+                for node in rest:
+                    other = _number(builder, self._value(builder, node, values), node)
+                    one, other = spread(builder, [one, other])
+                    one = builder.select(builder.fcmp_ordered(CHOSEN[name], other, one), other, one)
+                return one
             case ast.Subscript():
                 address = self._address(builder, node, values)
                 if self._lane is not None and lanes.along(node, self._lane.name):

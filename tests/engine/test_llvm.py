@@ -32,6 +32,7 @@ WHOLE = {
     "a truth value of the program": "@inline\ndef f(x, y):\n    return x if False | (x > y) else y\n",
     "abs and sqrt": "@inline\ndef f(x, y):\n    return abs(x) + sqrt(abs(y))\n",
     "max and min": "@inline\ndef f(x, y):\n    return max(-y, min(y, x)) + max(x, 0.0)\n",
+    "the largest of three": "@inline\ndef f(x, y):\n    return max(x, y, 0.5) - min(-x, 2.0*y, 0.1, y)\n",
     "a name set twice": "@inline\ndef f(x, y):\n    x = x + y\n    x = x*x\n    return x - y\n",
     "constants": "@inline\ndef f(x, y):\n    return LARGE*x - SMALL*y + (NAN if x > y else 1.0)\n",
     "an infinite number": "@inline\ndef f(x, y):\n    return x if abs(y) < 1e999 else 1e999 - 1e999\n",
@@ -61,7 +62,6 @@ LEFT = {
     "a power": "@inline\ndef f(x, y):\n    return x**2 + y\n",
     "a chain of comparisons": "@inline\ndef f(x, y):\n    return x if 0.0 < x < y else y\n",
     "and": "@inline\ndef f(x, y):\n    return x if x > 0.0 and y > 0.0 else y\n",
-    "the largest of three": "@inline\ndef f(x, y):\n    return max(x, y, 0.5) - y\n",
 }
 """Functions of which something is left to numba."""
 
