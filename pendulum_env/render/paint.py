@@ -14,13 +14,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
-
+PIXEL = np.dtype("V3")
+"""The three bytes of a pixel as one item, which is copied at once."""
 NONE, HALF, FULL = (np.array(value, dtype=np.float32) for value in (0.0, 0.5, 1.0))
 """0, 0.5 and 1 as arrays without axes, which numpy's functions take in half the time of a number."""
 _CENTRES: Floats = np.arange(65_536, dtype=np.float32) + np.float32(0.5)
@@ -41,14 +41,33 @@ def spread(colour: Floats, pixels: int) -> Floats:
 
 def blend(patch: Image, cover: Floats, colour: Floats) -> None:
     """Mix `colour`, (3,) or (..., 3), into pixels `patch` (..., 3) in place; `cover` (...) is the opacity, 0 to 1."""
-    flat = patch.reshape(*patch.shape[:-2], 3 * patch.shape[-2])
-    tone = spread(colour, patch.shape[-2]) if colour.ndim == 1 else colour.reshape(flat.shape)
-    under = flat.astype(np.float32)
-    mixed = tone - under
+    under = patch.astype(np.float32, order="C").reshape(*patch.shape[:-2], 3 * patch.shape[-2])
+    patch[...] = _blended(under, cover, colour).reshape(patch.shape)
+
+
+def blend_at(image: Image, where: NDArray[np.intp], cover: Floats, colour: Floats) -> None:
+    """Mix `colour`, (3,) or (..., 3), into the pixels of an image whose flat indices are `where` (...), each once.
+
+    `cover` (...) is the opacity, 0 to 1.
+    """
+    whole = np.ascontiguousarray(image)
+    pixels = np.ndarray(whole.size // 3, PIXEL, whole)
+    under = pixels.take(where).view(np.uint8).astype(np.float32)
+    pixels.put(where, _blended(under, cover, colour).astype(np.uint8).view(PIXEL))
+    if whole is not image:
+        image[...] = whole
+
+
+def _blended(under: Floats, cover: Floats, colour: Floats) -> Floats:
+    """Return rows of pixels `under` (..., 3 n) mixed with `colour`, (3,) or (..., n, 3), plus 0.5 for rounding.
+
+    `cover` (..., n) is the opacity, 0 to 1.
+    """
+    mixed = (spread(colour, cover.shape[-1]) if colour.ndim == 1 else colour.reshape(under.shape)) - under
     mixed *= cover.repeat(3, axis=-1)
     mixed += under
     mixed += HALF
-    patch[...] = mixed.reshape(patch.shape)
+    return mixed
 
 
 def _span(low: float, high: float, limit: int) -> tuple[int, int]:
@@ -142,9 +161,10 @@ def _row(colour: bytes, pixels: int) -> Image:
 
 def mix(patch: Image, colour: Floats, share: float) -> None:
     """Mix a colour, (3,), into pixels `patch` (..., 3) in place; `share`, 0 to 1, is the fraction of the colour."""
-    mixed = colour - patch
+    under = patch.astype(np.float32)
+    mixed = colour - under
     mixed *= share
-    mixed += patch
+    mixed += under
     mixed += HALF
     patch[...] = mixed
 
@@ -183,15 +203,17 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
     from its top edge to its bottom edge where the line is nearer to the horizontal.
     """
     if abs(x1 - x0) > abs(y1 - y0):
-        _stroke(image.swapaxes(0, 1), y0, x0, y1, x1, width, colour)
+        _stroke(image, True, y0, x0, y1, x1, width, colour)
     elif y1 != y0:
-        _stroke(image, x0, y0, x1, y1, width, colour)
+        _stroke(image, False, x0, y0, x1, y1, width, colour)
 
 
-def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: float, colour: Floats) -> None:
+def _stroke(image: Image, swapped: bool, x0: float, y0: float, x1: float, y1: float, width: float,
+            colour: Floats) -> None:
     """Draw a straight line that is nearer to the vertical than to the horizontal, `width` pixels wide.
 
-    In every row of the image the same number of pixels around the line is computed.
+    In every row of the image the same number of pixels around the line is computed. With `swapped`, rows and columns
+    are exchanged.
     """
     if y1 < y0:
         x0, y0, x1, y1 = x1, y1, x0, y0
@@ -199,39 +221,27 @@ def _stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: flo
     ux, uy = (x1 - x0) / length, (y1 - y0) / length
     half = width / 2
     reach = (half + 0.5) / uy
-    top, bottom = _span(y0 - half - 1, y1 + half + 1, image.shape[0])
+    rows, columns = image.shape[1::-1] if swapped else image.shape[:2]
+    down, right = (1, rows) if swapped else (columns, 1)
+    top, bottom = _span(y0 - half - 1, y1 + half + 1, rows)
     if top >= bottom:
         return
+    count = min(math.ceil(2 * reach) + 1, columns)
     ys = _CENTRES[top:bottom] - y0
-    count = min(math.ceil(2 * reach) + 1, image.shape[1])
     left = np.ceil(ys * (ux / uy) + (x0 - reach - 0.5))
-    np.minimum(np.maximum(left, NONE, out=left), image.shape[1] - count, out=left)
-    xs, offset, aside, down = left + (0.5 - x0), _OFFSETS[:count], np.array(ux, np.float32), np.array(uy, np.float32)
-    across = (xs * down - ys * aside)[:, None] + offset * down
-    along = (xs * aside + ys * down)[:, None] + offset * aside
-    cover = half - np.abs(across)
+    np.minimum(np.maximum(left, NONE, out=left), columns - count, out=left)
+    turn, cross = np.array(((uy, ux), (-ux, uy)), dtype=np.float32)[..., None]
+    ends = (left + (0.5 - x0)) * turn
+    ends += ys * cross
+    across, along = (_OFFSETS[:count] * turn)[..., None] + ends[:, None]
+    cover = np.array(length, np.float32) - along
     np.minimum(cover, along, out=cover)
-    np.minimum(cover, length - along, out=cover)
+    np.minimum(cover, np.array(half, np.float32) - np.abs(across), out=cover)
     cover += HALF
-    np.minimum(np.maximum(cover, NONE, out=cover), min(1.0, width), out=cover)
+    np.minimum(np.maximum(cover, NONE, out=cover), FULL if width >= 1 else width, out=cover)
     if colour.ndim == 2:
-        across *= (len(colour) - 1) / width
-        across += (len(colour) - 1) / 2
+        across *= np.array((len(colour) - 1) / width, np.float32)
+        across += np.array((len(colour) - 1) / 2, np.float32)
         colour = colour.take(across.astype(np.intp), axis=0, mode="clip")
-    where, windows = (np.arange(top, bottom), left.astype(np.intp)), _windows(image, count)
-    patch = windows[where]
-    blend(patch, cover, colour)
-    windows[where] = patch
-
-
-def _windows(image: Image, count: int) -> Image:
-    """Return a view of an image, without copying, as an array of windows of ``count`` neighbouring pixels in a row.
-
-    Element [i, j] holds the pixels of row i from column j on.
-    """
-    down, right, deep = image.strides
-    shape, strides = (image.shape[0], image.shape[1] - count + 1, count, 3), (down, right, right, deep)
-    base = image if image.flags.c_contiguous else image.base
-    if base is not None and base.flags.c_contiguous and base.nbytes == image.nbytes:
-        return np.ndarray(shape, np.uint8, base, 0, strides)
-    return as_strided(image, shape, strides)
+    where = np.arange(top * down, bottom * down, down) + left.astype(np.intp) * right
+    blend_at(image, where + np.arange(0, count * right, right)[:, None], cover, colour)

@@ -9,11 +9,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.render.paint import FULL, NONE, Floats, Image, blend
+from pendulum_env.render.paint import FULL, NONE, Floats, Image, blend_at
 
 TURN = 2 * math.pi
-PIXEL = np.dtype("V3")
-"""The three bytes of a pixel as one item, which is copied at once."""
 HEAD = 0.6
 """Ratio of half the width of an arrow's head to its length."""
 _SLOPE = np.array(HEAD / math.hypot(1, HEAD), dtype=np.float32)
@@ -71,7 +69,7 @@ class Ring:
             np.maximum(np.minimum(point, tip - rest, out=point), shaft, out=shaft)
             seen = (shaft > NONE).nonzero()[0]
             share = shaft.take(seen)
-            self._paint(image, self.pixel[part].take(seen), np.minimum(share, FULL, out=share), colour)
+            blend_at(image, self.pixel[part].take(seen), np.minimum(share, FULL, out=share), colour)
 
     def trail(self, image: Image, angles: Sequence[float], strongest: float, colour: Floats) -> None:
         """Paint the trail of a bob that moved along the circle through `angles` [rad], oldest first.
@@ -98,11 +96,11 @@ class Ring:
         if low < -3.0 or high > 3.0:  # indices down to -bins count from the end
             places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
-        strength[places] = np.interp(moments, ends, _fade(len(path), strongest))
+        strength.put(places, np.interp(moments, ends, _fade(len(path), strongest)))
         for part, _ in self._between(low, high):
             share = strength.take(self.bin[part])
             share *= self.cover[part]
-            self._paint(image, self.pixel[part], share, colour)
+            blend_at(image, self.pixel[part], share, colour)
 
     def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
         """Yield slices of the circle's pixels, sorted by angle, that lie between two angles [rad]: one slice or two.
@@ -120,14 +118,6 @@ class Ring:
         yield slice(self.first[min(first, self.bins)], self.first[min(last, self.bins)]), -turns
         if last > self.bins:
             yield slice(0, self.first[min(last - self.bins, first)]), -turns - TURN
-
-    @staticmethod
-    def _paint(image: Image, where: NDArray[np.intp], share: Floats, colour: Floats) -> None:
-        """Mix a colour into pixels of an image, given by flat indices ``where``, with the opacities ``share``."""
-        pixels = image.reshape(-1).view(PIXEL)
-        patch = pixels.take(where)
-        blend(patch.view(np.uint8).reshape(-1, 3), share, colour)
-        pixels[where] = patch
 
 
 @lru_cache(maxsize=16)

@@ -30,7 +30,8 @@ from pendulum_env.render import (
     strip,
 )
 from pendulum_env.render import text as lettering
-from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, rgb
+from pendulum_env.render.paint import stroke
+from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, gradient, rgb
 
 ROOT = Path(__file__).resolve().parents[2]
 WIRE = Apparatus(length=0.353, bob_radius=0.0107, suspension="wire", rod_radius=0.0002, title="exercise")
@@ -114,6 +115,23 @@ def test_edges_are_antialiased():
     ink = (255 - rows).sum(axis=(1, 2))
     assert ink.min() > 0
     assert np.ptp(ink) < 0.05 * ink.mean()
+
+
+@pytest.mark.parametrize("ends", [(8.2, 3.1, 21.7, 30.4), (3.1, 8.2, 30.4, 21.7), (-4.0, 9.0, 50.0, 12.5)])
+@pytest.mark.parametrize("colour", [rgb("#D55E00"), gradient("#000000", "#FFFFFF")])
+def test_a_line_is_the_same_in_a_part_of_an_image_and_in_a_mirrored_one(ends, colour):
+    whole = np.random.default_rng(0).integers(0, 256, (60, 70, 3)).astype(np.uint8)
+    before, part = whole.copy(), (slice(7, 47), slice(9, 44))
+    alone, mirrored = whole[part].copy(), whole[part].swapaxes(0, 1).copy()
+    x0, y0, x1, y1 = ends
+    stroke(alone, *ends, 3.4, colour)
+    stroke(mirrored, y0, x0, y1, x1, 3.4, colour)
+    stroke(whole[part], *ends, 3.4, colour)
+    assert (alone != before[part]).any()
+    np.testing.assert_array_equal(mirrored.swapaxes(0, 1), alone)
+    np.testing.assert_array_equal(whole[part], alone)
+    whole[part] = before[part]
+    np.testing.assert_array_equal(whole, before)
 
 
 def test_a_rod_is_thicker_than_a_wire():
