@@ -89,15 +89,9 @@ def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
     return _inks(paper, colour).take(piece(text, size), axis=0)
 
 
-@lru_cache(maxsize=32)
-def _pieces(text: str) -> tuple[str, ...]:
-    """Divide a text into parts that recur in other texts, and whose pictures are cached."""
-    return tuple(_PART.findall(text))
-
-
 def mask(text: str, size: int) -> NDArray[np.uint8]:
     """Return the opacity, 0 to 255, of every pixel of one line of text."""
-    return np.concatenate([piece(part, size) for part in _pieces(text)], axis=1)
+    return np.concatenate([piece(part, size) for part in _PART.findall(text)], axis=1)
 
 
 @cache
@@ -109,7 +103,7 @@ def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
 
 def measure(text: str, size: int) -> tuple[int, int]:
     """Return the (width, height) of one line of text in pixels."""
-    pieces = [piece(part, size) for part in _pieces(text)] or [piece("0", size)[:, :0]]
+    pieces = [piece(part, size) for part in _PART.findall(text)] or [piece("0", size)[:, :0]]
     return sum(one.shape[1] for one in pieces), pieces[0].shape[0]
 
 
@@ -133,7 +127,7 @@ def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
     if not text:
         return
     picture = mask(text, size) if paper is None else np.concatenate(
-        [_inked(part, size, colour, paper) for part in _pieces(text)], axis=1)
+        [_inked(part, size, colour, paper) for part in _PART.findall(text)], axis=1)
     height, width = picture.shape[:2]
     left, top = round(x - anchor[0] * width), round(y - anchor[1] * height)
     if left < 0 or top < 0 or left + width > image.shape[1] or top + height > image.shape[0]:
