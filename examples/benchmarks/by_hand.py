@@ -116,7 +116,7 @@ def main() -> None:
     wholes, steps, calls = (np.array(found[name]) for name in ("whole step", "compiled step", "call of nothing"))
     hands = np.array(found[best]) - np.array(found["call of nothing by hand"])
     print(f"without the call, the compiled step takes {np.median((steps - calls) / hands):.2f} times as long as the "
-          f"best by hand, with which a whole step would take {np.median((wholes - steps + calls + hands) / wholes):.2f} "
+          f"best by hand, with which a whole step takes {np.median((wholes - steps + calls + hands) / wholes):.2f} "
           "of its time")
 
 
