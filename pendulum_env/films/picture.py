@@ -14,7 +14,8 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, M
 from pendulum_env.films.orbit import curves
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.render import Apparatus, FrameStyle, Orbits, PastSamples, View, frame
+from pendulum_env.render import Apparatus, FrameStyle, Orbits, PastSamples, View
+from pendulum_env.render.panel import drawn
 
 TRAIL_SECONDS = 0.6
 """Time that a trail covers [s]."""
@@ -76,7 +77,7 @@ class Camera:
         share: motor torque as a fraction of the largest.  trail: angles [rad] at the ends of the last control steps.
         past: samples before the state, for panels that show them.
         """
-        return frame(self.apparatus, self.view(state, share, trail, past), size=self.size, look=self.look)
+        return drawn(self.apparatus, self.view(state, share, trail, past), self.size, self.look)
 
     def view(self, state: Any, share: float, trail: Iterable[float], past: PastSamples | None) -> View:
         """Return the view (the numbers that a frame shows) of a state of the simulation.

@@ -26,6 +26,8 @@ NONE, HALF, FULL = (np.array(value, dtype=np.float32) for value in (0.0, 0.5, 1.
 _CENTRES: Floats = np.arange(65_536, dtype=np.float32) + np.float32(0.5)
 _OFFSETS = _CENTRES - HALF
 _SHADES = 256
+_UNSEEN = 1 / 512
+"""Opacity below which no colour changes a pixel by as much as half a step of 255."""
 
 
 @lru_cache(maxsize=64)
@@ -147,9 +149,9 @@ def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: 
         mix(image[top:bottom, last], colour, right - left)
         return
     image[top:bottom, first:last] = _row(colour.tobytes(), last - first)
-    if left < first:
+    if first - left > _UNSEEN:
         mix(image[top:bottom, first - 1], colour, first - left)
-    if right > last:
+    if right - last > _UNSEEN:
         mix(image[top:bottom, last], colour, right - last)
 
 

@@ -40,8 +40,14 @@ def frame(apparatus: Apparatus, view: View, size: int | tuple[int, int] = 500, l
 
     Raises ValueError or TypeError for another size.
     """
-    title = " · ".join(part for part in (apparatus.title, view.caption) if part)
-    return _draw(apparatus, view, frame_size(size, "size"), look, None, True, title)
+    return drawn(apparatus, view, frame_size(size, "size"), look)
+
+
+def drawn(apparatus: Apparatus, view: View, size: tuple[int, int], look: FrameStyle) -> Image:
+    """Return the picture of one pendulum for a size (width, height) [px] that is known to be valid; see :func:`frame`.
+    """
+    title = " · ".join(filter(None, (apparatus.title, view.caption)))
+    return _draw(apparatus, view, size, look, None, True, title)
 
 
 def side_by_side(

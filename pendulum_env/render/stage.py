@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import Protocol
 
@@ -109,7 +109,7 @@ class FrameStyle:
             given = "none" if not self.panels else "one of them twice"
             raise ValueError(f"panels must be one or more of {', '.join(PANELS)}, not {given}")
 
-    @property
+    @cached_property
     def needs(self) -> frozenset[str]:
         """Names of the data that the panels of this style show beside angle and velocity, for example "energies"."""
         return frozenset().union(*(PANELS[name].needs for name in self.panels))

@@ -191,12 +191,15 @@ class View:
     residual_scale: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("time", "angle", "velocity"):
-            _require(math.isfinite(getattr(self, name)), name, "finite", getattr(self, name))
-        _require(all(map(_all_finite, (self.pivot, *self.trail_pivots))), "pivot", "finite", "one that is not")
-        _require(len(self.trail_pivots) in (0, len(self.trail)), "trail_pivots", "empty or one for each angle",
-                 f"{len(self.trail_pivots)} of them")
-        _require(_all_finite(self.trail), "trail", "finite angles", "one that holds NaN or infinity")
+        if not math.isfinite(self.time + self.angle + self.velocity + sum(self.trail) + sum(self.pivot)):
+            for name in ("time", "angle", "velocity"):
+                _require(math.isfinite(getattr(self, name)), name, "finite", getattr(self, name))
+            _require(_all_finite(self.trail), "trail", "finite angles", "one that holds NaN or infinity")
+            _require(_all_finite(self.pivot), "pivot", "finite", "one that is not")
+        if self.trail_pivots:
+            _require(all(map(_all_finite, self.trail_pivots)), "pivot", "finite", "one that is not")
+            _require(len(self.trail_pivots) == len(self.trail), "trail_pivots", "empty or one for each angle",
+                     f"{len(self.trail_pivots)} of them")
         for name in ("kinetic", "potential", "heat", "work", "residual"):
             value = getattr(self, name)
             _require(value is None or not math.isnan(value), name, "a number of joules", value)

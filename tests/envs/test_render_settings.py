@@ -35,7 +35,7 @@ def shown(env: Any, monkeypatch: pytest.MonkeyPatch) -> list[View]:
     """Collect the views that render() draws."""
     views: list[View] = []
     with monkeypatch.context() as patch:
-        patch.setattr(picture, "frame", lambda _, view, **_more: views.append(view))
+        patch.setattr(picture, "drawn", lambda _, view, *_more: views.append(view))
         env.render()
     return views
 

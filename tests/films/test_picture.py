@@ -17,7 +17,7 @@ from pendulum_env.films import picture
 @pytest.mark.parametrize("integrator", ["rk4", "velocity_verlet", "adams_bashforth2"])
 def test_frames_show_the_ledger_of_info(scene: str, integrator: str, monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Any] = []
-    monkeypatch.setattr(picture, "frame", lambda _, view, **_more: shown.append(view) or np.zeros((50, 50, 3)))
+    monkeypatch.setattr(picture, "drawn", lambda _, view, *_more: shown.append(view) or np.zeros((50, 50, 3)))
     env = gym.make("LabPendulum-v0", scene=scene, integrator=integrator, render_mode="rgb_array", backend="python",
                    substeps=8, disable_env_checker=True)
     env.reset(seed=0, options={"angle": 1.0, "velocity": 0.0})

@@ -157,7 +157,7 @@ def test_a_history_leaves_its_plot_nowhere(energies: tuple[float, float]) -> Non
 def test_the_arrow_is_the_torque_of_a_motor_that_lags(monkeypatch: pytest.MonkeyPatch) -> None:
     """The arrow shows the mean of 1 - exp(-t / lag) over the last control step."""
     shown: list[Any] = []
-    monkeypatch.setattr(picture, "frame", lambda _, view, **_more: shown.append(view) or np.zeros((50, 50, 3)))
+    monkeypatch.setattr(picture, "drawn", lambda _, view, *_more: shown.append(view) or np.zeros((50, 50, 3)))
     env = gym.make("LabPendulum-v0", lag=0.5, dt=0.1, render_mode="rgb_array", backend="python").unwrapped
     env.reset(seed=0)
     env.render()

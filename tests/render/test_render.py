@@ -30,7 +30,7 @@ from pendulum_env.render import (
     strip,
 )
 from pendulum_env.render import text as lettering
-from pendulum_env.render.paint import stroke
+from pendulum_env.render.paint import bar, stroke
 from pendulum_env.render.palette import ENERGY_COLOURS, OKABE_ITO, gradient, rgb
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -465,6 +465,10 @@ def test_a_bad_size_is_refused(size, error):
     ({"time": math.inf}, "time must be finite, not inf"),
     ({"velocity": math.nan}, "velocity must be finite"),
     ({"trail": (0.0, math.nan)}, "trail must be finite"),
+    ({"trail": (math.inf, -math.inf)}, "trail must be finite"),
+    ({"pivot": (0.0, -math.inf)}, "pivot must be finite"),
+    ({"trail": (0.0,), "trail_pivots": ((0.0, math.nan),)}, "pivot must be finite"),
+    ({"trail": (0.0,), "trail_pivots": ((0.0, 0.0), (0.0, 0.0))}, "trail_pivots must be empty or one for each angle"),
     ({"torque_share": 1.5}, "torque_share must be None or within -1 to 1, not 1.5"),
     ({"torque_share": math.nan}, "torque_share"),
     ({"heat": math.nan}, "heat must be a number of joules, not nan"),
@@ -509,6 +513,22 @@ def test_fonts_survive_somebody_quitting_pygame():
     pygame.font.init()
     lettering.piece.cache_clear()
     np.testing.assert_array_equal(frame(WIRE, SWING, 300), before)
+
+
+def test_a_view_of_large_numbers_is_not_refused():
+    assert View(1e308, 1e308, -1e308, trail=(1e308, 1.5e308)).time == 1e308
+
+
+@pytest.mark.parametrize(("under", "colour"), [(0, 255), (255, 0), (100, 180)])
+@pytest.mark.parametrize(("overhang", "changed"), [(1 / 513, False), (0.5, True)])
+def test_an_end_of_a_bar_that_nobody_sees_is_not_painted(under, colour, overhang, changed):
+    """A share of 1 / 512 of a pixel changes it by less than half a step of 255."""
+    image, tone = np.full((6, 20, 3), under, np.uint8), np.full(3, colour, np.float32)
+    bar(image, 8.0 - overhang, 1, 12.0 + overhang, 5, tone)
+    assert (image[1:5, 8:12] == colour).all()
+    assert (image[1:5, [7, 12]] != under).all() == changed
+    image[1:5, 7:13] = under
+    assert (image == under).all()
 
 
 def test_frames_need_no_display_and_the_import_no_pygame():

@@ -124,8 +124,8 @@ def filmed(kind: str, folder: Path) -> None:
 def test_the_pivot_is_where_the_drives_put_it(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Now and along the trail, 0.02 s apart, the pivot is at x = 5 mm cos(5 t), y = 20 mm cos(7 t + 0.3)."""
     shown: list[Any] = []
-    for room in (picture, filming):
-        monkeypatch.setattr(room, "frame", lambda thing, view, **_: shown.append((thing, view)) or BLANK)
+    for room, name in ((picture, "drawn"), (filming, "frame")):
+        monkeypatch.setattr(room, name, lambda thing, view, *_, **_more: shown.append((thing, view)) or BLANK)
     monkeypatch.setattr(files, "side_by_side", lambda panels, **_: shown.append(panels[0]))
     filmed(kind, tmp_path)
 
