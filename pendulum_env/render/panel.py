@@ -172,7 +172,10 @@ def _line(strip: Image, font: int, left: float, right: float, title: str, clock:
     """Write a frame's header line: a clock at the right end, a title (shortened if necessary) in the rest."""
     y = strip.shape[0] / 2
     write(strip, clock, right, y, font, theme.warning if stopped else theme.ink, (1.0, 0.5), theme.paper)
-    room = right - left - (measure(clock, font)[0] + font if clock else 0)
+    whole = right - left
+    room = whole - (len(clock) + 1) * font if clock else whole  # no letter is wider than the font is high
+    if _fitted(title, font, room) != _fitted(title, font, whole):
+        room = whole - measure(clock, font)[0] - font
     write(strip, _fitted(title, font, room), left, y, font, theme.ink, (0.0, 0.5), theme.paper)
 
 

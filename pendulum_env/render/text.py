@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pygame.font
 
 _FONTS: dict[int, pygame.font.Font] = {}
-_MOST_FONTS = 32
+_MOST_FONTS, _MOST_PICTURES = 32, 512
 _PART = re.compile(r"[0-9]{1,2}(?:\.(?=[0-9]))?|[^0-9]+")
 """Part of a text that recurs in others: up to two digits, with a decimal point after them, or what is between."""
 _DIGITS = frozenset("0123456789")
@@ -83,10 +83,20 @@ def _height(size: int) -> int:
     return _render("Å(gjpqy|0", size).get_height()
 
 
-@lru_cache(maxsize=4096)
-def _inked(text: str, size: int, colour: str, paper: str) -> NDArray[np.uint8]:
-    """Return the picture (H, W, 3) of a short text in the hex colour ``colour`` on the background colour ``paper``."""
-    return _inks(paper, colour).take(piece(text, size), axis=0)
+class _Pictures(dict[str, NDArray[np.uint8]]):
+    """Pictures (H, W, 3) of short texts in one size and colour on one background, painted when first asked for."""
+
+    def __init__(self, size: int, colour: str, paper: str) -> None:
+        self.size, self.inks = size, _inks(paper, colour)
+
+    def __missing__(self, text: str) -> NDArray[np.uint8]:
+        if len(self) >= _MOST_PICTURES:
+            self.clear()
+        picture = self[text] = self.inks.take(piece(text, self.size), axis=0)
+        return picture
+
+
+_pictures = lru_cache(maxsize=32)(_Pictures)
 
 
 def mask(text: str, size: int) -> NDArray[np.uint8]:
@@ -127,7 +137,7 @@ def write(image: Image, text: str, x: float, y: float, size: int, colour: str,
     if not text:
         return
     picture = mask(text, size) if paper is None else np.concatenate(
-        [_inked(part, size, colour, paper) for part in _PART.findall(text)], axis=1)
+        [*map(_pictures(size, colour, paper).__getitem__, _PART.findall(text))], axis=1)
     height, width = picture.shape[:2]
     left, top = round(x - anchor[0] * width), round(y - anchor[1] * height)
     if left < 0 or top < 0 or left + width > image.shape[1] or top + height > image.shape[0]:

@@ -200,9 +200,10 @@ class View:
             _require(all(map(_all_finite, self.trail_pivots)), "pivot", "finite", "one that is not")
             _require(len(self.trail_pivots) == len(self.trail), "trail_pivots", "empty or one for each angle",
                      f"{len(self.trail_pivots)} of them")
-        for name in ("kinetic", "potential", "heat", "work", "residual"):
-            value = getattr(self, name)
-            _require(value is None or not math.isnan(value), name, "a number of joules", value)
+        if math.isnan(self.kinetic + self.potential + self.heat + (self.work or 0.0) + (self.residual or 0.0)):
+            for name in LEDGER:
+                value = getattr(self, name)
+                _require(value is None or not math.isnan(value), name, "a number of joules", value)
         share = self.torque_share
         _require(share is None or abs(share) <= 1, "torque_share", "None or within -1 to 1", share)
         for name in ("energy_scale", "residual_scale"):
