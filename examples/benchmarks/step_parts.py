@@ -1,10 +1,9 @@
 """What the compiled step of a vector of environments consists of, in ns for one environment, one thread.
 
-Parts of the generated program are left out one after the other: copies of observations and endings to the user's
-arrays, the observation with reward, endings and energies, and the motion. Python is the rest of a whole step of 1024
-environments. Then: adaptive steps of 1024 pendulums at once beside one run after the other; those of one pendulum,
-chosen one by one and evenly; and a step of a single Taylor series by its order, with and without damping, beside a loop
-that takes only the steps, and of a quick one.
+A step is taken without the part of the generated program that computes the observation, reward, endings and energies;
+Python is the rest of a whole step of 1024 environments. Then: adaptive steps of 1024 pendulums at once beside one run
+after the other; those of one pendulum, chosen one by one and evenly; and a step of a single Taylor series by its order,
+with and without damping, beside a loop that takes only the steps, and of a quick one.
 """
 
 from __future__ import annotations
@@ -37,8 +36,6 @@ KINDS: dict[str, dict[str, Any]] = {
     "symplectic_euler, no diagnostics": {"integrator": "symplectic_euler", "diagnostics": ()},
 }
 ORDERS = (6, 8, 10, 12, 14, 16, 20, 24)
-COPIES = "        over = terminated[base:base + n]\n"
-"""Line of the program with which the copies begin."""
 
 
 def shortest(work: Callable[[], Any], times: int = 1) -> float:
@@ -62,7 +59,7 @@ def parts(name: str) -> None:
     whole = shortest(lambda: env.step(action), 500)
     batch = env.unwrapped._batch
     arguments = (batch._state, batch._scratch[0], 0, len(batch._state), SIZE, batch.h, 1, 1, batch._bound,
-                 action.ravel(), *batch.results(), *batch._shared)
+                 action.ravel(), *batch.results(lasting=True), *batch._shared)
 
     def of(text: str) -> float:
         step = functions(Kernel(text, "parts"), "compiled")["step_blocks"]
@@ -70,13 +67,10 @@ def parts(name: str) -> None:
         return shortest(lambda: step(*arguments), 500)
 
     text = batch.program.text
-    full = of(text)
-    copied = full - of(text.split(COPIES)[0] + "    return 0\n")
-    observed = full - of(re.sub(r"        observe\(.*\n", "", text))
+    full, motion = of(text), of(re.sub(r"        observe\(.*\n", "", text))
     each = 1e9 / SIZE
-    print(f"{name}: {each * whole:.1f} ns, of which motion {each * (full - copied - observed):.1f}, observation, "
-          f"reward, endings and energies {each * observed:.1f}, copies {each * copied:.1f}, Python "
-          f"{each * (whole - full):.1f}")
+    print(f"{name}: {each * whole:.1f} ns, of which motion {each * motion:.1f}, observation, reward, endings and "
+          f"energies {each * (full - motion):.1f}, Python {each * (whole - full):.1f}")
 
 
 def at_once(method: str, every: float) -> None:
