@@ -113,7 +113,7 @@ def test_numbers_of_the_front_page_are_those_of_the_results() -> None:
     """Each with its command, word for word; what misses its goal is bold on both pages."""
     rows = re.findall(r"^\| .* \| (.*) \| (.*) \| (`python .*`|the same) \|$", README, flags=re.M)
     assert len(rows) == 6
-    assert any("**" in measured for measured, _, _ in rows)
+    assert re.search(r"^\| .*\*\*.* \|$", READMES["examples/benchmarks/README.md"], flags=re.M), "some do miss theirs"
     results = " ".join(" ".join(page.split()) for name, page in READMES.items() if name != "README.md")
     for measured, goal, command in rows:
         assert measured in results
