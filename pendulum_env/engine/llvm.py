@@ -554,8 +554,11 @@ class Writer:
                 kind = TRUTH if isinstance(op, (ast.BitAnd, ast.BitOr)) else NUMBER
                 return getattr(builder, OPERATIONS[type(op)])(*self._both(builder, left, right, kind, values))
             case ast.Compare(left=left, ops=[op], comparators=[right]):
+                one, other = self._both(builder, left, right, None, values)
                 compare = builder.fcmp_unordered if isinstance(op, ast.NotEq) else builder.fcmp_ordered
-                return compare(SIGNS[type(op)], *self._both(builder, left, right, NUMBER, values))
+                if element(one.type) == TRUTH:
+                    compare = builder.icmp_unsigned
+                return compare(SIGNS[type(op)], one, other)
             case ast.IfExp(test=test, body=body, orelse=other):
                 true, false = (self._value(builder, one, values) for one in (body, other))
                 if element(true.type) != element(false.type):
@@ -586,8 +589,13 @@ class Writer:
         return self._called(builder, node, values)
 
     def _both(self, builder: Any, left: ast.expr, right: ast.expr, kind: Any, values: Mapping[str, Any]) -> list[Any]:
-        """Write two operands of this type and return their values; a whole number beside a number becomes one."""
+        """Write two operands of this type and return their values; a whole number beside a number becomes one.
+
+        If no type is given, two truth values are operands, too.
+        """
         found = [self._value(builder, one, values) for one in (left, right)]
+        if kind is None:
+            kind = TRUTH if all(element(one.type) == TRUTH for one in found) else NUMBER
         if kind == NUMBER and any(element(one.type) == NUMBER for one in found):
             found = [_number(builder, one, node) for one, node in zip(found, (left, right), strict=True)]
         if any(element(one.type) != kind for one in found):

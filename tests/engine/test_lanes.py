@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import os
 import subprocess
 import sys
@@ -10,10 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numba
 import numpy as np
 import pytest
 
+from pendulum_env import Task
 from pendulum_env.engine import lanes
 from pendulum_env.engine.elementwise import Kernel
 from pendulum_env.engine.kernels import forget, functions, interpreted
@@ -32,6 +35,7 @@ VECTORS = {
     "the user's numbers": ["x[i] = s[i]*0.1 + x[i]"],
     "small numbers": ["a = small[i]*s[i]", "small[i] = a*0.1 + s[i]", "o[i] = small[i] - a"],
     "truth values": ["b = truth[i]", "truth[i] = (s[i] > 0.0) & (s[i] < 1.0) | b", "o[i] = 1.0 if truth[i] else b*2.0"],
+    "truth values that are compared": ["b = (s[i] > 0.5) == False", "o[i] = s[i] if b != truth[i] else h"],
     "choices": ["o[i] = s[i] if h < 1.0 else -s[i]", "o[i + U(64)] = h if s[i] < h else (s[i] if s[i] != 0.5 else 9.0)",
                 "o[i + U(128)] = 1.0 if s[i] <= h else 0.0"],
     "functions": ["o[i] = g(s[i], h) - g(h, s[i])", "o[i + U(64)], o[i + U(128)] = pair(s[i], h)",
@@ -169,6 +173,45 @@ for size in (5, 190):
             found.update(array.tobytes())
 print(found.hexdigest())
 """
+
+
+def with_not(phi: float, speed: float) -> float:
+    return -phi if not (speed > 0.0 and phi > 0.1) else phi
+
+
+def with_three(phi: float, speed: float, action: float) -> float:
+    return max(phi, speed, action) - min(abs(phi), 0.5, action**2)
+
+
+def with_if(phi: float, speed: float) -> float:
+    if phi > 0.1 or speed < 0.0:
+        return 1.0
+    return -speed
+
+
+def with_power(phi: float, speed: float) -> float:
+    return -(abs(phi) ** 1.5) - math.exp(-speed * speed)
+
+
+@pytest.mark.parametrize(("reward", "straight"), [(with_not, True), (with_three, True), (with_if, False),
+                                                  (with_power, False)])
+def test_a_task_of_ones_own_has_the_same_bits_compiled(
+        reward: Callable[..., float], straight: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A warning that a program cannot be written as instructions would be an error."""
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
+    forget()
+    found = []
+    for backend in ("compiled", "python"):
+        monkeypatch.setenv("LAB_PENDULUM_BACKEND", backend)
+        forget()
+        env = gym.make_vec("LabPendulum-v0", 19, vectorization_mode="vector_entry_point", integrator="rk4",
+                           task=Task("own", reward, start={"angle": (-0.3, 0.3)}))
+        assert env.unwrapped._batch.layout.goal.straight is straight
+        env.reset(seed=2)
+        for share in np.linspace(-1.2, 1.2, 12):
+            seen, given, over, late, infos = env.step(np.full((19, 1), share, np.float32))
+            found.append([array.tobytes() for array in (seen, given, over, late, infos["energy"])])
+    assert found[:12] == found[12:]
 
 
 @pytest.mark.slow

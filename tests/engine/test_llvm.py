@@ -28,6 +28,9 @@ WHOLE = {
     "a choice": "@inline\ndef f(x, y):\n    return x if x < y else (y if y >= 0.5 else 0.5 - x)\n",
     "truth values": "@inline\ndef f(x, y):\n    a = x != y\n    b = (x <= y) | (y == 0.7) & (x > 0.0)\n"
                     "    return 3.0 if a & b else (x if b else y)\n",
+    "truth values that are compared": "@inline\ndef f(x, y):\n    a = (x > y) == False\n"
+                                      "    b = (x > 0.5) != (y > 0.5)\n"
+                                      "    return (1.0 if a else x) + (y if b else 2.0) + (3.0 if a < b else y)\n",
     "not equal": "@inline\ndef f(x, y):\n    return x if x != y else 2.0\n",
     "a truth value of the program": "@inline\ndef f(x, y):\n    return x if False | (x > y) else y\n",
     "abs and sqrt": "@inline\ndef f(x, y):\n    return abs(x) + sqrt(abs(y))\n",
