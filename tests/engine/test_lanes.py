@@ -204,9 +204,9 @@ def test_a_task_of_ones_own_has_the_same_bits_compiled(
     for backend in ("compiled", "python"):
         monkeypatch.setenv("LAB_PENDULUM_BACKEND", backend)
         forget()
-        env = gym.make_vec("LabPendulum-v0", 19, vectorization_mode="vector_entry_point", integrator="rk4",
-                           task=Task("own", reward, start={"angle": (-0.3, 0.3)}))
-        assert env.unwrapped._batch.layout.goal.straight is straight
+        task = Task("own", reward, start={"angle": (-0.3, 0.3)})
+        assert task.goal.straight is straight
+        env = gym.make_vec("LabPendulum-v0", 19, vectorization_mode="vector_entry_point", integrator="rk4", task=task)
         env.reset(seed=2)
         for share in np.linspace(-1.2, 1.2, 12):
             seen, given, over, late, infos = env.step(np.full((19, 1), share, np.float32))
