@@ -44,6 +44,8 @@ class Lane(NamedTuple):
 
 class Row(NamedTuple):
     """Statements that set all columns of row ``i`` of an array to ``values``: ``seen[i, 0] = x``, ``seen[i, 1] = y``.
+
+    The array must have as many columns.
     """
 
     array: str

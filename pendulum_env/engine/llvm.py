@@ -484,11 +484,10 @@ class Writer:
     def _set_row(self, builder: Any, row: lanes.Row, values: dict[str, Any]) -> None:
         """Write the assignments to the columns of rows of an array, which lie one after the other in memory."""
         assert self._lane is not None
-        columns = []
-        for node in row.values:
-            value = lanes.repeated(builder, _number(builder, self._value(builder, node, values), node), self.width)
-            columns.append(builder.fptrunc(value, lanes.like(value.type, SINGLE)))
         start = builder.extract_value(values[row.array], 0)
+        kind = start.type.pointee
+        columns = [lanes.repeated(builder, _stored(builder, self._value(builder, node, values), kind, node), self.width)
+                   for node in row.values]
         start = builder.gep(start, [builder.mul(values[self._lane.name], WHOLE(len(columns)))])
         mask = self._lane.mask
         lanes.store(builder, lanes.interleaved(builder, columns), start,
@@ -508,17 +507,9 @@ class Writer:
             case ast.Subscript():
                 address = self._address(builder, target, values)
                 kind = address.type.pointee
-                if kind != BYTE:
-                    value = _number(builder, value, target)
-                in_vectors = self._lane is not None and lanes.along(target, self._lane.name)
-                if in_vectors:
-                    value = lanes.repeated(builder, value, self.width)
-                if kind == SINGLE:
-                    value = builder.fptrunc(value, lanes.like(value.type, kind))
-                elif kind == BYTE:
-                    value = builder.zext(value, lanes.like(value.type, kind))
-                if in_vectors:
-                    lanes.store(builder, value, address, self._mask(target))
+                value = _stored(builder, value, kind, target)
+                if self._lane is not None and lanes.along(target, self._lane.name):
+                    lanes.store(builder, lanes.repeated(builder, value, self.width), address, self._mask(target))
                 else:
                     builder.store(value, address)
 
@@ -635,6 +626,14 @@ def _number(builder: Any, value: Any, node: ast.expr) -> Any:
     if element(value.type) != NUMBER:
         raise TypingError(f"{ast.unparse(node)} must be a number, not {value.type}.")
     return value
+
+
+def _stored(builder: Any, value: Any, kind: Any, node: ast.expr) -> Any:
+    """Return a value as one of this type in memory. Messages show the source ``node``."""
+    if kind == BYTE:
+        return builder.zext(value, lanes.like(value.type, kind))
+    value = _number(builder, value, node)
+    return builder.fptrunc(value, lanes.like(value.type, kind)) if kind == SINGLE else value
 
 
 def _together(builder: Any, kind: Any, values: Sequence[Any]) -> Any:

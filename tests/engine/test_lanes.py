@@ -25,9 +25,9 @@ from pendulum_env.engine.layout import BLOCK
 ROOM = 64
 SPARE = -77.0
 """Number with which arrays are filled beyond what a loop may write."""
-HEAD = "@{kind}\ndef f(s, o, n, h, x, small, truth, table, grid):\n    for i in lanes(n):\n"
-GO = ("\n\n@entry\ndef go(s, o, n, h, x, small, truth, table, grid):\n"
-      "    f(s, o, n, h, x, small, truth, table, grid)\n    return 0\n")
+HEAD = "@{kind}\ndef f(s, o, n, h, x, small, truth, table, grid, pairs):\n    for i in lanes(n):\n"
+GO = ("\n\n@entry\ndef go(s, o, n, h, x, small, truth, table, grid, pairs):\n"
+      "    f(s, o, n, h, x, small, truth, table, grid, pairs)\n    return 0\n")
 
 VECTORS = {
     "fields of blocks": ["a = s[i + U(64)]", "o[i + U(0)] = a*s[i] - h", "o[i + U(64)], o[i + U(128)] = a/h, -a"],
@@ -43,6 +43,7 @@ VECTORS = {
     "infinite numbers": ["a = 1e999 if s[i] > 1.0 else s[i]", "o[i] = a - a",
                          "o[i + U(64)] = 1.0 if a < 1e999 else 2.0"],
     "rows": ["a = s[i + U(64)]", "table[i, 0] = s[i]", "table[i, 1] = 2.0*a", "table[i, 2] = h", "x[i] = a"],
+    "rows of large numbers": ["pairs[i, 0] = s[i]", "pairs[i, 1] = h"],
     "a function with a loop": ["twice(s, o, n)", "o[i] = s[i] - h"],
     "a row of a table": ["grid[2, i] = s[i]*3.0", "x[i] = grid[1, i] + grid[2, i]"],
 }
@@ -95,8 +96,9 @@ def given(n: int, room: int = ROOM) -> tuple[Any, ...]:
     s = np.concatenate([random.normal(0.5, 1.0, room) for _ in range(4)])
     x, small = np.full(ROOM, SPARE), np.full(ROOM, SPARE, np.float32)
     truth, table, grid = np.full(ROOM, 1, np.bool_), np.full((ROOM, 3), SPARE, np.float32), np.full((3, ROOM), SPARE)
+    pairs = np.full((ROOM, 2), SPARE)
     x[:n], small[:n], truth[:n] = random.normal(size=n), random.normal(size=n), random.random(n) < 0.5
-    return s, np.zeros(3 * room), n, 0.7, x, small, truth, table, grid
+    return s, np.zeros(3 * room), n, 0.7, x, small, truth, table, grid, pairs
 
 
 def seen(arguments: tuple[Any, ...]) -> list[bytes]:
