@@ -243,8 +243,11 @@ def test_nothing_of_a_program_is_kept_after_it_has_been_compiled() -> None:
     assert not llvm.WRITTEN
 
 
-def test_a_program_that_cannot_be_written_is_compiled_by_numba_alone() -> None:
+def test_a_program_that_cannot_be_written_is_compiled_by_numba_alone(
+        monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Generated programs have no arrays with gaps; if one had, it would run, and somebody would report it."""
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
+    forget()
     text = BLOCKS["numbers"][0] + BLOCK_GO.replace("1\n", "2\n")
     numbers, found = np.arange(24.0)[::2], []
     go = compiled(text)
