@@ -61,7 +61,7 @@ def loops(layout: Layout, method: Method) -> list[str]:
     adaptive = layout.shape.adaptive
     search = [_settle(layout)] if layout.shape.slack and not adaptive else []
     begun = [_starts(layout.goal.begin)] if layout.goal and layout.goal.begin else []
-    steps = _adapt(layout, method) if adaptive else [_advance(layout)]
+    steps = _adapt(layout, method) if adaptive else [_advance(layout, in_vectors(method))]
     return [*first, *steps, *search, *rest, *begun]
 
 
@@ -86,7 +86,16 @@ def in_stages(shape: Shape, method: Method) -> bool:
     return not (shape.adaptive or shape.slack or shape.slides or shape.compensated or "exact_flow" in method.needs)
 
 
-def _advance(layout: Layout) -> str:
+def in_vectors(method: Method) -> bool:
+    """Return True if loops over steps of a method are written with vectors of twice a register's numbers.
+
+    A Taylor series has more terms at once than there are registers for two of each; its loops are left to the compiler,
+    which takes one.
+    """
+    return "taylor" not in method.needs
+
+
+def _advance(layout: Layout, vectors: bool) -> str:
     """Write the source of ``advance_block``: one step of every environment of a block that has not stopped.
 
     It has one loop, or one for every stage of the step, with those that compute sines between them.
@@ -105,7 +114,7 @@ def _advance(layout: Layout) -> str:
             *taken,
             *stage.lines,
             *(f"{layout.between(name)} = {name}" for name in stage.handed),
-        ]))
+        ], vectors=vectors))
         calls.append(f"stage_{number}({joined(layout.step_arguments, layout.shared)})")
         calls += [f"{names.replace(' ', '_')}_block({given})" for names, given in _values(layout, stage)]
     lines = [
@@ -117,7 +126,7 @@ def _advance(layout: Layout) -> str:
         *_kept(layout, "(1.0 if good else 0.0)"),
         f"{layout.at('status')} = stop if live else status",
     ]
-    last = block_loop("advance_block", joined(layout.step_arguments), layout, lines, calls)
+    last = block_loop("advance_block", joined(layout.step_arguments), layout, lines, calls, vectors=vectors)
     back = [MOVE_BACK] if layout.histories else []
     return "\n\n".join([*_between(layout), *layout.division.functions, *loops, last, *back])
 
@@ -208,13 +217,14 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
         "active += 1",
         f"{layout.active} = active",
     ]
-    given, every = layout.given, joined(("h",), layout.shared)
+    given, every, vectors = layout.given, joined(("h",), layout.shared), in_vectors(method)
     return [
         block_loop("begin_steps", "s, o, w, n, h", layout,
                    [f"if {layout.at('status')} == {OK}.0:", *indent(begin, 1)], ["active = 0"]),
         block_loop("slopes", "w, n, h", layout, [*load("t", "q", "v", *given), lines.slope, *store(*rates)]),
         block_loop("attempts", "w, n, h", layout,
-                   [*load("t", "done", "size", "q", "v", *rates, *given), *lines.length, *lines.trial, *store(*tried)]),
+                   [*load("t", "done", "size", "q", "v", *rates, *given), *lines.length, *lines.trial, *store(*tried)],
+                   vectors=vectors),
         block_loop("judgements", "w, n, h", layout, [
             *load("t", *shape.paused, *given, *tried),
             *lines.length,

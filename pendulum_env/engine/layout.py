@@ -221,18 +221,19 @@ class Layout:
 
 
 def block_loop(name: str, first: str, layout: Layout, lines: Iterable[str], before: Iterable[str] = (),
-               separate: bool = False) -> str:
+               separate: bool = False, vectors: bool = True) -> str:
     """Write the source of a function ``name`` that runs ``lines``, the source for one environment, for all of a block.
 
     The lines ``before`` are run once, before the loop. The function's arrays must not overlap.
 
     With ``separate``, or if histories slide, the compiler is told that the arrays do not overlap. Where a loop is left
     to it, it still has to compare addresses within ``s``; with those of other arrays there would be too many, and the
-    loop would take one environment at a time.
+    loop would take one environment at a time. With ``vectors`` False, the loop is left to it.
     """
+    over = "lanes(n)" if vectors else "range(U(n))"
     head = f"def {name}({joined((first,), layout.shared)}):"
     inlined = "@separate" if layout.histories or separate else "@inline"
-    return "\n".join([inlined, head, *indent(before, 1), "    for i in lanes(n):", *indent(lines, 2), ""])
+    return "\n".join([inlined, head, *indent(before, 1), f"    for i in {over}:", *indent(lines, 2), ""])
 
 
 def side_of_turns(layout: Layout) -> list[str]:

@@ -16,9 +16,11 @@ import numba
 import numpy as np
 import pytest
 
-from pendulum_env import Task
+import integrators
+from pendulum_env import SCENES, Task
 from pendulum_env.engine import lanes
 from pendulum_env.engine.elementwise import Kernel
+from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.kernels import forget, functions, interpreted
 from pendulum_env.engine.layout import BLOCK
 
@@ -157,6 +159,16 @@ def test_vectors_are_in_the_compiled_program(monkeypatch: pytest.MonkeyPatch, tm
 def test_a_vector_holds_twice_the_numbers_of_a_register(features: str, width: int) -> None:
     assert lanes.width(features) == width
     assert lanes.LARGEST % width == 0
+
+
+@pytest.mark.parametrize(("integrator", "over"), [("tsit5", "lanes(n)"), ("dop853", "lanes(n)"),
+                                                  ("taylor16", "range(U(n))"), ("quick_taylor16", "range(U(n))")])
+@pytest.mark.parametrize("rtol", [False, True])
+def test_loops_of_taylor_series_are_left_to_the_compiler(integrator: str, over: str, rtol: bool) -> None:
+    method = integrators.get(integrator)
+    text = batch_program(SCENES["vacuum"], method, ("energy",), frozenset(), adaptive=rtol).text
+    function = text.split("def attempts(" if rtol else "def advance_block(")[1].split("\n\n")[0]
+    assert f"    for i in {over}:" in function
 
 
 def test_fields_of_a_block_hold_whole_vectors() -> None:
