@@ -22,7 +22,7 @@ from integrators.solving.step_size import step_power_of_many
 from pendulum_env.engine import report, slack
 from pendulum_env.engine.advance import advanced, attempt, checked, landed
 from pendulum_env.engine.calls import begin
-from pendulum_env.engine.goal import BEFORE, Goal
+from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import AHEAD, BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.shape import (
     ADAPTED,
@@ -380,15 +380,16 @@ def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
 def _observe(layout: Layout) -> str:
     """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block.
 
-    It writes to the user's arrays. With functions of a user that the loop computes for one environment after the other,
-    it writes all but rewards and quantities to ``o``, because arrays of several types would take the compiler longer.
+    It writes to the user's arrays or, where the loop could then not take several environments at once, all but rewards
+    and quantities to ``o``; see :attr:`Layout.told_at_once`.
     """
     goal = layout.goal
     assert goal is not None
-    told = [f"{layout.out('late')} = 1.0 if late else 0.0", f"{layout.out('ended')} = status",
-            *[f"{layout.out(name)} = {name}" for name in goal.seen]] if not goal.straight else [
-        "truncated[i] = late", "terminated[i] = status != 0.0",
-        *[f"observation[i, {column}] = {name}" for column, name in enumerate(goal.seen)]]
+    told = ["truncated[i] = late", "terminated[i] = status != 0.0",
+            *[f"observation[i, {column}] = {name}" for column, name in enumerate(goal.seen)]]
+    if not layout.told_at_once:
+        told = [f"{layout.out('late')} = 1.0 if late else 0.0", f"{layout.out('ended')} = status",
+                *[f"{layout.out(name)} = {name}" for name in goal.seen]]
     turned = ["cosine = -cosine", "sine = -sine"] if goal.upright else []
     lines = [
         *_loaded(layout),
@@ -407,13 +408,13 @@ def _observe(layout: Layout) -> str:
         f"{layout.at('status')} = {LATE}.0 if late & (status == 0.0) else status",
         *[f"row_{name}[i] = r_{name}" for name in layout.reports],
     ]
-    arguments = joined(("s", "o", "n", "h", "bound", *_user_arrays(goal)), layout.rows)
+    arguments = joined(("s", "o", "n", "h", "bound", *_user_arrays(layout)), layout.rows)
     return block_loop("observe", arguments, layout, lines, separate=True)
 
 
-def _user_arrays(goal: Goal) -> tuple[str, ...]:
+def _user_arrays(layout: Layout) -> tuple[str, ...]:
     """Return the names of the user's arrays, other than reported quantities, that ``observe`` writes to."""
-    return ("reward", "observation", "terminated", "truncated") if goal.straight else ("reward",)
+    return ("reward", "observation", "terminated", "truncated") if layout.told_at_once else ("reward",)
 
 
 def _record(layout: Layout) -> str:
@@ -466,7 +467,7 @@ def _step_blocks(layout: Layout) -> str:
     place = {name: BLOCK * i for i, name in enumerate(layout.results)}
     adaptive, more, goal = layout.shape.adaptive, _more(layout), layout.goal
     assert goal is not None
-    rows = joined([f"{name}[base:base + n]" for name in _user_arrays(goal)],
+    rows = joined([f"{name}[base:base + n]" for name in _user_arrays(layout)],
                   [f"info[{k}, base:base + n]" for k in range(len(layout.reports))])
     steps = [*_begun("hold > 0", "hold", layout), "        for _ in range(substeps):", *_steps(layout, 3)]
     if adaptive:
@@ -503,7 +504,7 @@ def _step_blocks(layout: Layout) -> str:
                 f"            over[i] = o[i + U({place['ended']})] != 0.0",
                 "        for i in lanes(n):",
                 f"            late[i] = o[i + U({place['late']})] != 0.0",
-            ] if not goal.straight else []),
+            ] if not layout.told_at_once else []),
             *([
                 "        given = reward[base:base + n]",
                 "        for i in range(U(n)):",

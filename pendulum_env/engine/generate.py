@@ -121,7 +121,7 @@ def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None)
     if blocks.in_stages(shape, problem.method):
         between = frozenset() if _own(problem) else BETWEEN
         division = divided(_text(problem, ()), shape.step_results, ("h", *shape.parameters), between)
-    layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, division)
+    layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, division, _own(problem))
     text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())
     return BatchProgram(text, shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
                         python_functions=tuple(problem.method.python_functions.items()), own=_own(problem))

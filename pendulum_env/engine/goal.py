@@ -108,7 +108,8 @@ class Goal:
     def straight(self) -> bool:
         """Return True if a loop can compute the functions for several environments at once.
 
-        A user's function with ``if`` or a power with a broken exponent is computed for one after the other.
+        A user's function with ``if``, or with a power whose exponent is a fraction, is computed for one after the
+        other.
         """
         with PARSING:
             nodes = [node for piece in self.pieces for node in ast.walk(ast.parse(piece.text))]

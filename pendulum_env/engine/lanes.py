@@ -78,7 +78,7 @@ def fits(loop: ast.For) -> bool:
 
 
 def along(node: ast.Subscript, index: str) -> bool:
-    """Return True for an element such as ``s[i + U(240)]`` or ``info[3, i]``, the next of which lies next to it."""
+    """Return True for an element such as ``s[i + U(176)]`` or ``info[3, i]``, the next of which lies next to it."""
     places = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
     return [sum(isinstance(part, ast.Name) and part.id == index for part in ast.walk(place)) for place in places] == [
         *[0] * (len(places) - 1), 1]

@@ -18,10 +18,10 @@ from pendulum_env.engine.shape import ADAPTED, TOLERANCE, Shape, derived, indent
 from pendulum_env.engine.stages import WHOLE, Division, rows_of
 
 BLOCK = 176
-"""Number of environments in a block: few enough for their data, some 50 kB, to stay in the cache, and a whole number of
+"""Number of environments in a block: few enough for their data, some 30 kB, to stay in the cache, and a whole number of
 vectors (see :mod:`pendulum_env.engine.lanes`).
 
-A field is 30 cache lines of 64 bytes. With a power of 2, equal places of all fields would share a few lines of the
+A field is 22 cache lines of 64 bytes. With a power of 2, equal places of all fields would share a few lines of the
 cache and displace each other.
 """
 
@@ -65,6 +65,7 @@ class Layout:
         varying: names of the parameters that differ between environments.
         goal: the task's functions and the form of its observation; None for runs without a task.
         division: the parts of a step that a block takes in loops of their own.
+        own: True if effects of the scene are a user's; the compiler alone then looks for vectors.
 
     A multistep method needs values of earlier steps, such as the last 14 forces. The fields of such a *history* follow
     each other, the newest first. A long one *slides*: each step writes the newest value into the field before it, so
@@ -92,6 +93,7 @@ class Layout:
     varying: frozenset[str]
     goal: Goal | None
     division: Division = WHOLE
+    own: bool = False
 
     histories: tuple[tuple[str, ...], ...] = derived()
     numbers: tuple[str, ...] = derived()
@@ -144,6 +146,14 @@ class Layout:
             before = name
         found = tuple(names for names in histories if len(names) > 1)
         return found if sum(map(len, found)) >= FEWEST_VALUES and len(found) <= MOST_HISTORIES else ()
+
+    @property
+    def told_at_once(self) -> bool:
+        """True if observations and endings go straight to the user's arrays, from the loop that computes them.
+
+        The compiler alone would take one environment at a time in such a loop, because the arrays have several types.
+        """
+        return self.goal is not None and self.goal.straight and not self.own
 
     @property
     def step_arguments(self) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ _CENTRES: Floats = np.arange(65_536, dtype=np.float32) + np.float32(0.5)
 _OFFSETS = _CENTRES - HALF
 _SHADES = 256
 _UNSEEN = 1 / 512
-"""Opacity below which no colour changes a pixel by as much as half a step of 255."""
+"""Opacity below which no colour changes a pixel: the change would be less than half of one step of 255."""
 
 
 @lru_cache(maxsize=64)

@@ -191,6 +191,7 @@ class View:
     residual_scale: float | None = None
 
     def __post_init__(self) -> None:
+        # A sum of finite numbers is finite, or so large that each has to be looked at.
         if not math.isfinite(self.time + self.angle + self.velocity + sum(self.trail) + sum(self.pivot)):
             for name in ("time", "angle", "velocity"):
                 _require(math.isfinite(getattr(self, name)), name, "finite", getattr(self, name))

@@ -19,6 +19,8 @@ from pendulum_env.engine import compiling, llvm
 from pendulum_env.engine.elementwise import Kernel
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.kernels import forget, functions, interpreted
+from pendulum_env.engine.machine import fitting
+from pendulum_env.tasks import TASKS
 
 F8, F4, B1 = np.float64, np.float32, np.bool_
 NUMBERS = (0.0, -0.0, 0.7, -1.3, 2.5, 1e-310, 1e308, -1e308, math.inf, -math.inf, math.nan)
@@ -220,6 +222,18 @@ def test_numba_compiles_only_what_python_calls(scene: str, integrator: str) -> N
         found = left(text, entry, (numba.float64,) * len(tree.args.args))
         assert entry in found
         assert {"step", "advance", "advance_block", "record", "sin", "sin_block"}.isdisjoint(found), found
+
+
+@pytest.mark.parametrize("name", ["swing_up", "track", "gymnasium"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_numba_compiles_no_observations_of_the_packages_scenes(scene: str, name: str) -> None:
+    """In its own loops it would take one environment at a time, because the user's arrays have several types."""
+    method = next(str(one) for one in ("rk4", "velocity_verlet") if one in map(str, fitting(SCENES[scene])))
+    found = batch_program(SCENES[scene], integrators.get(method), ("energy",), frozenset(), TASKS[name].goal)
+    tree = next(node for node in ast.parse(found.text).body
+                if isinstance(node, ast.FunctionDef) and node.name == "step_blocks")
+    assert found.layout.told_at_once
+    assert "observe" not in left(found.text, "step_blocks", (numba.float64,) * len(tree.args.args))
 
 
 @pytest.mark.slow
