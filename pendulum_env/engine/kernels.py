@@ -8,10 +8,10 @@ import os
 import pickle
 import platform
 import sys
-from collections.abc import Callable, Collection, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, Literal, Protocol
 
 from pendulum_env.common.replacing import replacing
@@ -102,11 +102,12 @@ def forget() -> None:
     """Clear this process's caches of loaded programs and of the available backend, and allow warnings to appear again.
     """
     _functions.cache_clear()
+    plain_functions.cache_clear()
     _resolved.cache_clear()
     _warn_uncached.cache_clear()
 
 
-def resolve(backend: Backend, called_back: Collection[Any] = ()) -> Literal["compiled", "python"]:
+def resolve(backend: Backend = "auto", called_back: Collection[Any] = ()) -> Literal["compiled", "python"]:
     """Return "compiled" or "python" for the name of a backend, which may also be "auto".
 
     A program that calls functions of Python, ``called_back``, is interpreted.
@@ -189,11 +190,8 @@ def rewriting() -> tuple[str, ...]:
 
 def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     """Return a program's functions, compiled at their first call; source and machine code are cached on disk."""
-    import numba
-
     text = (PREAMBLE.replace('"_nrt": False', ALLOCATING) if program.own else PREAMBLE) + program.text
-    key = "\n".join([text, *rewriting(), numba.__version__, platform.machine(), sys.version])
-    name = f"kernel_{hashlib.sha256(key.encode()).hexdigest()[:24]}"
+    name = f"kernel_{_digest(text)}"
     file, cached = f"<lab-pendulum {program.title}>", False
     try:
         file, cached = str(_written(own_folder(cache_folder()) / f"{name}.py", text)), True
@@ -204,12 +202,51 @@ def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     exec(compile(text, file, "exec"), vars(module))
     if not program.own:
         vars(module)[TEXT] = text
-    for function in list(vars(module).values()):
-        options = getattr(function, "targetoptions", None)
-        if cached and options is not None and not options.get("no_cpython_wrapper"):
-            # numba has no public way to give a function another cache than its own
-            function._cache = _CodeCache(Path(file).with_suffix(f".{function.__name__}"), program.own)
+    if cached:
+        _cache_code(list(vars(module).values()), Path(file).with_suffix(""), program.own)
     return vars(module)
+
+
+@cache
+def plain_functions(module: ModuleType) -> SimpleNamespace:
+    """Return the functions in a module's ``__all__``, compiled at their first call unless programs are interpreted.
+
+    They are plain Python on numbers and arrays, without decorators, and make no objects; they may call the module's
+    other functions. The machine code is cached on disk. Python runs them where numba cannot be imported, and if the
+    environment variable LAB_PENDULUM_BACKEND says so, with the same results.
+    """
+    own = {name: function for name, function in vars(module).items()
+           if isinstance(function, FunctionType) and function.__module__ == module.__name__}
+    if resolve() == "compiled":
+        text = Path(str(module.__file__)).read_text("utf-8")
+        start = f"{module.__name__.rpartition('.')[2]}_{_digest(PREAMBLE + text)}"
+        names: dict[str, Any] = dict(vars(module))
+        exec(PREAMBLE, names)
+        for name, function in own.items():
+            kind = names["entry" if name in module.__all__ else "inline"]
+            own[name] = names[name] = kind(FunctionType(function.__code__, names, name))
+        try:
+            _cache_code(own.values(), own_folder(cache_folder()) / start, False)
+        except OSError as error:
+            _warn_uncached(_reason(error))
+    return SimpleNamespace(**{name: own[name] for name in module.__all__})
+
+
+def _digest(text: str) -> str:
+    """Return a digest of a program's text and of all else on which its machine code depends."""
+    import numba
+
+    key = "\n".join([text, *rewriting(), numba.__version__, platform.machine(), sys.version])
+    return hashlib.sha256(key.encode()).hexdigest()[:24]
+
+
+def _cache_code(functions: Iterable[Any], start: Path, allocates: bool) -> None:
+    """Give those functions that Python calls a cache on disk, in files whose names begin with the path ``start``."""
+    for function in functions:
+        options = getattr(function, "targetoptions", None)
+        if options is not None and not options.get("no_cpython_wrapper"):
+            # numba has no public way to give a function another cache than its own
+            function._cache = _CodeCache(start.with_name(f"{start.name}.{function.__name__}"), allocates)
 
 
 class _CodeCache:

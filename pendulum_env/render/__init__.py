@@ -7,8 +7,8 @@ For example::
     picture = frame(apparatus, view, look=FrameStyle("dark", ("apparatus", "phase")))
     write_film("swing.mp4", pictures, fps=50)
 
-Importing this package needs NumPy only. The first text imports pygame-ce, for its font, and the first film
-imageio-ffmpeg.
+Importing this package needs NumPy only. The first picture imports numba, which compiles the loops over pixels, and
+pygame-ce, for its font; the first film imports imageio-ffmpeg.
 """
 
 from pendulum_env.render.film import write_film

@@ -16,60 +16,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.engine.kernels import plain_functions
+from pendulum_env.render import pixels
+
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
 
-PIXEL = np.dtype("V3")
-"""The three bytes of a pixel as one item, which is copied at once."""
-NONE, HALF, FULL = (np.array(value, dtype=np.float32) for value in (0.0, 0.5, 1.0))
-"""0, 0.5 and 1 as arrays without axes, which numpy's functions take in half the time of a number."""
 _CENTRES: Floats = np.arange(65_536, dtype=np.float32) + np.float32(0.5)
-_OFFSETS = _CENTRES - HALF
 _SHADES = 256
-_UNSEEN = 1 / 512
-"""Opacity below which no colour changes a pixel: the change would be less than half of one step of 255."""
-
-
-@lru_cache(maxsize=64)
-def _tile(colour: bytes) -> Floats:
-    """Return the bytes of an RGB colour (three float32) as an array of that colour, repeated for 4096 pixels."""
-    return np.tile(np.frombuffer(colour, dtype=np.float32), 4096)
-
-
-def spread(colour: Floats, pixels: int) -> Floats:
-    """Return an RGB colour (3,) repeated for ``pixels`` pixels of a row, as an array of shape (3 * pixels,)."""
-    return _tile(colour.tobytes())[: 3 * pixels] if pixels <= 4096 else np.tile(colour, pixels)
 
 
 def blend(patch: Image, cover: Floats, colour: Floats) -> None:
-    """Mix `colour`, (3,) or (..., 3), into pixels `patch` (..., 3) in place; `cover` (...) is the opacity, 0 to 1."""
-    under = patch.astype(np.float32, order="C").reshape(*patch.shape[:-2], 3 * patch.shape[-2])
-    patch[...] = _blended(under, cover, colour).reshape(patch.shape)
+    """Mix a colour, (3,), into the pixels `patch` (h, w, 3) in place; `cover` (h, w) is the opacity, 0 to 1.
 
-
-def blend_at(image: Image, where: NDArray[np.intp], cover: Floats, colour: Floats) -> None:
-    """Mix `colour`, (3,) or (..., 3), into the pixels of an image whose flat indices are `where` (...), each once.
-
-    `cover` (...) is the opacity, 0 to 1.
+    Raises ValueError if the sizes differ.
     """
-    whole = np.ascontiguousarray(image)
-    pixels = np.ndarray(whole.size // 3, PIXEL, whole)
-    under = pixels.take(where).view(np.uint8).astype(np.float32)
-    pixels.put(where, _blended(under, cover, colour).astype(np.uint8).view(PIXEL))
-    if whole is not image:
-        image[...] = whole
-
-
-def _blended(under: Floats, cover: Floats, colour: Floats) -> Floats:
-    """Return rows of pixels `under` (..., 3 n) mixed with `colour`, (3,) or (..., n, 3), plus 0.5 for rounding.
-
-    `cover` (..., n) is the opacity, 0 to 1.
-    """
-    mixed = (spread(colour, cover.shape[-1]) if colour.ndim == 1 else colour.reshape(under.shape)) - under
-    mixed *= cover.repeat(3, axis=-1)
-    mixed += under
-    mixed += HALF
-    return mixed
+    if patch.shape[:2] != cover.shape:
+        raise ValueError(f"cover must have the shape {patch.shape[:2]} of the pixels, not {cover.shape}")
+    plain_functions(pixels).blend(patch, cover, colour)
 
 
 def _span(low: float, high: float, limit: int) -> tuple[int, int]:
@@ -89,7 +53,7 @@ def _window(
 
 def _clip(values: Any) -> Floats:
     """Return values limited to the range from 0 to 1."""
-    clipped: Floats = np.minimum(np.maximum(values, NONE), FULL)
+    clipped: Floats = np.minimum(np.maximum(values, 0), 1)
     return clipped
 
 
@@ -120,11 +84,9 @@ class Stamp:
 
 def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> None:
     """Fill a circle with the shading of a ball that is lit from the upper left."""
-    patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
-    dx, dy = xs - x, ys - y
-    far = np.hypot(dx + 0.36 * radius, dy + 0.40 * radius) * np.float32(_SHADES / (3 * radius))
-    shaded = _shades(colour.tobytes()).take(far.astype(np.intp), axis=0, mode="clip")
-    blend(patch, _clip(radius + 0.5 - np.hypot(dx, dy)), shaded)
+    left, right = _span(x - radius - 1, x + radius + 1, image.shape[1])
+    top, bottom = _span(y - radius - 1, y + radius + 1, image.shape[0])
+    plain_functions(pixels).ball(image, left, top, right, bottom, x, y, radius, _shades(colour.tobytes()))
 
 
 @lru_cache(maxsize=64)
@@ -142,33 +104,8 @@ def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: 
 
     Nothing is painted if right <= left.
     """
-    if right <= left:
-        return
-    first, last = math.ceil(left), math.floor(right)
-    if first > last:
-        mix(image[top:bottom, last], colour, right - left)
-        return
-    image[top:bottom, first:last] = _row(colour.tobytes(), last - first)
-    if first - left > _UNSEEN:
-        mix(image[top:bottom, first - 1], colour, first - left)
-    if right - last > _UNSEEN:
-        mix(image[top:bottom, last], colour, right - last)
-
-
-@lru_cache(maxsize=1024)
-def _row(colour: bytes, pixels: int) -> Image:
-    """Return a row of pixels of an RGB colour (three float32)."""
-    return np.tile(np.frombuffer(colour, dtype=np.float32).astype(np.uint8), (pixels, 1))
-
-
-def mix(patch: Image, colour: Floats, share: float) -> None:
-    """Mix a colour, (3,), into pixels `patch` (..., 3) in place; `share`, 0 to 1, is the fraction of the colour."""
-    under = patch.astype(np.float32)
-    mixed = colour - under
-    mixed *= share
-    mixed += under
-    mixed += HALF
-    patch[...] = mixed
+    if right > left:
+        plain_functions(pixels).bar(image, float(left), int(top), float(right), int(bottom), colour)
 
 
 def box(
@@ -221,29 +158,9 @@ def _stroke(image: Image, swapped: bool, x0: float, y0: float, x1: float, y1: fl
         x0, y0, x1, y1 = x1, y1, x0, y0
     length = math.hypot(x1 - x0, y1 - y0)
     ux, uy = (x1 - x0) / length, (y1 - y0) / length
-    half = width / 2
-    reach = (half + 0.5) / uy
+    reach = (width / 2 + 0.5) / uy
     rows, columns = image.shape[1::-1] if swapped else image.shape[:2]
-    down, right = (1, rows) if swapped else (columns, 1)
-    top, bottom = _span(y0 - half - 1, y1 + half + 1, rows)
-    if top >= bottom:
-        return
+    top, bottom = _span(y0 - width / 2 - 1, y1 + width / 2 + 1, rows)
     count = min(math.ceil(2 * reach) + 1, columns)
-    ys = _CENTRES[top:bottom] - y0
-    left = np.ceil(ys * (ux / uy) + (x0 - reach - 0.5))
-    np.minimum(np.maximum(left, NONE, out=left), columns - count, out=left)
-    turn, cross = np.array(((uy, ux), (-ux, uy)), dtype=np.float32)[..., None]
-    ends = (left + (0.5 - x0)) * turn
-    ends += ys * cross
-    across, along = (_OFFSETS[:count] * turn)[..., None] + ends[:, None]
-    cover = np.array(length, np.float32) - along
-    np.minimum(cover, along, out=cover)
-    np.minimum(cover, np.array(half, np.float32) - np.abs(across), out=cover)
-    cover += HALF
-    np.minimum(np.maximum(cover, NONE, out=cover), FULL if width >= 1 else width, out=cover)
-    if colour.ndim == 2:
-        across *= np.array((len(colour) - 1) / width, np.float32)
-        across += np.array((len(colour) - 1) / 2, np.float32)
-        colour = colour.take(across.astype(np.intp), axis=0, mode="clip")
-    where = np.arange(top * down, bottom * down, down) + left.astype(np.intp) * right
-    blend_at(image, where + np.arange(0, count * right, right)[:, None], cover, colour)
+    plain_functions(pixels).line(image, swapped, top, bottom, count, x0, y0, ux, uy, length, reach, width,
+                                 colour.reshape(-1, 3))

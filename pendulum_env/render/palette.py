@@ -101,6 +101,6 @@ def gradient(*colours: str) -> NDArray[np.float32]:
     """Return a read-only float32 table (65, 3) of RGB colours that change evenly from one hex colour to the next."""
     stops = np.linspace(0, 64, len(colours))
     channels = np.array([rgb(c) for c in colours]).T
-    table = np.array([np.interp(np.arange(65), stops, channel) for channel in channels], dtype=np.float32).T
+    table = np.stack([np.interp(np.arange(65), stops, channel) for channel in channels], axis=1).astype(np.float32)
     table.flags.writeable = False
     return table

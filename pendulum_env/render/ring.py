@@ -9,12 +9,14 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.render.paint import FULL, NONE, Floats, Image, blend_at
+from pendulum_env.engine.kernels import plain_functions
+from pendulum_env.render import pixels
+from pendulum_env.render.paint import Floats, Image
+from pendulum_env.render.pixels import TURN
 
-TURN = 2 * math.pi
 HEAD = 0.6
 """Ratio of half the width of an arrow's head to its length."""
-_SLOPE = np.array(HEAD / math.hypot(1, HEAD), dtype=np.float32)
+_SLOPE = HEAD / math.hypot(1, HEAD)
 
 
 class Ring:
@@ -28,6 +30,7 @@ class Ring:
 
     def __init__(self, x: float, y: float, radius: float, width: float, shape: tuple[int, int],
                  reach: float = 0.0) -> None:
+        self.shape = shape
         far = max(reach, width / 2) + 1
         most = radius + far
         top, left = max(math.floor(y - most), 0), max(math.floor(x - most), 0)
@@ -42,7 +45,7 @@ class Ring:
         rows, columns = rows[order], columns[order]
         self.off: Floats = off[rows, columns].astype(np.float32)
         self.cover: Floats = np.clip(width / 2 + np.float32(0.5) - self.off, 0, 1)
-        self.pixel: NDArray[np.intp] = (rows + top) * shape[1] + columns + left
+        self.rows, self.columns = rows + top, columns + left
         self.radius, self.width = radius, width
         self.bins = max(8, math.ceil(2 * TURN * radius))
         self.bin: NDArray[np.intp] = np.rint(self.angle * (self.bins / TURN)).astype(np.intp) % self.bins
@@ -55,69 +58,55 @@ class Ring:
         """Paint an arrow along the circle, from the angle `start` [rad] to `start` + `sweep`.
 
         Its head has the length `head` [rad]. `sweep` may be negative, and is less than a turn.
+
+        Raises ValueError for an image of another size than the circle's.
         """
-        end, long, half = start + sweep, np.float32(head * self.radius), np.float32(0.5)
-        neck, tip = np.float32(0.9) * long - half, long + half
-        for part, turns in self._between(min(start, end), max(start, end)):
-            rest = np.float32(end + turns) - self.angle[part]
-            rest *= math.copysign(self.radius, sweep)
-            shaft = rest - neck
-            np.minimum(shaft, self.side[part], out=shaft)
-            np.minimum(shaft, np.float32(abs(sweep) * self.radius + 0.5) - rest, out=shaft)
-            point = rest * _SLOPE
-            point += self.cone[part]
-            np.maximum(np.minimum(point, tip - rest, out=point), shaft, out=shaft)
-            seen = (shaft > NONE).nonzero()[0]
-            share = shaft.take(seen)
-            blend_at(image, self.pixel[part].take(seen), np.minimum(share, FULL, out=share), colour)
+        self._check(image)
+        end, whole = start + sweep, abs(sweep) * self.radius
+        for first, last, turns in self._between(min(start, end), max(start, end)):
+            plain_functions(pixels).arrow(
+                image, self.rows, self.columns, self.angle, self.side, self.cone, _SLOPE, first, last, end + turns,
+                math.copysign(self.radius, sweep), head * self.radius, whole, colour)
 
     def trail(self, image: Image, angles: Sequence[float], strongest: float, colour: Floats) -> None:
         """Paint the trail of a bob that moved along the circle through `angles` [rad], oldest first.
 
         Where the trail covers itself, the newest passage is visible. The opacity falls from `strongest` at the newest
         angle to 0 at the oldest.
+
+        Raises ValueError for an image of another size than the circle's.
         """
+        self._check(image)
         if len(angles) < 2:
             return
-        path = np.array(angles, dtype=float)
-        steps = path[1:] - path[:-1]
-        sizes = np.abs(steps)
-        low, high = min(angles), max(angles)
-        if high - low > TURN and sizes.max() > TURN:
-            np.minimum(np.maximum(steps, -TURN), TURN).cumsum(out=path[1:])
-            path[0] = 0.0
-            path += angles[-1] - path[-1]
-            sizes = np.minimum(sizes, TURN)
-            low, high = float(path.min()), float(path.max())
-        ends = np.zeros(len(path))
-        np.ceil(sizes * (self.bins / TURN) + 1).cumsum(out=ends[1:])
-        moments = np.arange(1.0, ends[-1] + 1)
-        places = np.rint(np.interp(moments, ends, path * (self.bins / TURN))).astype(np.intp)
-        if low < -3.0 or high > 3.0:  # indices down to -bins count from the end
-            places %= self.bins
         strength = np.zeros(self.bins, dtype=np.float32)
-        strength.put(places, np.interp(moments, ends, _fade(len(path), strongest)))
-        for part, _ in self._between(low, high):
-            share = strength.take(self.bin[part])
-            share *= self.cover[part]
-            blend_at(image, self.pixel[part], share, colour)
+        path, sizes = np.array(angles, dtype=float), np.empty(len(angles) - 1)
+        low, high = plain_functions(pixels).passages(strength, path, sizes, _fade(len(path), strongest))
+        for first, last, _ in self._between(low, high):
+            plain_functions(pixels).trail(image, self.rows, self.columns, self.bin, self.cover, first, last, strength,
+                                          colour)
 
-    def _between(self, low: float, high: float) -> Iterator[tuple[slice, float]]:
-        """Yield slices of the circle's pixels, sorted by angle, that lie between two angles [rad]: one slice or two.
+    def _check(self, image: Image) -> None:
+        """Raise ValueError for an image of another size than that which the circle was made for."""
+        if image.shape[:2] != self.shape:
+            raise ValueError(f"this circle is for images of the shape {self.shape}, not {image.shape[:2]}")
 
-        With each slice comes the multiple of a full turn [rad] to add to the two angles to get the angles of the
-        pixels.
+    def _between(self, low: float, high: float) -> Iterator[tuple[int, int, float]]:
+        """Yield the ranges of the circle's pixels, sorted by angle, that lie between two angles [rad]: one or two.
+
+        A range is its first index and the index after its last, and the multiple of a full turn [rad] to add to the two
+        angles to get the angles of its pixels.
         """
         low, high = low - 2.0 / self.radius, high + 2.0 / self.radius
         if high - low >= TURN:
-            yield slice(None), 0.0
+            yield 0, len(self.angle), 0.0
             return
         turns = TURN * math.floor((low + math.pi) / TURN)
         first = int((low - turns + math.pi) * (self.bins / TURN))
         last = int((high - turns + math.pi) * (self.bins / TURN)) + 1
-        yield slice(self.first[min(first, self.bins)], self.first[min(last, self.bins)]), -turns
+        yield self.first[min(first, self.bins)], self.first[min(last, self.bins)], -turns
         if last > self.bins:
-            yield slice(0, self.first[min(last - self.bins, first)]), -turns - TURN
+            yield 0, self.first[min(last - self.bins, first)], -turns - TURN
 
 
 @lru_cache(maxsize=16)

@@ -30,7 +30,7 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.engine": BASE,
     "pendulum_env.truth": (*BASE, "pendulum_env.engine"),
     "pendulum_env.tasks": (*BASE, "pendulum_env.engine"),
-    "pendulum_env.render": ("pendulum_env.common",),
+    "pendulum_env.render": ("pendulum_env.common", "pendulum_env.engine"),
     "pendulum_env.films": (*RUNS, "pendulum_env.render"),
     "pendulum_env.controllers": RUNS,
     "pendulum_env.auto": RUNS,
@@ -64,7 +64,7 @@ REACH: dict[str, tuple[str, ...]] = {
     "pendulum_env.engine": ("numba", "scipy"),
     "pendulum_env.truth": ("numba", "scipy"),
     "pendulum_env.tasks": ("numba", "scipy"),
-    "pendulum_env.render": ("pygame", "moviepy"),
+    "pendulum_env.render": ("numba", "pygame", "moviepy"),
     "pendulum_env.films": ("numba", "scipy", "pygame", "moviepy"),
     "pendulum_env.controllers": ("numba", "scipy", "gymnasium"),
     "pendulum_env.auto": ("numba", "scipy"),
@@ -146,6 +146,12 @@ def test_arrows_go_one_way() -> None:
     assert [module for module, room in rooms.items() if not room and module not in OPENED_BY_NAME] == []
     assert [f"{module} imports {other}, which {room} must not know" for module, room in rooms.items() if room
             for other in sorted(inside(module)) if rooms[other] not in (room, *HOUSE[room])] == []
+
+
+def test_pictures_know_no_scene() -> None:
+    """Of the engine they use the way to compile loops, and nothing else."""
+    assert {other for module in modules() if room_of(module) == "pendulum_env.render" for other in inside(module)
+            if room_of(other) == "pendulum_env.engine"} == {"pendulum_env.engine.kernels"}
 
 
 @pytest.mark.parametrize("room", REACH)

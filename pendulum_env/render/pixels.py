@@ -1,0 +1,169 @@
+"""Loops over the pixels of moving shapes: plain Python on numbers, which numba compiles.
+
+Both ways to run them give the same pixels. Lengths are in pixels and colours in 0 to 255; the pixel in row i and column
+j has its centre at (j + 0.5, i + 0.5). `image` has the shape (H, W, 3) and the type uint8. Compiled code does not check
+indices: rows, columns and other indices that are given must be inside the arrays. Fractions of pixels are computed in
+single precision.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from numpy import float32, float64, uint8
+
+__all__ = ["arrow", "ball", "bar", "blend", "line", "passages", "trail"]
+
+NONE, HALF, FULL = float32(0.0), float32(0.5), float32(1.0)
+TURN = 2 * math.pi
+
+
+def mix(image: Any, row: Any, column: Any, share: Any, colour: Any) -> None:
+    """Mix a colour, (3,), into one pixel; `share`, 0 to 1, is the fraction of the colour."""
+    for k in range(3):
+        under = float32(image[row, column, k])
+        image[row, column, k] = uint8((colour[k] - under) * share + under + HALF)
+
+
+def distance(x: Any, y: Any) -> Any:
+    """Return the square root of x^2 + y^2, of numbers in single precision."""
+    return float32(math.sqrt(float64(x) * float64(x) + float64(y) * float64(y)))
+
+
+def blend(image: Any, cover: Any, colour: Any) -> None:
+    """Mix a colour, (3,), into all pixels of an image; `cover` (H, W), 0 to 1, is its fraction in each."""
+    for row in range(image.shape[0]):
+        for column in range(image.shape[1]):
+            mix(image, row, column, cover[row, column], colour)
+
+
+def line(
+    image: Any, swapped: bool, top: int, bottom: int, count: int, x0: float, y0: float, ux: float, uy: float,
+    length: float, reach: float, width: float, colours: Any
+) -> None:
+    """Paint `count` pixels around a straight line in each row from `top` to before `bottom`.
+
+    The line begins at (x0, y0) and has the direction (ux, uy); the colours (n, 3) are those across it, from left to
+    right. With `swapped`, rows and columns are exchanged, for the line and for the image.
+    """
+    columns = image.shape[0] if swapped else image.shape[1]
+    half, most = float32(width / 2), float32(min(1.0, width))
+    across_x, across_y, along_x, along_y = float32(uy), float32(-ux), float32(ux), float32(uy)
+    scale, middle = float32((len(colours) - 1) / width), float32((len(colours) - 1) / 2)
+    for row in range(top, bottom):
+        y = float32(row) + HALF - float32(y0)
+        left = float32(math.ceil(y * float32(ux / uy) + float32(x0 - reach - 0.5)))
+        left = min(max(left, NONE), float32(columns - count))
+        start = left + float32(0.5 - x0)
+        first = int(left)
+        for j in range(count):
+            across = float32(j) * across_x + (start * across_x + y * across_y)
+            along = float32(j) * along_x + (start * along_x + y * along_y)
+            share = min(min(float32(length) - along, along), half - abs(across)) + HALF
+            if share > NONE:
+                tone = colours[min(max(int(across * scale + middle), 0), len(colours) - 1)]
+                if swapped:
+                    mix(image, first + j, row, min(share, most), tone)
+                else:
+                    mix(image, row, first + j, min(share, most), tone)
+
+
+def ball(
+    image: Any, left: int, top: int, right: int, bottom: int, x: float, y: float, radius: float, shades: Any
+) -> None:
+    """Paint a ball with its centre at (x, y), inside a box of whole pixels.
+
+    The table `shades` (n, 3) has its colours by the distance from its brightest point, from 0 to 3 radii.
+    """
+    edge, scale = float32(radius + 0.5), float32(len(shades) / (3 * radius))
+    for row in range(top, bottom):
+        dy = float32(row) + HALF - float32(y)
+        for column in range(left, right):
+            dx = float32(column) + HALF - float32(x)
+            share = min(edge - distance(dx, dy), FULL)
+            if share > NONE:
+                far = distance(dx + float32(0.36 * radius), dy + float32(0.40 * radius)) * scale
+                mix(image, row, column, share, shades[min(max(int(far), 0), len(shades) - 1)])
+
+
+def bar(image: Any, left: float, top: int, right: float, bottom: int, colour: Any) -> None:
+    """Paint the part inside an image of an upright rectangle between whole rows.
+
+    Its left and right ends may be fractions of a pixel.
+    """
+    columns, first, last = image.shape[1], math.ceil(left), math.floor(right)
+    for row in range(max(top, 0), min(bottom, image.shape[0])):
+        for column in range(max(first, 0), min(last, columns)):
+            for k in range(3):
+                image[row, column, k] = uint8(colour[k])
+        if first > last:
+            if 0 <= last < columns:
+                mix(image, row, last, float32(right - left), colour)
+        else:
+            if left < first and 0 < first <= columns:
+                mix(image, row, first - 1, float32(first - left), colour)
+            if last < right and 0 <= last < columns:
+                mix(image, row, last, float32(right - last), colour)
+
+
+def passages(strength: Any, path: Any, sizes: Any, fade: Any) -> tuple[float, float]:
+    """Write how visible a trail is at each of the equal parts of a circle that `strength` (bins,) has.
+
+    The trail goes through the angles `path` (n,) [rad] with the opacities `fade` (n,), linearly from one to the next;
+    where it passes a part again, the later passage stays. A path of more than a turn with a step of more than a turn is
+    changed: its steps are cut to one turn. The sizes of its steps are written to `sizes` (n - 1,).
+
+    Returns the lowest and the highest angle of the path [rad].
+    """
+    bins, low, high, longest = len(strength), path[0], path[0], 0.0
+    for k in range(1, len(path)):
+        sizes[k - 1] = abs(path[k] - path[k - 1])
+        low, high, longest = min(low, path[k]), max(high, path[k]), max(longest, sizes[k - 1])
+    if high - low > TURN and longest > TURN:
+        before, newest, path[0] = path[0], path[-1], 0.0
+        for k in range(1, len(path)):
+            step = min(max(path[k] - before, -TURN), TURN)
+            before, path[k], sizes[k - 1] = path[k], path[k - 1] + step, abs(step)
+        shift = newest - path[-1]
+        for k in range(len(path)):
+            path[k] += shift
+            low, high = (path[k], path[k]) if k == 0 else (min(low, path[k]), max(high, path[k]))
+    end, scale = 0.0, bins / TURN
+    for k in range(len(sizes)):
+        begin, end = end, end + math.ceil(sizes[k] * scale + 1)
+        start, goal = path[k] * scale, path[k + 1] * scale
+        turned, faded = (goal - start) / (end - begin), (fade[k + 1] - fade[k]) / (end - begin)
+        for moment in range(int(begin) + 1, int(end)):
+            strength[round(turned * (moment - begin) + start) % bins] = faded * (moment - begin) + fade[k]
+        strength[round(goal) % bins] = fade[k + 1]
+    return low, high
+
+
+def trail(
+    image: Any, rows: Any, columns: Any, bins: Any, cover: Any, first: int, last: int, strength: Any, colour: Any
+) -> None:
+    """Mix a colour into the pixels from `first` to before `last` of a circle, by their cover and their bin's strength.
+    """
+    for k in range(first, last):
+        share = strength[bins[k]] * cover[k]
+        if share > NONE:
+            mix(image, rows[k], columns[k], share, colour)
+
+
+def arrow(
+    image: Any, rows: Any, columns: Any, angles: Any, side: Any, cone: Any, slope: Any, first: int, last: int,
+    end: float, radius: float, long: float, whole: float, colour: Any
+) -> None:
+    """Paint an arrow on the pixels from `first` to before `last` of a circle.
+
+    It has a head of length `long` whose tip is at the angle `end` [rad], and the length `whole`; a negative radius is
+    that of an arrow in the clockwise direction.
+    """
+    neck, tip = float32(0.9) * float32(long) - HALF, float32(long) + HALF
+    for k in range(first, last):
+        rest = (float32(end) - angles[k]) * float32(radius)
+        shaft = min(min(rest - neck, side[k]), float32(whole + 0.5) - rest)
+        share = max(min(rest * float32(slope) + cone[k], tip - rest), shaft)
+        if share > NONE:
+            mix(image, rows[k], columns[k], min(share, FULL), colour)

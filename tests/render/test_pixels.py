@@ -1,0 +1,163 @@
+"""Loops over pixels: compiled and interpreted they paint the same, what the formulas say, and nothing outside."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pendulum_env.engine import kernels
+from pendulum_env.engine.kernels import plain_functions
+from pendulum_env.render import Apparatus, View, frame, paint, pixels
+from pendulum_env.render.palette import gradient, rgb
+from pendulum_env.render.ring import Ring
+
+HIGH, WIDE = 47, 61
+COLOUR = rgb("#D55E00")
+WIDTHS = (0.4, 1.0, 2.6, 9.0)
+
+
+def paper(seed: int) -> Any:
+    """An image of random colours."""
+    return np.random.default_rng(seed).integers(0, 256, (HIGH, WIDE, 3)).astype(np.uint8)
+
+
+def shapes(image: Any, seed: int) -> None:
+    """Paint one of each shape into an image, at random places in it and beside it."""
+    r = random.Random(seed)
+
+    def place() -> tuple[float, float]:
+        return r.uniform(-30, WIDE + 30), r.uniform(-30, HIGH + 30)
+
+    paint.stroke(image, *place(), *place(), r.choice(WIDTHS), r.choice((COLOUR, gradient("#123456", "#FFEEDD"))))
+    paint.ball(image, *place(), r.choice((2.5, 7.3, 30.0)), COLOUR)
+    paint.disc(image, *place(), r.choice((2.5, 7.3, 30.0)), COLOUR, r.random())
+    left, right = (r.uniform(-9, WIDE + 9) for _ in range(2))
+    top = r.randrange(-9, HIGH)
+    paint.bar(image, left, top, right, top + r.randrange(20), COLOUR)
+    ring = Ring(*place(), r.uniform(3, 40), r.uniform(1, 5), image.shape[:2], 9.0)
+    ring.trail(image, [r.uniform(-9, 9) for _ in range(r.randint(2, 9))], 0.6, COLOUR)
+    ring.arrow(image, r.uniform(-9, 9), r.uniform(-2, 2), 0.3, COLOUR)
+
+
+@pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """A function that calls another one with loops that Python runs."""
+    def call(function: Callable[..., Any], *given: Any) -> Any:
+        kernels.forget()
+        monkeypatch.setenv(kernels.VARIABLE, "python")
+        try:
+            return function(*given)
+        finally:
+            monkeypatch.delenv(kernels.VARIABLE)
+            kernels.forget()
+
+    yield call
+
+
+def test_compiled_and_interpreted_loops_paint_the_same(interpreted: Callable[..., Any]) -> None:
+    def painted() -> list[Any]:
+        images = [paper(seed) for seed in range(25)]
+        for seed, image in enumerate(images):
+            shapes(image, seed)
+        return images
+
+    one, two = painted(), interpreted(painted)
+    for seed, (compiled, plain) in enumerate(zip(one, two, strict=True)):
+        np.testing.assert_array_equal(compiled, plain, err_msg=str(seed))
+    assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 20
+
+
+def test_the_shapes_call_every_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    called = set()
+    for name, loop in vars(plain_functions(pixels)).items():
+        def noted(*given: Any, name: str = name, loop: Any = loop) -> Any:
+            called.add(name)
+            return loop(*given)
+
+        monkeypatch.setattr(plain_functions(pixels), name, noted)
+    for seed in range(9):
+        shapes(paper(seed), seed)
+    assert called == set(pixels.__all__)
+
+
+def test_a_frame_is_the_same_where_python_runs_the_loops(interpreted: Callable[..., Any]) -> None:
+    view = View(1.0, 0.7, -1.2, 0.6, 0.03, 0.01, 0.004, 0.001, -0.002, (-0.4, -0.1, 0.2, 0.5), "rk4", 0.05)
+    apparatus = Apparatus(0.353, 0.0107, "rod", 0.002)
+    np.testing.assert_array_equal(frame(apparatus, view, 200), interpreted(frame, apparatus, view, 200))
+
+
+def test_nothing_outside_an_image_is_painted() -> None:
+    """Compiled loops do not check indices: the image is a part of a larger one here."""
+    for seed in range(300):
+        around = np.full((HIGH + 40, WIDE + 40, 3), 7, np.uint8)
+        inside = around[20:-20, 20:-20]
+        inside[...] = paper(seed)
+        alone = paper(seed)
+        shapes(inside, seed)
+        shapes(alone, seed)
+        np.testing.assert_array_equal(inside, alone, err_msg=str(seed))
+        inside[...] = 7
+        assert (around == 7).all(), seed
+
+
+def test_distances_are_rounded_once() -> None:
+    """The shade of a ball is chosen by a distance in single precision; a finer table shows its last bits."""
+    shades = np.random.default_rng(1).integers(0, 256, (2**20, 3)).astype(np.float32)
+    for k in range(5):
+        x, y, radius = 20.3 + k / 7, 22.1 + k / 11, 17.0 + k
+        image = np.zeros((HIGH, WIDE, 3), np.uint8)
+        plain_functions(pixels).ball(image, 0, 0, WIDE, HIGH, x, y, radius, shades)
+        rows, columns = (np.indices((HIGH, WIDE)) + 0.5).astype(np.float32)
+        dx, dy = columns - np.float32(x), rows - np.float32(y)
+        right, down = dx + np.float32(0.36 * radius), dy + np.float32(0.40 * radius)
+        far = np.sqrt(right.astype(float) ** 2 + down.astype(float) ** 2).astype(np.float32)
+        index = (far * np.float32(2**20 / (3 * radius))).astype(int)
+        whole = np.hypot(dx, dy) < radius - 0.6
+        np.testing.assert_array_equal(image[whole], shades.take(index, axis=0, mode="clip")[whole].astype(np.uint8))
+
+
+@pytest.mark.parametrize("ends", [(9.2, 5.1, 14.7, 40.4), (50.3, 33.3, 7.1, 30.2), (30.0, 4.0, 30.0, 44.0)])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_line_covers_its_area(ends: tuple[float, ...], width: float) -> None:
+    image = np.zeros((HIGH, WIDE, 3), np.uint8)
+    paint.stroke(image, *ends, width, np.full(3, 200, np.float32))
+    area = width * np.hypot(ends[2] - ends[0], ends[3] - ends[1])
+    assert image[..., 0].sum() / 200 == pytest.approx(area, rel=0.02)
+
+
+def test_a_trail_shows_its_newest_passage() -> None:
+    """It is as opaque as the path's straight lines in time between the angles, at each angle."""
+    bins = 5000
+    strength = np.zeros(bins, np.float32)
+    path, fade = np.array([0.1, 1.3, 0.4, 0.9]), np.array([0.0, 0.2, 0.5, 0.6])
+    low, high = plain_functions(pixels).passages(strength, path, np.empty(3), fade)
+    assert (low, high) == (0.1, 1.3)
+    angles = np.arange(bins) * 2 * np.pi / bins
+    newest = np.select([(angles > 0.4) & (angles < 0.9), (angles > 0.401) & (angles < 1.3), (angles > 0.1) & (angles < 0.4)],
+                       [0.5 + 0.1 * (angles - 0.4) / 0.5, 0.2 + 0.3 * (1.3 - angles) / 0.9, 0.2 * (angles - 0.1) / 1.2])
+    inner = np.abs(angles[:, None] - path).min(axis=1) > 0.003
+    np.testing.assert_allclose(strength[inner], newest[inner], atol=1e-3)
+
+
+def test_steps_of_more_than_a_turn_are_cut_to_one() -> None:
+    """Beyond a turn only the newest turn is visible, and the newest angle stays where it is."""
+    path, sizes = np.array([0.0, 100.0, 100.5, -1e6]), np.empty(3)
+    low, high = plain_functions(pixels).passages(np.zeros(99, np.float32), path, sizes, np.array([0.0, 0.1, 0.2, 0.3]))
+    turn = 2 * np.pi
+    np.testing.assert_allclose(sizes, [turn, 0.5, turn])
+    np.testing.assert_allclose(path + 1e6, [-0.5, turn - 0.5, turn, 0.0], atol=1e-9)
+    assert (low, high) == (path.min(), path.max())
+
+
+def test_other_sizes_are_refused() -> None:
+    ring = Ring(20.0, 20.0, 10.0, 2.0, (HIGH, WIDE))
+    for painted in (lambda image: ring.trail(image, (0.0, 1.0), 0.5, COLOUR),
+                    lambda image: ring.arrow(image, 0.0, 1.0, 0.1, COLOUR)):
+        with pytest.raises(ValueError, match=r"images of the shape \(47, 61\), not \(46, 61\)"):
+            painted(paper(0)[1:])
+    with pytest.raises(ValueError, match="cover must have the shape"):
+        paint.blend(paper(0), np.zeros((HIGH, WIDE - 1), np.float32), COLOUR)
