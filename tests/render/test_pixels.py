@@ -35,9 +35,9 @@ def shapes(image: Any, seed: int) -> None:
     paint.stroke(image, *place(), *place(), r.choice(WIDTHS), r.choice((COLOUR, gradient("#123456", "#FFEEDD"))))
     paint.ball(image, *place(), r.choice((2.5, 7.3, 30.0)), COLOUR)
     paint.disc(image, *place(), r.choice((2.5, 7.3, 30.0)), COLOUR, r.random())
-    left, right = (r.uniform(-9, WIDE + 9) for _ in range(2))
-    top = r.randrange(-9, HIGH)
-    paint.bar(image, left, top, right, top + r.randrange(20), COLOUR)
+    for wide in (r.uniform(0, WIDE), 0.3):
+        left, top = r.uniform(-20, WIDE + 9), r.randrange(-9, HIGH)
+        paint.bar(image, left, top, left + wide, top + r.randrange(20), COLOUR)
     ring = Ring(*place(), r.uniform(3, 40), r.uniform(1, 5), image.shape[:2], 9.0)
     ring.trail(image, [r.uniform(-9, 9) for _ in range(r.randint(2, 9))], 0.6, COLOUR)
     ring.arrow(image, r.uniform(-9, 9), r.uniform(-2, 2), 0.3, COLOUR)
@@ -50,6 +50,7 @@ def interpreted(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]
         kernels.forget()
         monkeypatch.setenv(kernels.VARIABLE, "python")
         try:
+            assert plain_functions(pixels).line is pixels.line
             return function(*given)
         finally:
             monkeypatch.delenv(kernels.VARIABLE)
@@ -129,6 +130,14 @@ def test_a_line_covers_its_area(ends: tuple[float, ...], width: float) -> None:
     assert image[..., 0].sum() / 200 == pytest.approx(area, rel=0.02)
 
 
+def test_an_arrow_covers_its_area() -> None:
+    """That of its shaft: here it has next to no head."""
+    for start, sweep in ((0.3, 1.1), (3.0, 0.7), (-1.0, -1.3)):
+        image = np.zeros((HIGH, WIDE, 3), np.uint8)
+        Ring(30.0, 23.0, 18.0, 3.0, (HIGH, WIDE)).arrow(image, start, sweep, 1e-6, np.full(3, 200, np.float32))
+        assert image[..., 0].sum() / 200 == pytest.approx(18.0 * abs(sweep) * 3.0, rel=0.02)
+
+
 def test_a_trail_shows_its_newest_passage() -> None:
     """It is as opaque as the path's straight lines in time between the angles, at each angle."""
     bins = 5000
@@ -141,6 +150,7 @@ def test_a_trail_shows_its_newest_passage() -> None:
                        [0.5 + 0.1 * (angles - 0.4) / 0.5, 0.2 + 0.3 * (1.3 - angles) / 0.9, 0.2 * (angles - 0.1) / 1.2])
     inner = np.abs(angles[:, None] - path).min(axis=1) > 0.003
     np.testing.assert_allclose(strength[inner], newest[inner], atol=1e-3)
+    assert strength[round(0.9 * bins / (2 * np.pi))] == strength.max() == np.float32(0.6)
 
 
 def test_steps_of_more_than_a_turn_are_cut_to_one() -> None:
