@@ -42,7 +42,8 @@ def written(folder: Path, text: str) -> ModuleType:
     file = folder / "loops_of_a_test.py"
     file.write_text(text)
     spec = spec_from_file_location("somewhere.loops_of_a_test", file)
-    assert spec and spec.loader
+    assert spec
+    assert spec.loader
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,7 @@ def shapes(image: Any, seed: int) -> None:
 
 
 @pytest.fixture
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """A function that calls another one with loops that Python runs."""
     def call(function: Callable[..., Any], *given: Any) -> Any:
         kernels.forget()
@@ -56,7 +56,7 @@ def interpreted(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]
             monkeypatch.delenv(kernels.VARIABLE)
             kernels.forget()
 
-    yield call
+    return call
 
 
 def test_compiled_and_interpreted_loops_paint_the_same(interpreted: Callable[..., Any]) -> None:
@@ -146,8 +146,9 @@ def test_a_trail_shows_its_newest_passage() -> None:
     low, high = plain_functions(pixels).passages(strength, path, np.empty(3), fade)
     assert (low, high) == (0.1, 1.3)
     angles = np.arange(bins) * 2 * np.pi / bins
-    newest = np.select([(angles > 0.4) & (angles < 0.9), (angles > 0.401) & (angles < 1.3), (angles > 0.1) & (angles < 0.4)],
-                       [0.5 + 0.1 * (angles - 0.4) / 0.5, 0.2 + 0.3 * (1.3 - angles) / 0.9, 0.2 * (angles - 0.1) / 1.2])
+    newest = np.select(
+        [(angles > 0.4) & (angles < 0.9), (angles >= 0.9) & (angles < 1.3), (angles > 0.1) & (angles <= 0.4)],
+        [0.5 + 0.1 * (angles - 0.4) / 0.5, 0.2 + 0.3 * (1.3 - angles) / 0.9, 0.2 * (angles - 0.1) / 1.2])
     inner = np.abs(angles[:, None] - path).min(axis=1) > 0.003
     np.testing.assert_allclose(strength[inner], newest[inner], atol=1e-3)
     assert strength[round(0.9 * bins / (2 * np.pi))] == strength.max() == np.float32(0.6)
