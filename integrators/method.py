@@ -18,7 +18,7 @@ of the quadratures along the step.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from fractions import Fraction
 from numbers import Real
@@ -72,6 +72,27 @@ def rational(values: Any, label: str) -> Any:
     except (TypeError, ValueError, OverflowError, ZeroDivisionError):
         raise MethodError(f"{label} must be a number, not {shown(values)}; write it as a whole number, a fraction, or "
                           "text such as '1/2' or '0.25'.") from None
+
+
+def total(values: Iterable[Fraction]) -> Fraction:
+    """Return the exact sum of fractions, 0 for none.
+
+    All are brought to one denominator first. Python's ``sum`` reduces each partial sum to its lowest terms, which takes
+    several times as long.
+    """
+    terms = list(values)
+    common = math.lcm(*[x.denominator for x in terms])
+    return Fraction(sum([x.numerator * (common // x.denominator) for x in terms]), common)
+
+
+def polynomial_at(polynomial: Polynomial, x: Fraction) -> Fraction:
+    """Return the exact value of a polynomial, by Horner's rule in whole numbers."""
+    common = math.lcm(*[c.denominator for c in polynomial])
+    value, scale = 0, 1
+    for c in reversed(polynomial):
+        value = value * x.numerator + c.numerator * (common // c.denominator) * scale
+        scale *= x.denominator
+    return Fraction(value * x.denominator, common * scale)
 
 
 def simple(x: Fraction) -> Fraction:

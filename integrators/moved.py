@@ -6,14 +6,13 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from types import CodeType, ModuleType
 from typing import Any
 
 
-class OldPath(Loader):
+class OldPath:
     """Import loader that loads a module under the path that it had before it moved."""
 
     def __init__(self, new: str) -> None:
@@ -46,7 +45,7 @@ class OldPath(Loader):
         return code
 
 
-class OldPaths(MetaPathFinder):
+class OldPaths:
     """Import finder that maps old module paths to new ones; it is asked only for modules that no other finder knows."""
 
     def __init__(self, moved: Mapping[str, str]) -> None:
@@ -56,7 +55,7 @@ class OldPaths(MetaPathFinder):
                   ) -> ModuleSpec | None:
         """Return the import spec for an old module path, or None; the import system passes ``path`` and ``target``."""
         new = self.moved.get(name)
-        return None if new is None else ModuleSpec(name, OldPath(new))
+        return None if new is None else ModuleSpec(name, OldPath(new))  # type: ignore[arg-type]
 
 
 def keep_old_paths(moved: Mapping[str, str]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
@@ -52,7 +51,7 @@ MOVED = {f"pendulum_env.{old}": f"pendulum_env.{new}" for old, new in {
 }.items()}
 
 
-class OldPathsHere(MetaPathFinder):
+class OldPathsHere:
     """Importer that finds this package's modules by their old paths.
 
     The importer of :mod:`integrators.moved`, which does the work, is loaded only when an old path is imported.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import ClassVar
 
-from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, rational, simple
+from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, polynomial_at, rational, simple, total
 from integrators.steps.terms import (
     Notation,
     StepLines,
@@ -102,9 +102,9 @@ class Nystrom(Method):
         for label, line in (("c", self.c), *((label, line) for label, line, _ in rows)):
             if line is not None and len(line) != size:
                 raise MethodError(f"{self.name}: {label} must be {size} numbers, like b.")
-        for label, line, total in rows:
-            if line is not None and abs(sum(line) - total) > ROUNDED:
-                raise MethodError(f"{self.name}: the weights {label} sum to {sum(line)}, not to {total}.")
+        for label, line, whole in rows:
+            if line is not None and abs(total(line) - whole) > ROUNDED:
+                raise MethodError(f"{self.name}: the weights {label} sum to {total(line)}, not to {whole}.")
 
     @property
     def needs(self) -> frozenset[str]:
@@ -379,6 +379,7 @@ def interpolated(c: Row, nodes: Sequence[int], digits: int = 50) -> tuple[Row, .
             if k != j:
                 up = [Fraction(0), *basis]
                 basis = [(x - c[k] * y) / (c[j] - c[k]) for x, y in zip(up, [*basis, Fraction(0)], strict=True)]
+        area = (Fraction(0), *(x / n for n, x in enumerate(basis, 1)))
         for line, end in zip(table, c, strict=True):
-            line[j] = sum((x * end ** (n + 1) / (n + 1) for n, x in enumerate(basis)), Fraction(0))
+            line[j] = polynomial_at(area, end)
     return tuple(tuple(x if x.denominator < 10**digits else round(x, digits) for x in line) for line in table)

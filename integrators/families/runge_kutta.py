@@ -7,7 +7,18 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, ClassVar
 
-from integrators.method import ROUNDED, Method, MethodError, Polynomial, Row, System, rational, simple, unrounded
+from integrators.method import (
+    ROUNDED,
+    Method,
+    MethodError,
+    Polynomial,
+    Row,
+    System,
+    rational,
+    simple,
+    total,
+    unrounded,
+)
 from integrators.steps.arrays import stages_step
 from integrators.steps.continuous import Extension
 from integrators.steps.newton import one_stage, simultaneous
@@ -73,18 +84,18 @@ class RungeKutta(Method):
         if not rows or not all(isinstance(row, tuple) and all(isinstance(x, Fraction) for x in row) for row in rows):
             raise MethodError(f"{self.name}: a must be rows of numbers, and b a row of numbers, as in "
                               "a=((0, 0), ('1/2', 0)), b=(0, 1).")
-        if sum(self.b) != 1 and sum(map(unrounded, self.b)) == 1:  # floats such as 1/6 are rounded
+        if total(self.b) != 1 and total(map(unrounded, self.b)) == 1:  # floats such as 1/6 are rounded
             object.__setattr__(self, "b", tuple(map(unrounded, self.b)))
             object.__setattr__(self, "a", tuple(tuple(map(unrounded, row)) for row in self.a))
-        object.__setattr__(self, "c", tuple(sum(filter(None, row), Fraction(0)) for row in self.a))
+        object.__setattr__(self, "c", tuple(total(filter(None, row)) for row in self.a))
         stages = len(self.b)
         if len(self.a) != stages or any(len(row) != stages for row in self.a):
             raise MethodError(f"{self.name}: a must be {stages} rows of {stages} numbers, like b.")
         if any(len(pair.b) != stages for pair in self.embedded):
             raise MethodError(f"{self.name}: embedded weights must be {stages} numbers, like b.")
         for label, weights in (("b", self.b), *(("embedded", pair.b) for pair in self.embedded)):
-            if sum(weights) != 1:
-                raise MethodError(f"{self.name}: the weights {label} sum to {sum(weights)}, not to 1.")
+            if total(weights) != 1:
+                raise MethodError(f"{self.name}: the weights {label} sum to {total(weights)}, not to 1.")
         if self.dense is not None:
             fault = self.dense.fault(self.b, ROUNDED)
             if fault:

@@ -19,7 +19,7 @@ from integrators.families.multistep import (
     over_mean,
     starter_of,
 )
-from integrators.method import MethodError, Polynomial, exact
+from integrators.method import MethodError, Polynomial, exact, total
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, StepLines, combination, increment, plus, term, times_step
 from integrators.tables.extrapolation import extrapolated_midpoint
@@ -46,8 +46,8 @@ class SecondOrder(Started):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        moments = [sum((x * (-j) ** m for j, x in enumerate(self.alpha)), Fraction(0)) for m in range(3)]
-        if self.alpha[0] != 1 or moments[0] or moments[1] or moments[2] != 2 * sum(self.beta):
+        moments = [total(x * (-j) ** m for j, x in enumerate(self.alpha)) for m in range(3)]
+        if self.alpha[0] != 1 or moments[0] or moments[1] or moments[2] != 2 * total(self.beta):
             raise MethodError(f"{self.name}: the sums of alpha_j (-j)**m must be 0, 0 and 2 sum(beta) "
                               "for m = 0, 1 and 2, and alpha must begin with 1.")
 

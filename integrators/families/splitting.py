@@ -9,7 +9,7 @@ from fractions import Fraction
 from itertools import accumulate, groupby
 from typing import ClassVar
 
-from integrators.method import Method, MethodError, rational
+from integrators.method import Method, MethodError, rational, total
 from integrators.steps.terms import Notation, Terms, begin_with_force, fraction_of, term, time_at
 
 KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
@@ -40,13 +40,13 @@ class Splitting(Method):
         super().__post_init__()
         flows = tuple((kind, *rational(parts, f"{self.name}: {kind}")) for kind, *parts in self.flows)
         object.__setattr__(self, "flows", flows)
-        totals = dict.fromkeys((KICK, DRIFT, DRAG, PUSH), Fraction(0))
-        for kind, fraction in self.flows:
-            if kind not in totals:
-                raise MethodError(f"{self.name}: unknown sub-flow '{kind}'; choose from {', '.join(totals)}.")
-            totals[kind] += fraction
-        sums = [totals[DRIFT], totals[KICK] + totals[PUSH], totals[DRAG] + totals[PUSH]]
-        if any(total != 1 for total in (sums[:2] if self.nystrom else sums)):
+        for kind, _ in self.flows:
+            if kind not in (KICK, DRIFT, DRAG, PUSH):
+                raise MethodError(f"{self.name}: unknown sub-flow '{kind}'; choose from "
+                                  f"{', '.join((KICK, DRIFT, DRAG, PUSH))}.")
+        sums = [total(part for kind, part in self.flows if kind in kinds)
+                for kinds in ((DRIFT,), (KICK, PUSH), (DRAG, PUSH))]
+        if any(whole != 1 for whole in (sums[:2] if self.nystrom else sums)):
             text = ", ".join(map(str, sums))
             raise MethodError(f"{self.name}: drifts, kicks and drags must each sum to 1, not to {text}.")
         if self.nystrom and any(kind in (DRAG, PUSH) for kind, _ in self.flows):

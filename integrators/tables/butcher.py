@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from fractions import Fraction
 from math import comb, isqrt
 
-from integrators.method import exact
+from integrators.method import exact, total
 from integrators.steps.continuous import Extension
 
 Polynomial = tuple[Fraction, ...]
 
 
-def row(total: int | str | Fraction, *others: int | str | Fraction) -> tuple[Fraction, ...]:
-    """Return a row of coefficients with the given sum: ``total`` minus the sum of the ``others``, then the ``others``.
+def row(whole: int | str | Fraction, *others: int | str | Fraction) -> tuple[Fraction, ...]:
+    """Return a row of coefficients with the given sum: ``whole`` minus the sum of the ``others``, then the ``others``.
 
     ``row("3/4", 0, "3/4")`` is the row of a Butcher table at the node 3/4 without its zeros at the end.
     """
     rest = exact(*others)
-    return (Fraction(total) - sum(rest), *rest)
+    return (Fraction(whole) - total(rest), *rest)
 
 
 def triangle(*rows: tuple[Fraction, ...]) -> tuple[tuple[Fraction, ...], ...]:
@@ -39,7 +39,7 @@ def bernstein(*powers: Fraction) -> Polynomial:
     """
     n = len(powers)
     terms = [power / comb(n, k) for k, power in enumerate(powers, 1)]
-    return tuple(sum((comb(j, k) * x for k, x in enumerate(terms[:j], 1)), Fraction(0)) for j in range(1, n + 1))
+    return tuple(total(comb(j, k) * x for k, x in enumerate(terms[:j], 1)) for j in range(1, n + 1))
 
 
 def smooth(

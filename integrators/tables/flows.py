@@ -13,7 +13,7 @@ from fractions import Fraction
 from itertools import cycle
 
 from integrators.families.splitting import DRAG, DRIFT, KICK
-from integrators.method import exact
+from integrators.method import exact, total
 
 Flows = tuple[tuple[str, Fraction], ...]
 Number = int | str | Fraction
@@ -27,7 +27,7 @@ def alternating(first: str, outer: Sequence[Number], inner: Sequence[Number]) ->
 
     One more kick and one more drift are added, so that the fractions of each kind sum to 1.
     """
-    rows = ((*part, 1 - sum(part, Fraction(0))) for part in (exact(*outer), exact(*inner)))
+    rows = ((*part, 1 - total(part)) for part in (exact(*outer), exact(*inner)))
     return _interleaved(first, *rows)
 
 
@@ -41,7 +41,7 @@ def mirrored(first: str, outer: Sequence[Number], inner: Sequence[Number]) -> Fl
     outside, inside = exact(*outer), exact(*inner)
     outer_middle = len(outside) > len(inside)
     alone, paired = (outside, inside) if outer_middle else (inside, outside)
-    middle, last = 1 - 2 * sum(alone, Fraction(0)), Fraction(1, 2) - sum(paired, Fraction(0))
+    middle, last = 1 - 2 * total(alone), Fraction(1, 2) - total(paired)
     lone, pairs = (*alone, middle, *alone[::-1]), (*paired, last, last, *paired[::-1])
     rows = (lone, pairs) if outer_middle else (pairs, lone)
     return _interleaved(first, *rows)
@@ -53,7 +53,7 @@ def composed(*gammas: Number) -> Flows:
     ``gammas`` are the lengths of the steps before the middle one, as fractions of the whole step.
     """
     half = exact(*gammas)
-    drifts = (*half, 1 - 2 * sum(half, Fraction(0)), *half[::-1])
+    drifts = (*half, 1 - 2 * total(half), *half[::-1])
     kicks = [(x + y) / 2 for x, y in zip((Fraction(0), *drifts), (*drifts, Fraction(0)), strict=True)]
     return _interleaved(KICK, kicks, drifts)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -17,7 +18,7 @@ from integrators.families.adams import Adams
 from integrators.families.nystrom import Nystrom
 from integrators.families.runge_kutta import Embedded, RungeKutta
 from integrators.families.splitting import Splitting
-from integrators.method import exact
+from integrators.method import exact, polynomial_at, total
 
 WORDS: dict[str, Any] = {"source": "a student", "summary": "a table of one's own"}
 HEUN = {"a": (("0", "0"), ("1", "0")), "b": ("1/2", "1/2")}
@@ -125,3 +126,14 @@ def test_copies_of_all_methods_pass() -> None:
     for method in integrators.METHODS.values():
         copy = replace(method, name=f"{method.name}_copy")
         assert integrators.solving.solve.accepted(copy) is copy
+
+
+def test_sums_and_polynomials_are_exact() -> None:
+    """As Python's own fractions compute them, one operation after the other."""
+    r = random.Random(5)
+    for count in range(9):
+        row = tuple(Fraction(r.randint(-10**9, 10**9), r.choice((1, 7, 10**20, r.randint(1, 10**6))))
+                    for _ in range(count))
+        assert total(iter(row)) == sum(row)
+        for x in (Fraction(0), Fraction(1), Fraction(-3, 7), Fraction(r.randint(-99, 99), 10**12)):
+            assert polynomial_at(row, x) == sum(c * x**k for k, c in enumerate(row))
