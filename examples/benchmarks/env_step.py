@@ -18,7 +18,7 @@ from machine import describe
 
 import pendulum_env  # noqa: F401
 
-STEPS, REPEATS = 20_000, 7
+STEPS, REPEATS = 5000, 41
 
 
 def ns_per_step(env: gym.Env, actions: list[np.ndarray]) -> float:

@@ -227,7 +227,7 @@ def memory(traced: bool) -> str:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Compare the vector environment with gymnax, Gymnasium and EnvPool.")
     parser.add_argument("--envs", type=Path, default=cache_folder() / "peers", help="folder of the peers' venvs")
-    parser.add_argument("--repeats", type=int, default=7, help="number of pairs for each ratio")
+    parser.add_argument("--repeats", type=int, default=15, help="number of pairs for each ratio")
     parser.add_argument("--peers-only", action="store_true", help="time only the peers")
     parser.add_argument("--goals", action="store_true", help="only the lines that have a goal")
     parser.add_argument("--occupy", type=int, help=argparse.SUPPRESS)
