@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.engine.kernels import plain_functions
+from pendulum_env.render import pixels
 from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, blend
 
@@ -29,32 +32,17 @@ def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats
     opaque one is visible. A strength of nan interrupts the path.
     """
     pad = width / 2 + 1
-    pieces = _pieces(_clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad))
-    if not len(pieces):
+    rows = _pieces(_clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad))
+    if not len(rows):
         return
-    x0, y0, first, x1, y1, last = (column[:, None, None] for column in pieces.T)
     side = math.ceil(PIECE + width) + 3
-    offsets = np.arange(side)
-    left = np.floor(np.minimum(x0, x1) - pad).astype(np.intp)
-    top = np.floor(np.minimum(y0, y1) - pad).astype(np.intp)
-    from_left, from_top = int(left.min()), int(top.min())
-    wide, high = int(left.max()) - from_left + side, int(top.max()) - from_top + side
-    dx, dy = (x1 - x0).astype(np.float32), (y1 - y0).astype(np.float32)
-    xs = (left + 0.5 - x0).astype(np.float32) + offsets.astype(np.float32)
-    ys = (top + 0.5 - y0).astype(np.float32) + offsets.astype(np.float32)[:, None]
-    square = dx * dx + dy * dy
-    along = (xs * dx + ys * dy) / np.where(square > 0, square, 1)
-    along = np.minimum(np.maximum(along, 0), 1)
-    away = np.hypot(xs - along * dx, ys - along * dy)
-    cover = np.minimum(np.maximum(np.float32(width / 2 + 0.5) - away, 0), np.float32(min(1.0, width)))
-    cover *= (first + along * (last - first)).astype(np.float32)
-    where = (top - from_top + offsets[:, None]) * wide + (left - from_left + offsets)
-    shown = np.zeros(high * wide, dtype=np.float32)
-    np.maximum.at(shown, where.ravel(), cover.ravel())
-    picture = shown.reshape(high, wide)
-    x, y = max(0, -from_left), max(0, -from_top)
-    patch = image[from_top + y : from_top + high, from_left + x : from_left + wide]
-    blend(patch, picture[y : y + patch.shape[0], x : x + patch.shape[1]], colour)
+    ends = rows[:, [0, 1, 3, 4]].reshape(-1, 2)
+    (left, top), (right, bottom) = (np.floor(far - pad).astype(int) for far in (ends.min(axis=0), ends.max(axis=0)))
+    shown = np.zeros((bottom - top + side, right - left + side), dtype=np.float32)
+    plain_functions(pixels).pieces(shown, rows, int(left), int(top), side, width)
+    x, y = max(0, -left), max(0, -top)
+    patch = image[top + y : top + len(shown), left + x : left + shown.shape[1]]
+    blend(patch, shown[y : y + patch.shape[0], x : x + patch.shape[1]], colour)
 
 
 def _clipped(path: NDArray[np.float64], right: float, bottom: float, least: float) -> NDArray[np.float64]:
@@ -97,56 +85,27 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
     """Draw a graph, a line through points (x, y) [px], into a rectangular area of an image.
 
     The line is `width` pixels wide in every direction and has round ends and, on each side, a rim `rim` pixels wide in
-    the colour `casing`. The image must be contiguous; xs must ascend.
+    the colour `casing`. The values xs must ascend.
     """
-    left, top, right, bottom = (round(edge) for edge in (area.left, area.top, area.right, area.bottom))
+    left, top = max(round(area.left), 0), max(round(area.top), 0)
+    right, bottom = min(round(area.right), image.shape[1]), min(round(area.bottom), image.shape[0])
     if len(xs) < 2 or right <= left or bottom <= top:
         return
-    pad = math.ceil(width / 2 + rim)
+    pad, step = math.ceil(width / 2 + rim), FINE // PARTS
     fine = left - pad + np.arange((right - left + 2 * pad) * FINE + 1) / FINE
-    high = (np.interp(fine, xs, ys) - top).astype(np.float32)
-    low = high.copy()
+    heights = (np.interp(fine, xs, ys) - top).astype(np.float32)
     begin, end = fine.searchsorted((xs[0], xs[-1]))
-    high[:begin] = high[end + 1:] = np.inf
-    low[:begin] = low[end + 1:] = -np.inf
-    bands = [(tone, min(1.0, thick), *_thickened(high, low, thick / 2, pad))
-             for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone is not None]
-    above, below = bands[0][2:]
-    first = np.clip(np.floor(above.min(axis=0)), 0, bottom - top)
-    counts = np.maximum(np.clip(np.ceil(below.max(axis=0)), 0, bottom - top) - first, 0).astype(np.int32)
-    begun = counts.cumsum(dtype=np.int32) - counts - first.astype(np.int32)
-    row = np.arange(counts.sum(), dtype=np.int32) - begun.repeat(counts)
-    where = (row + top) * image.shape[1] + np.arange(left, right, dtype=np.int32).repeat(counts)
-    pixels, upper = image.reshape(-1, 3).view("V3")[:, 0], row.astype(np.float32)
-    lower = upper + np.float32(1)
-    planes = pixels.take(where).view(np.uint8).reshape(-1, 3).T.astype(np.float32, order="C")
-    for tone, most, above, below in bands:
-        cover = np.zeros_like(upper)
-        for edge, end in zip(above, below, strict=True):
-            part = np.minimum(lower, end.repeat(counts)) - np.maximum(upper, edge.repeat(counts))
-            cover += np.maximum(part, np.float32(0), out=part)
-        cover *= np.float32(most / PARTS)
-        for plane, shade in zip(planes, tone, strict=True):
-            plane += (shade - plane) * cover
-    planes += np.float32(0.5)
-    pixels[where] = planes.T.astype(np.uint8, order="C").view("V3")[:, 0]
+    bands = [(tone, thick) for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone is not None]
+    shifts, rises = zip(*(_reach(thick) for _, thick in bands), strict=True)
+    plain_functions(pixels).graph(
+        image, left, top, right, bottom, heights, int(begin), int(end), pad * FINE + step // 2, step, np.array(shifts),
+        np.array(rises), np.array([min(1.0, thick) for _, thick in bands]), np.array([tone for tone, _ in bands]),
+        np.empty((len(bands), 2, PARTS), dtype=np.float32))
 
 
-def _thickened(high: Floats, low: Floats, half: float, pad: int) -> tuple[Floats, Floats]:
-    """Return the upper and lower edges of a graph's line that is `half` pixels thick on each side of its middle.
-
-    `high` and `low` hold the height of the line's middle at FINE points per pixel, beginning `pad` pixels before the
-    first column; where there is no line they are inf and -inf, and so are the edges. Both edges have the shape (PARTS,
-    columns).
+@lru_cache(maxsize=64)
+def _reach(thick: float) -> tuple[NDArray[np.intp], Floats]:
+    """Return how far a graph's line reaches from its middle in DIRECTIONS: along, in points of 1/FINE px, and up [px].
     """
-    step = FINE // PARTS
-    first, size = pad * FINE + step // 2, (len(high) - 1 - 2 * pad * FINE) // step
-    above, below = np.full((2, size), np.inf, dtype=np.float32)
-    below = -below
-    for turn in DIRECTIONS:
-        start, rise = first + round(half * FINE * math.sin(turn)), np.float32(half * math.cos(turn))
-        part = slice(start, start + size * step, step)
-        np.minimum(above, high[part] - rise, out=above)
-        np.maximum(below, low[part] + rise, out=below)
-    upper, lower = (np.ascontiguousarray(edge.reshape(-1, PARTS).T) for edge in (above, below))
-    return upper, lower
+    along = [round(thick / 2 * FINE * math.sin(turn)) for turn in DIRECTIONS]
+    return np.array(along), np.array([thick / 2 * math.cos(turn) for turn in DIRECTIONS], dtype=np.float32)

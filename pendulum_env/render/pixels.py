@@ -13,9 +13,9 @@ from typing import Any
 
 from numpy import float32, float64, uint8
 
-__all__ = ["arrow", "ball", "bar", "blend", "line", "passages", "trail"]
+__all__ = ["arrow", "ball", "bar", "blend", "graph", "line", "passages", "pieces", "trail"]
 
-NONE, HALF, FULL = float32(0.0), float32(0.5), float32(1.0)
+NONE, HALF, FULL, NOWHERE = float32(0.0), float32(0.5), float32(1.0), float32(math.inf)
 TURN = 2 * math.pi
 
 
@@ -167,3 +167,73 @@ def arrow(
         share = max(min(rest * float32(slope) + cone[k], tip - rest), shaft)
         if share > NONE:
             mix(image, rows[k], columns[k], min(share, FULL), colour)
+
+
+def pieces(shown: Any, rows: Any, left: int, top: int, side: int, width: float) -> None:
+    """Raise the opacities `shown` (h, w) to those of straight pieces of a line, `width` pixels wide.
+
+    The rows (n, 6) are (x0, y0, strength, x1, y1, strength): the ends of a piece and the opacities there. Around each
+    piece, a square of `side` pixels is looked at. The first pixel of `shown` is the one at (left, top) of the image.
+    """
+    pad, edge, most = width / 2 + 1, float32(width / 2 + 0.5), float32(min(1.0, width))
+    for k in range(len(rows)):
+        x0, y0, first, x1, y1, last = rows[k]
+        dx, dy = float32(x1 - x0), float32(y1 - y0)
+        square = dx * dx + dy * dy
+        column, row = math.floor(min(x0, x1) - pad), math.floor(min(y0, y1) - pad)
+        for i in range(side):
+            y = float32(row + 0.5 - y0) + float32(i)
+            for j in range(side):
+                x = float32(column + 0.5 - x0) + float32(j)
+                along = min(max((x * dx + y * dy) / (square if square > NONE else FULL), NONE), FULL)
+                cover = min(max(edge - distance(x - along * dx, y - along * dy), NONE), most)
+                cover *= float32(first + float64(along) * (last - first))
+                if cover > shown[row - top + i, column - left + j]:
+                    shown[row - top + i, column - left + j] = cover
+
+
+def graph(
+    image: Any, left: int, top: int, right: int, bottom: int, heights: Any, begin: int, end: int, start: int, step: int,
+    shifts: Any, rises: Any, opacities: Any, tones: Any, edges: Any
+) -> None:
+    """Paint a graph into a box of whole pixels, as bands one over the other, the widest first.
+
+    `heights` has the height of the graph below the top of the box, at points evenly spaced along it; it begins at
+    `begin` and ends at `end`. Each column of pixels has parts of `step` points, the first at the point `start`. A band
+    reaches from each point of the graph by `shifts` (bands, n), in points, and `rises` (bands, n), in pixels; it has an
+    opacity and a tone (3,). The array `edges` (bands, 2, parts) is for scratch.
+    """
+    bands, _, parts = edges.shape
+    for column in range(left, right):
+        for band in range(bands):
+            for part in range(parts):
+                middle = start + ((column - left) * parts + part) * step
+                above, below = NOWHERE, -NOWHERE
+                for k in range(shifts.shape[1]):
+                    place = middle + shifts[band, k]
+                    if begin <= place <= end:
+                        above = min(above, heights[place] - rises[band, k])
+                        below = max(below, heights[place] + rises[band, k])
+                edges[band, 0, part], edges[band, 1, part] = above, below
+        highest, lowest = NOWHERE, -NOWHERE
+        for part in range(parts):
+            highest, lowest = min(highest, edges[0, 0, part]), max(lowest, edges[0, 1, part])
+        if not highest < lowest:
+            continue
+        first = int(min(max(highest, NONE), float32(bottom - top)))
+        last = math.ceil(min(max(lowest, NONE), float32(bottom - top)))
+        for row in range(first, last):
+            red, green, blue = (float32(image[top + row, column, 0]), float32(image[top + row, column, 1]),
+                                float32(image[top + row, column, 2]))
+            for band in range(bands):
+                cover = NONE
+                for part in range(parts):
+                    above, below = edges[band, 0, part], edges[band, 1, part]
+                    cover += max(min(float32(row) + FULL, below) - max(float32(row), above), NONE)
+                cover *= float32(opacities[band] / parts)
+                red += (tones[band, 0] - red) * cover
+                green += (tones[band, 1] - green) * cover
+                blue += (tones[band, 2] - blue) * cover
+            image[top + row, column, 0] = uint8(red + HALF)
+            image[top + row, column, 1] = uint8(green + HALF)
+            image[top + row, column, 2] = uint8(blue + HALF)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 from typing import Any
@@ -12,6 +13,8 @@ import pytest
 from pendulum_env.engine import kernels
 from pendulum_env.engine.kernels import plain_functions
 from pendulum_env.render import Apparatus, View, frame, paint, pixels
+from pendulum_env.render.curves import fading, graph
+from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import gradient, rgb
 from pendulum_env.render.ring import Ring
 
@@ -41,6 +44,12 @@ def shapes(image: Any, seed: int) -> None:
     ring = Ring(*place(), r.uniform(3, 40), r.uniform(1, 5), image.shape[:2], 9.0)
     ring.trail(image, [r.uniform(-9, 9) for _ in range(r.randint(2, 9))], 0.6, COLOUR)
     ring.arrow(image, r.uniform(-9, 9), r.uniform(-2, 2), 0.3, COLOUR)
+    path = np.array([(*place(), r.choice((r.random(), math.nan))) for _ in range(8)])
+    fading(image, path, r.choice(WIDTHS), COLOUR)
+    (left, top), (right, bottom) = place(), place()
+    xs = np.sort([place()[0] for _ in range(6)])
+    graph(image, Box(left, top, right, bottom), xs, np.array([place()[1] for _ in xs]), r.choice(WIDTHS), COLOUR,
+          r.choice((0.0, 1.2)), r.choice((None, rgb("#123456"))))
 
 
 @pytest.fixture
@@ -172,3 +181,50 @@ def test_other_sizes_are_refused() -> None:
             painted(paper(0)[1:])
     with pytest.raises(ValueError, match="cover must have the shape"):
         paint.blend(paper(0), np.zeros((HIGH, WIDE - 1), np.float32), COLOUR)
+
+
+WHITE = np.full(3, 200, np.float32)
+
+
+def black(high: int = HIGH, wide: int = WIDE) -> Any:
+    return np.zeros((high, wide, 3), np.uint8)
+
+
+def test_a_graph_stays_in_its_box_and_between_its_ends() -> None:
+    image = black()
+    xs, ys = np.array([10.0, 20.0, 30.0, 40.0]), np.array([20.0, 80.0, -40.0, 25.0])
+    graph(image, Box(5, 12, 55, 30), xs, ys, 3.0, WHITE)
+    rows, columns = image[..., 0].nonzero()
+    assert (rows.min(), rows.max()) == (12, 29)
+    assert (columns.min(), columns.max()) == (8, 41)
+
+
+@pytest.mark.parametrize("box", [Box(-8, -5, 50, 40), Box(12, 9, WIDE + 9, HIGH + 7)])
+def test_a_graph_whose_box_leaves_the_image_is_that_of_a_larger_image(box: Box) -> None:
+    whole, part = black(HIGH + 40, WIDE + 40), black()
+    xs, ys = np.array([-20.0, 10.0, 33.0, 90.0]), np.array([10.0, 30.0, 5.0, 44.0])
+    graph(part, box, xs, ys, 2.6, WHITE)
+    graph(whole, Box(box.left + 20, box.top + 20, box.right + 20, box.bottom + 20), xs + 20, ys + 20, 2.6, WHITE)
+    assert np.abs(part.astype(int) - whole[20:-20, 20:-20]).max() <= 1
+    assert part.any()
+
+
+@pytest.mark.parametrize(("width", "opacity"), [(0.4, 0.4), (1.0, 1.0), (3.0, 1.0)])
+def test_a_level_graph_covers_its_thickness(width: float, opacity: float) -> None:
+    """Lines thinner than a pixel are fainter, so that they do not look like wider ones."""
+    image = black()
+    graph(image, Box(0, 0, WIDE, HIGH), np.array([-9.0, WIDE + 9.0]), np.full(2, 20.3), width, WHITE)
+    np.testing.assert_allclose(image[:, :, 0].sum(axis=0) / 200, width * opacity, atol=0.02)
+
+
+def test_a_path_fades_evenly_and_its_stronger_part_is_visible() -> None:
+    image = black()
+    fading(image, np.array([(10.0, 20.0, 0.0), (50.0, 20.0, 1.0)]), 3.0, WHITE)
+    shown = image[19, 12:48, 0] / 200
+    np.testing.assert_allclose(shown, (np.arange(12, 48) + 0.5 - 10) / 40, atol=0.02)
+    for first, second in ((0.3, 0.8), (0.8, 0.3)):
+        image = black()
+        fading(image, np.array([(5.0, 20.5, first), (55.0, 20.5, first), (math.nan,) * 3, (30.5, 5.0, second),
+                                (30.5, 40.0, second)]), 3.0, WHITE)
+        shown = [image[y, x, 0] / 200 for x, y in ((10, 20), (30, 10), (30, 20))]
+        assert shown == pytest.approx([first, second, 0.8], abs=0.01)
