@@ -55,7 +55,7 @@ class OldPaths:
                   ) -> ModuleSpec | None:
         """Return the import spec for an old module path, or None; the import system passes ``path`` and ``target``."""
         new = self.moved.get(name)
-        return None if new is None else ModuleSpec(name, OldPath(new))  # type: ignore[arg-type]
+        return None if new is None else ModuleSpec(name, OldPath(new))  # type: ignore[arg-type]  # importlib asks for no base class
 
 
 def keep_old_paths(moved: Mapping[str, str]) -> None:

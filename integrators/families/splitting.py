@@ -12,7 +12,7 @@ from typing import ClassVar
 from integrators.method import Method, MethodError, rational, total
 from integrators.steps.terms import Notation, Terms, begin_with_force, fraction_of, term, time_at
 
-KICK, DRIFT, DRAG, PUSH = "kick", "drift", "drag", "push"
+KICK, DRIFT, DRAG, PUSH = KINDS = ("kick", "drift", "drag", "push")
 """Names of sub-flows: a kick is v += h f(t, q), a drift q += h v, a drag the exact flow of dissipation, a push
 v += h a(t, q, v)."""
 
@@ -41,9 +41,8 @@ class Splitting(Method):
         flows = tuple((kind, *rational(parts, f"{self.name}: {kind}")) for kind, *parts in self.flows)
         object.__setattr__(self, "flows", flows)
         for kind, _ in self.flows:
-            if kind not in (KICK, DRIFT, DRAG, PUSH):
-                raise MethodError(f"{self.name}: unknown sub-flow '{kind}'; choose from "
-                                  f"{', '.join((KICK, DRIFT, DRAG, PUSH))}.")
+            if kind not in KINDS:
+                raise MethodError(f"{self.name}: unknown sub-flow '{kind}'; choose from {', '.join(KINDS)}.")
         sums = [total(part for kind, part in self.flows if kind in kinds)
                 for kinds in ((DRIFT,), (KICK, PUSH), (DRAG, PUSH))]
         if any(whole != 1 for whole in (sums[:2] if self.nystrom else sums)):

@@ -139,7 +139,8 @@ def _resolved(backend: str) -> Literal["compiled", "python"]:
             raise EngineError(
                 f"The compiled backend needs numba, which cannot be imported ({error}); use backend='python'."
             ) from None
-        warn(f"numba cannot be imported ({error}); programs are interpreted, which is about 50 times slower.")
+        warn(f"numba cannot be imported ({error}); programs, and the loops that paint frames, are "
+             "interpreted, which is about 50 times slower.")
         return "python"
     return "compiled"
 
@@ -212,8 +213,9 @@ def plain_functions(module: ModuleType) -> SimpleNamespace:
     """Return the functions in a module's ``__all__``, compiled at their first call unless programs are interpreted.
 
     They are plain Python on numbers and arrays, without decorators, and make no objects; they may call the module's
-    other functions. The machine code is cached on disk. Python runs them where numba cannot be imported, and if the
-    environment variable LAB_PENDULUM_BACKEND says so, with the same results.
+    other functions. The names in PREAMBLE must not be the module's. The machine code is cached on disk. Python runs the
+    functions where numba cannot be imported, and if the environment variable LAB_PENDULUM_BACKEND says so, with the
+    same results.
     """
     own = {name: function for name, function in vars(module).items()
            if isinstance(function, FunctionType) and function.__module__ == module.__name__}

@@ -7,8 +7,9 @@ For example::
     picture = frame(apparatus, view, look=FrameStyle("dark", ("apparatus", "phase")))
     write_film("swing.mp4", pictures, fps=50)
 
-Importing this package needs NumPy only. The first picture imports numba, which compiles the loops over pixels, and
-pygame-ce, for its font; the first film imports imageio-ffmpeg.
+Importing this package needs NumPy only. The first picture imports pygame-ce, for its font, and numba, which compiles
+the loops over pixels; where numba is missing, or with ``LAB_PENDULUM_BACKEND=python``, Python runs them, and a frame
+takes some 20 ms. The first film imports imageio-ffmpeg.
 """
 
 from pendulum_env.render.film import write_film

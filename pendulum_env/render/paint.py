@@ -86,7 +86,8 @@ def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> Non
     """Fill a circle with the shading of a ball that is lit from the upper left."""
     left, right = _span(x - radius - 1, x + radius + 1, image.shape[1])
     top, bottom = _span(y - radius - 1, y + radius + 1, image.shape[0])
-    plain_functions(pixels).ball(image, left, top, right, bottom, x, y, radius, _shades(colour.tobytes()))
+    plain_functions(pixels).ball(image, left, top, right, bottom, float(x), float(y), float(radius),
+                                 _shades(colour.tobytes()))
 
 
 @lru_cache(maxsize=64)
@@ -141,6 +142,9 @@ def stroke(image: Image, x0: float, y0: float, x1: float, y1: float, width: floa
     `colour` is one colour (3,), or a table (n, 3) of colours across the line: from its left edge to its right edge, or
     from its top edge to its bottom edge where the line is nearer to the horizontal.
     """
+    x0, y0, x1, y1, width = float(x0), float(y0), float(x1), float(y1), float(width)
+    if width <= 0:
+        return
     if abs(x1 - x0) > abs(y1 - y0):
         _stroke(image, True, y0, x0, y1, x1, width, colour)
     elif y1 != y0:

@@ -1,8 +1,9 @@
 """Loops over the pixels of moving shapes: plain Python on numbers, which numba compiles.
 
 Both ways to run them give the same pixels. Lengths are in pixels and colours in 0 to 255; the pixel in row i and column
-j has its centre at (j + 0.5, i + 0.5). `image` has the shape (H, W, 3) and the type uint8. Compiled code does not check
-indices: rows, columns and other indices that are given must be inside the arrays. Fractions of pixels are computed in
+j has its centre at (j + 0.5, i + 0.5). `image` has the shape (H, W, 3) and the type uint8; colours are float32.
+Compiled code does not check indices: the arrays must have the shapes that are said here, and rows and columns that are
+given must be inside the image. Coordinates must be numbers, but may be far outside. Fractions of pixels are computed in
 single precision.
 """
 
@@ -11,12 +12,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numpy import float32, float64, uint8
+from numpy import ceil, float32, float64, uint8
 
 __all__ = ["arrow", "ball", "bar", "blend", "graph", "line", "passages", "pieces", "trail"]
 
 NONE, HALF, FULL, NOWHERE = float32(0.0), float32(0.5), float32(1.0), float32(math.inf)
 TURN = 2 * math.pi
+LARGEST = 2.0**53
+"""Angle [rad] from which on numbers are more than a radian apart, so that no place on a circle belongs to them."""
 
 
 def mix(image: Any, row: Any, column: Any, share: Any, colour: Any) -> None:
@@ -53,8 +56,9 @@ def line(
     scale, middle = float32((len(colours) - 1) / width), float32((len(colours) - 1) / 2)
     for row in range(top, bottom):
         y = float32(row) + HALF - float32(y0)
-        left = float32(math.ceil(y * float32(ux / uy) + float32(x0 - reach - 0.5)))
-        left = min(max(left, NONE), float32(columns - count))
+        left = ceil(y * float32(ux / uy) + float32(x0 - reach - 0.5))
+        left = left if left > NONE else NONE
+        left = min(left, float32(columns - count))
         start = left + float32(0.5 - x0)
         first = int(left)
         for j in range(count):
@@ -62,7 +66,7 @@ def line(
             along = float32(j) * along_x + (start * along_x + y * along_y)
             share = min(min(float32(length) - along, along), half - abs(across)) + HALF
             if share > NONE:
-                tone = colours[min(max(int(across * scale + middle), 0), len(colours) - 1)]
+                tone = colours[int(min(max(across * scale + middle, NONE), float32(len(colours) - 1)))]
                 if swapped:
                     mix(image, first + j, row, min(share, most), tone)
                 else:
@@ -92,7 +96,9 @@ def bar(image: Any, left: float, top: int, right: float, bottom: int, colour: An
 
     Its left and right ends may be fractions of a pixel.
     """
-    columns, first, last = image.shape[1], math.ceil(left), math.floor(right)
+    columns = image.shape[1]
+    left, right = min(max(left, -2.0), columns + 2.0), min(max(right, -2.0), columns + 2.0)
+    first, last = math.ceil(left), math.floor(right)
     for row in range(max(top, 0), min(bottom, image.shape[0])):
         for column in range(max(first, 0), min(last, columns)):
             for k in range(3):
@@ -114,9 +120,13 @@ def passages(strength: Any, path: Any, sizes: Any, fade: Any) -> tuple[float, fl
     where it passes a part again, the later passage stays. A path of more than a turn with a step of more than a turn is
     changed: its steps are cut to one turn. The sizes of its steps are written to `sizes` (n - 1,).
 
-    Returns the lowest and the highest angle of the path [rad].
+    Returns the lowest and the highest angle of the path [rad]; two zeros, and no strength, for a path with an angle
+    beyond LARGEST.
     """
     bins, low, high, longest = len(strength), path[0], path[0], 0.0
+    for angle in path:
+        if not abs(angle) < LARGEST:
+            return 0.0, 0.0
     for k in range(1, len(path)):
         sizes[k - 1] = abs(path[k] - path[k - 1])
         low, high, longest = min(low, path[k]), max(high, path[k]), max(longest, sizes[k - 1])
@@ -201,7 +211,7 @@ def graph(
     `heights` has the height of the graph below the top of the box, at points evenly spaced along it; it begins at
     `begin` and ends at `end`. Each column of pixels has parts of `step` points, the first at the point `start`. A band
     reaches from each point of the graph by `shifts` (bands, n), in points, and `rises` (bands, n), in pixels; it has an
-    opacity and a tone (3,). The array `edges` (bands, 2, parts) is for scratch.
+    opacity and a tone (3,). Heights of nan are left out. The array `edges` (bands, 2, parts) is for scratch.
     """
     bands, _, parts = edges.shape
     for column in range(left, right):
@@ -212,8 +222,10 @@ def graph(
                 for k in range(shifts.shape[1]):
                     place = middle + shifts[band, k]
                     if begin <= place <= end:
-                        above = min(above, heights[place] - rises[band, k])
-                        below = max(below, heights[place] + rises[band, k])
+                        if heights[place] - rises[band, k] < above:
+                            above = heights[place] - rises[band, k]
+                        if heights[place] + rises[band, k] > below:
+                            below = heights[place] + rises[band, k]
                 edges[band, 0, part], edges[band, 1, part] = above, below
         highest, lowest = NOWHERE, -NOWHERE
         for part in range(parts):

@@ -72,7 +72,7 @@ class Ring:
         """Paint the trail of a bob that moved along the circle through `angles` [rad], oldest first.
 
         Where the trail covers itself, the newest passage is visible. The opacity falls from `strongest` at the newest
-        angle to 0 at the oldest.
+        angle to 0 at the oldest. Nothing is painted if an angle is so large that its place on the circle is lost.
 
         Raises ValueError for an image of another size than the circle's.
         """
@@ -95,8 +95,10 @@ class Ring:
         """Yield the ranges of the circle's pixels, sorted by angle, that lie between two angles [rad]: one or two.
 
         A range is its first index and the index after its last, and the multiple of a full turn [rad] to add to the two
-        angles to get the angles of its pixels.
+        angles to get the angles of its pixels. There is none for angles that are too large to have a place.
         """
+        if not (abs(low) < pixels.LARGEST and abs(high) < pixels.LARGEST):
+            return
         low, high = low - 2.0 / self.radius, high + 2.0 / self.radius
         if high - low >= TURN:
             yield 0, len(self.angle), 0.0

@@ -90,7 +90,13 @@ def test_damaged_machine_code_is_compiled_again(tmp_path: Path, folder: Path) ->
     (file,) = folder.iterdir()
     file.write_bytes(file.read_bytes()[:-1])
     kernels.forget()
-    assert plain_functions(written(tmp_path, TEXT)).total(VALUES) == 6.75
+    again = plain_functions(written(tmp_path, TEXT)).total
+    assert again(VALUES) == 6.75
+    assert not again.stats.cache_hits
+    kernels.forget()
+    repaired = plain_functions(written(tmp_path, TEXT)).total
+    assert repaired(VALUES) == 6.75
+    assert repaired.stats.cache_hits
 
 
 def test_without_a_cache_everything_works_with_a_warning(

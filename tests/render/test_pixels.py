@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 import random
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,10 +20,10 @@ from pendulum_env.render import Apparatus, View, frame, paint, pixels
 from pendulum_env.render.curves import fading, graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import gradient, rgb
-from pendulum_env.render.ring import Ring
+from pendulum_env.render.ring import HEAD, Ring
 
 HIGH, WIDE = 47, 61
-COLOUR = rgb("#D55E00")
+COLOUR, WHITE = rgb("#D55E00"), np.full(3, 200, np.float32)
 WIDTHS = (0.4, 1.0, 2.6, 9.0)
 
 
@@ -28,11 +32,18 @@ def paper(seed: int) -> Any:
     return np.random.default_rng(seed).integers(0, 256, (HIGH, WIDE, 3)).astype(np.uint8)
 
 
+def black(high: int = HIGH, wide: int = WIDE) -> Any:
+    return np.zeros((high, wide, 3), np.uint8)
+
+
 def shapes(image: Any, seed: int) -> None:
     """Paint one of each shape into an image, at random places in it and beside it."""
     r = random.Random(seed)
 
     def place() -> tuple[float, float]:
+        """A place near the image or, in one of ten times, far away."""
+        if r.random() < 0.1:
+            return r.choice((-1e30, -1e5, 20.0, 1e19)), r.choice((-1e30, 10.0, 1e5, 1e30))
         return r.uniform(-30, WIDE + 30), r.uniform(-30, HIGH + 30)
 
     paint.stroke(image, *place(), *place(), r.choice(WIDTHS), r.choice((COLOUR, gradient("#123456", "#FFEEDD"))))
@@ -41,7 +52,10 @@ def shapes(image: Any, seed: int) -> None:
     for wide in (r.uniform(0, WIDE), 0.3):
         left, top = r.uniform(-20, WIDE + 9), r.randrange(-9, HIGH)
         paint.bar(image, left, top, left + wide, top + r.randrange(20), COLOUR)
-    ring = Ring(*place(), r.uniform(3, 40), r.uniform(1, 5), image.shape[:2], 9.0)
+    if r.random() < 0.1:
+        paint.bar(image, r.choice((-math.inf, -1e30, 3.2)), 2, r.choice((math.inf, 1e19, 1e30, 5.7)), 4, COLOUR)
+    middle = r.uniform(-30, WIDE + 30), r.uniform(-30, HIGH + 30)
+    ring = Ring(*middle, r.uniform(3, 40), r.uniform(1, 5), image.shape[:2], 9.0)
     ring.trail(image, [r.uniform(-9, 9) for _ in range(r.randint(2, 9))], 0.6, COLOUR)
     ring.arrow(image, r.uniform(-9, 9), r.uniform(-2, 2), 0.3, COLOUR)
     path = np.array([(*place(), r.choice((r.random(), math.nan))) for _ in range(8)])
@@ -100,6 +114,53 @@ def test_a_frame_is_the_same_where_python_runs_the_loops(interpreted: Callable[.
     np.testing.assert_array_equal(frame(apparatus, view, 200), interpreted(frame, apparatus, view, 200))
 
 
+def test_no_index_is_out_of_bounds(tmp_path: Path) -> None:
+    """numba checks the indices of loops that it compiles with NUMBA_BOUNDSCHECK."""
+    code = ("import sys; sys.path.insert(0, sys.argv[1]); import test_pixels as t\n"
+            "for seed in range(200): t.shapes(t.paper(seed), seed)")
+    settings = {"NUMBA_BOUNDSCHECK": "1", "LAB_PENDULUM_CACHE": str(tmp_path)}
+    run = subprocess.run([sys.executable, "-c", code, str(Path(__file__).parent)], env={**os.environ, **settings},
+                         capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert len(list(tmp_path.glob("pixels_*.nbc"))) >= len(pixels.__all__)
+
+
+@pytest.mark.parametrize("angles", [
+    (0.0, math.nan, 1.0), (math.nan, math.nan), (0.0, math.inf), (-math.inf, math.inf), (1e308, 1.7e308), (0.0, 1e16),
+])
+def test_a_trail_without_places_is_not_painted(angles: tuple[float, ...], interpreted: Callable[..., Any]) -> None:
+    def painted() -> Any:
+        image = black()
+        Ring(20.0, 20.0, 10.0, 3.0, (HIGH, WIDE)).trail(image, angles, 0.5, COLOUR)
+        return image
+
+    assert not painted().any()
+    assert not interpreted(painted).any()
+
+
+def test_unknown_values_of_a_graph_are_left_out(interpreted: Callable[..., Any]) -> None:
+    def painted() -> Any:
+        image = black()
+        xs = np.arange(0.0, WIDE, 5.0)
+        graph(image, Box(0, 0, WIDE, HIGH), xs, np.where((xs > 18) & (xs < 22), math.nan, 15.2), 2.0, WHITE)
+        return image
+
+    image = painted()
+    np.testing.assert_array_equal(image, interpreted(painted))
+    shown = image[..., 0].sum(axis=0) / 200
+    assert not shown[17:23].any()
+    np.testing.assert_allclose(shown[[5, 10, 30, 50]], 2.0, atol=0.02)
+
+
+@pytest.mark.parametrize("radius", [2.5, 7.3, 15.0])
+def test_a_ball_covers_its_area(radius: float) -> None:
+    image = np.full((HIGH, WIDE, 3), 255, np.uint8)
+    paint.ball(image, 30.2, 22.9, radius, np.zeros(3, np.float32))
+    edge = np.hypot(*(np.indices((HIGH, WIDE)) + 0.5 - np.array([22.9, 30.2])[:, None, None])) - radius
+    assert (image[edge > 0.51] == 255).all()
+    assert (image[edge < 0.49] < 255).all()
+
+
 def test_nothing_outside_an_image_is_painted() -> None:
     """Compiled loops do not check indices: the image is a part of a larger one here."""
     for seed in range(300):
@@ -134,7 +195,7 @@ def test_distances_are_rounded_once() -> None:
 @pytest.mark.parametrize("width", WIDTHS)
 def test_a_line_covers_its_area(ends: tuple[float, ...], width: float) -> None:
     image = np.zeros((HIGH, WIDE, 3), np.uint8)
-    paint.stroke(image, *ends, width, np.full(3, 200, np.float32))
+    paint.stroke(image, *ends, width, WHITE)
     area = width * np.hypot(ends[2] - ends[0], ends[3] - ends[1])
     assert image[..., 0].sum() / 200 == pytest.approx(area, rel=0.02)
 
@@ -143,8 +204,16 @@ def test_an_arrow_covers_its_area() -> None:
     """That of its shaft: here it has next to no head."""
     for start, sweep in ((0.3, 1.1), (3.0, 0.7), (-1.0, -1.3)):
         image = np.zeros((HIGH, WIDE, 3), np.uint8)
-        Ring(30.0, 23.0, 18.0, 3.0, (HIGH, WIDE)).arrow(image, start, sweep, 1e-6, np.full(3, 200, np.float32))
+        Ring(30.0, 23.0, 18.0, 3.0, (HIGH, WIDE)).arrow(image, start, sweep, 1e-6, WHITE)
         assert image[..., 0].sum() / 200 == pytest.approx(18.0 * abs(sweep) * 3.0, rel=0.02)
+
+
+def test_the_head_of_an_arrow_covers_its_area() -> None:
+    """Its head is a triangle, on a large circle, with half its width over its length HEAD; the shaft ends in it."""
+    image, length = black(60, 90), 12.0
+    Ring(45.0, 200.0, 170.0, 2.0, (60, 90), 9.0).arrow(image, math.pi - 0.2, 0.35, length / 170.0, WHITE)
+    area = (0.35 * 170.0 - length) * 2.0 + HEAD * length**2
+    assert image[..., 0].sum() / 200 == pytest.approx(area, rel=0.02)
 
 
 def test_a_trail_shows_its_newest_passage() -> None:
@@ -181,13 +250,6 @@ def test_other_sizes_are_refused() -> None:
             painted(paper(0)[1:])
     with pytest.raises(ValueError, match="cover must have the shape"):
         paint.blend(paper(0), np.zeros((HIGH, WIDE - 1), np.float32), COLOUR)
-
-
-WHITE = np.full(3, 200, np.float32)
-
-
-def black(high: int = HIGH, wide: int = WIDE) -> Any:
-    return np.zeros((high, wide, 3), np.uint8)
 
 
 def test_a_graph_stays_in_its_box_and_between_its_ends() -> None:
