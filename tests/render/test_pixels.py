@@ -138,6 +138,13 @@ def test_a_trail_without_places_is_not_painted(angles: tuple[float, ...], interp
     assert not interpreted(painted).any()
 
 
+@pytest.mark.parametrize("start", [math.nan, math.inf, -1e16, 1.7e308])
+def test_an_arrow_without_a_place_is_not_painted(start: float) -> None:
+    image = black()
+    Ring(20.0, 20.0, 10.0, 3.0, (HIGH, WIDE)).arrow(image, start, 0.5, 0.1, COLOUR)
+    assert not image.any()
+
+
 def test_unknown_values_of_a_graph_are_left_out(interpreted: Callable[..., Any]) -> None:
     def painted() -> Any:
         image = black()
