@@ -102,7 +102,7 @@ def forget() -> None:
     """Clear this process's caches of loaded programs and of the available backend, and allow warnings to appear again.
     """
     _functions.cache_clear()
-    plain_functions.cache_clear()
+    _plain_functions.cache_clear()
     _resolved.cache_clear()
     _warn_uncached.cache_clear()
 
@@ -208,15 +208,20 @@ def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     return vars(module)
 
 
-@cache
 def plain_functions(module: ModuleType) -> SimpleNamespace:
     """Return the functions in a module's ``__all__``, compiled at their first call unless programs are interpreted.
 
     They are plain Python on numbers and arrays, without decorators, and make no objects; they may call the module's
     other functions. The names in PREAMBLE must not be the module's. The machine code is cached on disk. Python runs the
-    functions where numba cannot be imported, and if the environment variable LAB_PENDULUM_BACKEND says so, with the
+    functions where numba cannot be imported, and while the environment variable LAB_PENDULUM_BACKEND says so, with the
     same results.
     """
+    return _plain_functions(module, os.environ.get(VARIABLE))
+
+
+@cache
+def _plain_functions(module: ModuleType, named: str | None) -> SimpleNamespace:
+    """Return the same while the environment variable has the value ``named``."""
     own = {name: function for name, function in vars(module).items()
            if isinstance(function, FunctionType) and function.__module__ == module.__name__}
     if resolve() == "compiled":

@@ -122,3 +122,12 @@ def test_python_runs_them_where_asked_for_and_where_numba_is_missing(
         loops = plain_functions(module)
     assert loops.total is module.total
     assert not folder.exists()
+
+
+def test_the_environment_variable_counts_at_every_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    module = written(tmp_path, TEXT)
+    for backend in ("python", "auto", "python"):
+        monkeypatch.setenv(kernels.VARIABLE, backend)
+        assert (plain_functions(module).total is module.total) == (backend == "python")

@@ -70,14 +70,10 @@ def shapes(image: Any, seed: int) -> None:
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """A function that calls another one with loops that Python runs."""
     def call(function: Callable[..., Any], *given: Any) -> Any:
-        kernels.forget()
-        monkeypatch.setenv(kernels.VARIABLE, "python")
-        try:
+        with monkeypatch.context() as patch:
+            patch.setenv(kernels.VARIABLE, "python")
             assert plain_functions(pixels).line is pixels.line
             return function(*given)
-        finally:
-            monkeypatch.delenv(kernels.VARIABLE)
-            kernels.forget()
 
     return call
 
