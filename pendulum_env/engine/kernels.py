@@ -1,4 +1,5 @@
-"""Execution of generated programs: interpreted by Python, or compiled by numba with a cache on disk."""
+"""Execution of generated programs and of modules of plain loops: interpreted, or compiled by numba with a cache on disk.
+"""
 
 from __future__ import annotations
 

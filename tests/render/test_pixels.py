@@ -67,7 +67,7 @@ def shapes(image: Any, seed: int) -> None:
 
 
 @pytest.fixture
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
+def by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """A function that calls another one with loops that Python runs."""
     def call(function: Callable[..., Any], *given: Any) -> Any:
         with monkeypatch.context() as patch:
@@ -78,14 +78,14 @@ def interpreted(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     return call
 
 
-def test_compiled_and_interpreted_loops_paint_the_same(interpreted: Callable[..., Any]) -> None:
+def test_compiled_and_interpreted_loops_paint_the_same(by_python: Callable[..., Any]) -> None:
     def painted() -> list[Any]:
         images = [paper(seed) for seed in range(25)]
         for seed, image in enumerate(images):
             shapes(image, seed)
         return images
 
-    one, two = painted(), interpreted(painted)
+    one, two = painted(), by_python(painted)
     for seed, (compiled, plain) in enumerate(zip(one, two, strict=True)):
         np.testing.assert_array_equal(compiled, plain, err_msg=str(seed))
     assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 20
@@ -104,10 +104,10 @@ def test_the_shapes_call_every_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     assert called == set(pixels.__all__)
 
 
-def test_a_frame_is_the_same_where_python_runs_the_loops(interpreted: Callable[..., Any]) -> None:
+def test_a_frame_is_the_same_where_python_runs_the_loops(by_python: Callable[..., Any]) -> None:
     view = View(1.0, 0.7, -1.2, 0.6, 0.03, 0.01, 0.004, 0.001, -0.002, (-0.4, -0.1, 0.2, 0.5), "rk4", 0.05)
     apparatus = Apparatus(0.353, 0.0107, "rod", 0.002)
-    np.testing.assert_array_equal(frame(apparatus, view, 200), interpreted(frame, apparatus, view, 200))
+    np.testing.assert_array_equal(frame(apparatus, view, 200), by_python(frame, apparatus, view, 200))
 
 
 def test_no_index_is_out_of_bounds(tmp_path: Path) -> None:
@@ -124,14 +124,14 @@ def test_no_index_is_out_of_bounds(tmp_path: Path) -> None:
 @pytest.mark.parametrize("angles", [
     (0.0, math.nan, 1.0), (math.nan, math.nan), (0.0, math.inf), (-math.inf, math.inf), (1e308, 1.7e308), (0.0, 1e16),
 ])
-def test_a_trail_without_places_is_not_painted(angles: tuple[float, ...], interpreted: Callable[..., Any]) -> None:
+def test_a_trail_without_places_is_not_painted(angles: tuple[float, ...], by_python: Callable[..., Any]) -> None:
     def painted() -> Any:
         image = black()
         Ring(20.0, 20.0, 10.0, 3.0, (HIGH, WIDE)).trail(image, angles, 0.5, COLOUR)
         return image
 
     assert not painted().any()
-    assert not interpreted(painted).any()
+    assert not by_python(painted).any()
 
 
 @pytest.mark.parametrize("start", [math.nan, math.inf, -1e16, 1.7e308])
@@ -141,7 +141,7 @@ def test_an_arrow_without_a_place_is_not_painted(start: float) -> None:
     assert not image.any()
 
 
-def test_unknown_values_of_a_graph_are_left_out(interpreted: Callable[..., Any]) -> None:
+def test_unknown_values_of_a_graph_are_left_out(by_python: Callable[..., Any]) -> None:
     def painted() -> Any:
         image = black()
         xs = np.arange(0.0, WIDE, 5.0)
@@ -149,7 +149,7 @@ def test_unknown_values_of_a_graph_are_left_out(interpreted: Callable[..., Any])
         return image
 
     image = painted()
-    np.testing.assert_array_equal(image, interpreted(painted))
+    np.testing.assert_array_equal(image, by_python(painted))
     shown = image[..., 0].sum(axis=0) / 200
     assert not shown[17:23].any()
     np.testing.assert_allclose(shown[[5, 10, 30, 50]], 2.0, atol=0.02)
