@@ -1,4 +1,4 @@
-"""Execution of generated programs and modules of plain loops: interpreted, or compiled by numba with a cache on disk."""
+"""Execution of generated programs and modules of plain loops: by Python, or compiled by numba with a cache on disk."""
 
 from __future__ import annotations
 
