@@ -13,6 +13,9 @@ last coefficient is known. "quick_taylor14" sums the last three terms apart from
 A processor sums the others while it computes the last coefficients: a step of one pendulum takes some 10 % less time.
 Both ways to sum have rounding errors of the same size, but other ones, so that the last digits of results differ. The
 power ``h**(p-4)`` must be a finite double, as ``h**p`` must be with a tolerance.
+
+The series is a polynomial of time, so that dense output of a step is the series itself, of full order, without further
+evaluations.
 """
 
 from __future__ import annotations
@@ -21,12 +24,14 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import comb
 from numbers import Real
 from typing import Any, ClassVar
 
 import numpy as np
 
 from integrators.method import Acceleration, Method, MethodError, System
+from integrators.steps.continuous import Extension
 from integrators.steps.recurrences import Writer
 from integrators.steps.terms import Notation, StepLines, Terms, definition, term, text_of, times_step
 from integrators.steps.tracing import LEAST_FUNCTIONS, Symbol, Trace, cos, exp, log, power, sin, sqrt
@@ -90,6 +95,18 @@ class Taylor(Method):
         return (self.order - 1,)
 
     @property
+    def dense(self) -> Extension:
+        """The Taylor series as dense output: ``q(t + theta h) = q + h sum_k theta**k (q_k h**(k-1))``, likewise for v.
+
+        The k-th "stage" of a step is the pair of coefficients of order k times ``h**(k-1)``; its polynomial is
+        ``theta**k``, in Bernstein's form ``comb(j, k)/comb(p, k)``.
+        """
+        orders = range(1, self.order + 1)
+        return Extension(
+            self.order, tuple(tuple(Fraction(comb(j, k), comb(self.order, k)) for j in orders) for k in orders),
+            source=self.source)
+
+    @property
     def rounding(self) -> Fraction:
         """Zero, since a Taylor series method has no table with rounded coefficients."""
         return Fraction(0)
@@ -114,11 +131,19 @@ class Taylor(Method):
         ends = [step.end("q", written(["v", *(f"q{k}" for k in range(2, p + 1))])),
                 step.end("v", written([f"v{k}" for k in range(1, p + 1)]))]
         sums = [text_of(_series([f"{name}_{k}" for k in range(1, p + 1)]), notation.number) for name in quadratures]
+        stages = self._stages(step) if notation.dense else []
         if not estimates:
-            return step.source(self.title, ends, increments=sums)
+            return step.source(self.title, ends, increments=[*sums, *stages])
         step.line(f"last = {'*'.join(['h'] * p)}")
-        slopes = {name: name for name in ("a", *quadratures)}
-        return step.source(self.title, ends, slopes, [*sums, f"last*q{p}", f"last*v{p}"])
+        slopes = {name: name for name in ("a", *quadratures)}  # a series needs no slopes: it returns those it was given
+        return step.source(self.title, ends, slopes, [*sums, f"last*q{p}", f"last*v{p}", *stages])
+
+    def _stages(self, step: StepLines) -> list[str]:
+        """Return the source texts of two tuples, ``q_k h**(k-1)`` and ``v_k h**(k-1)``: the stages of dense output."""
+        orders = range(2, self.order + 1)
+        for k in orders:
+            step.line(f"power{k} = {'h' if k == 2 else f'power{k - 1}*h'}")
+        return [f"({first}, {', '.join(f'power{k}*{y}{k}' for k in orders)})" for first, y in (("v", "q"), ("v1", "v"))]
 
 
 def of_order(order: int, **changes: Any) -> Taylor:
@@ -260,7 +285,7 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
     writer = Writer(trace, slopes, lambda place: f"k{place}")
     writer.write(order - 1, order)
     names = [writer.of_motion("q", i, k) for k in range(2, order + 1) for i in range(size)]
-    arguments = ["q", "v"] if not shape else [f"{name}{i}" for name in "qv" for i in range(size)]
+    arguments = ["q", "v"] if size == 1 else [f"{name}{i}" for name in "qv" for i in range(size)]
     first = [f"zero = {arguments[-1]} - {arguments[-1]}", "one = zero + 1"]
     results = ", ".join("zero" if name == "0" else name for name in names)
     lines = [*first, *writer.lines, f"return ({results},)"]

@@ -12,7 +12,7 @@ import numpy as np
 from integrators.errors import shown
 from integrators.method import Method, MethodError
 from integrators.registry import METHODS
-from integrators.solving.dense import Recorder
+from integrators.solving.dense import Curve, Recorder
 from integrators.solving.step_size import next_ratio, step_power
 from integrators.solving.values import is_finite, is_real, like, misshapen
 from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
@@ -154,7 +154,8 @@ class March:
     def _first(self) -> Any:
         """Return a length for the first step, so short that Euler's method would have a small error in it.
 
-        The algorithm is that of Hairer, Norsett & Wanner 1993, II.4.
+        The algorithm is that of Hairer, Norsett & Wanner 1993, II.4, but for its first guess of 1e-6: here only a state
+        below the tolerance, or one at rest, has no time scale of its own.
         """
         here, slope = (self.q, self.v), (self.v, self.a)
 
@@ -163,8 +164,8 @@ class March:
 
         with np.errstate(all="ignore"):
             d0, d1 = size(here), size(slope)
-            h = like(self._zero, 1e-6 if d0 < 1e-5 or d1 < 1e-5 else 0.01 * d0 / d1)
-            h = min(h, self.span)
+            scale = 0.01 * d0 / d1 if d1 > 0.0 else math.inf
+            h = min(like(self._zero, 1e-6 if d0 < 1e-5 or not scale < 1e300 else scale), self.span)
             signed_step = self.sense * h
             try:
                 later = self.slope(self.t + signed_step, self.q + signed_step * self.v, self.v + signed_step * self.a)
@@ -183,17 +184,16 @@ class March:
         while self.t != mark:
             left = abs(mark - self.t)
             full_step = self.h + self.h / 100 < left
-            length = self.h if full_step else left
             if full_step:
                 self._check()
+            length = abs(self.t + self.sense * self.h - self.t) if full_step else left  # as the times are stored
             error, state = self._try(self.sense * length)
             if error <= 1.0:
                 ratio = next_ratio(error, True, self._last, self.order)
                 next_length = length * like(self._zero, ratio if last_accepted else min(1.0, ratio))
                 self.h = next_length if full_step else max(next_length, self.h)
                 if self._recorder is not None:
-                    before, after, ends = (self.q, self.v), state[:2], (self.a, state[2])
-                    self._recorder.add(self.t, self.sense * length, before, after, self._step_values, ends)
+                    self.record(self._recorder, self.t, self.sense * length, (self.q, self.v, self.a), state)
                 self.t = self.t + self.sense * length if full_step else mark
                 self.q, self.v, self.a = state
                 self._last = error if full_step else 0.0
@@ -203,6 +203,52 @@ class March:
                 self._last = 0.0
                 self.rejected += 1
             last_accepted = error <= 1.0
+
+    def record(
+        self, recorder: Recorder, t: Any, h: Any, before: Sequence[Any], after: Sequence[Any], rest: Any = None,
+        earlier: tuple[float, float] = (math.inf, math.inf),
+    ) -> None:
+        """Record the curves of one step of length h between two states (q, v, a), within the tolerance.
+
+        A quintic that errs by more is replaced by those of two half steps, and so on. ``earlier`` are the errors over
+        twice and four times the length: if halving twice does not halve the error, rounding is all that is left of it.
+        ``rest`` is the part of the start that t does not hold; None for none. Raises MethodError if the acceleration
+        fails within the step.
+        """
+        (q, v, a), (q1, v1, a1) = before, after
+        curve = recorder.curve(t, h, (q, v), (q1, v1), self._step_values, (a, a1), rest)
+        if not recorder.quintic:
+            recorder.put(curve)
+            return
+        try:
+            error = self._missed(curve, a, a1)
+            middle = self.step(t, *before, h / 2)[:3] if 1.0 < error < earlier[1] / 2 else None
+        except MethodError:
+            raise
+        except (ArithmeticError, ValueError) as fault:
+            raise recorder.failed(t, h, fault) from fault
+        if middle is None:
+            recorder.put(curve)
+            return
+        half = t + h / 2
+        self.record(recorder, t, h / 2, before, middle, rest, (error, earlier[0]))
+        rounded = (t - half) + h / 2
+        self.record(recorder, half, h / 2, middle, after, rounded if rest is None else rounded + rest,
+                    (error, earlier[0]))
+
+    def _missed(self, curve: Curve, a: Any, a1: Any) -> float:
+        """Return the estimated error of a quintic between the ends of a step, in units of the tolerance.
+
+        a, a1 are the accelerations at its ends. With ``x = theta (1 - theta)`` the quintic leaves out ``C x**3`` of q,
+        of which the second derivative at the middle is ``-3 C/(8 h**2)``. So a difference d of accelerations there
+        means an error of q up to ``h**2 d/24``, and of v up to ``0.143 h d``, the largest value of the derivative.
+        """
+        h, half = curve.h, (curve.h / curve.h) / 2
+        with np.errstate(all="ignore"):
+            d = self.slope(curve.time(half), *curve.at(half)) - (3 * curve.by_v[-1] / (2 * h) - (a + a1) / 4)
+        before = curve.q, curve.v
+        after = curve.q + curve.by_q[-1], curve.v + curve.by_v[-1]
+        return self.tolerance.size((h * h * d / 24, h * d * 143 / 1000), before, after)
 
     def _try(self, h: Any) -> tuple[float, tuple[Any, ...]]:
         """Try one step; return its error in units of the tolerance, nan if not finite, and (q, v, a) at its end."""
@@ -220,8 +266,7 @@ class March:
 
     def _check(self) -> None:
         """Raise StepSizeError if the next step is so short that a sixteenth of it would not change the time."""
-        part = self.h / 16
-        if abs(self.t) + part == abs(self.t) or self.span + part == self.span:
+        if abs(self.t) + self.h / 16 == abs(self.t):
             raise StepSizeError(
                 f"{self.name} cannot keep to rtol = {self.tolerance.rtol} at t = {self.t}{self._fault}: a step of "
                 f"h = {float(self.h):.3g} is too short to be taken, and a longer one errs by more; "

@@ -14,7 +14,9 @@ below 4                 cubic through q and v at both ends            cubic thro
 
 Over one step the cubic has the error O(h**4), the quintic O(h**6) in q and O(h**5) in v. Both also contain the method's
 own error O(h**(p + 1)) at the end of the step, which the derivative turns into O(h**p) in v. This gives
-``Method.dense_order``.
+``Method.dense_order``. Under a tolerance a pair of high order takes steps so long that the quintic would miss the
+tolerance between their ends; such a step is divided into halves, quarters and so on by the method itself, until the
+curves meet the tolerance (:meth:`integrators.solving.adaptive.March.record`).
 
 References: Hairer, Norsett & Wanner 1993, Solving ODEs I, section II.6; Farin 2002, Curves and Surfaces for CAGD,
 chapters 4 and 6 (Bezier form, de Casteljau's algorithm).
@@ -45,7 +47,8 @@ Points = Sequence[Any]
 class Curve:
     """Bezier curves of q and v for dense output over one step of length ``h`` from (q, v) at ``t``.
 
-    The control points are relative to (q, v); the first one is zero and left out.
+    The control points are relative to (q, v); the first one is zero and left out. The step starts exactly at
+    ``t + rest``: far from t = 0 a time is rounded by more than steps of one length may differ. ``rest`` None is zero.
     """
 
     t: Any
@@ -54,6 +57,21 @@ class Curve:
     v: Any
     by_q: Points
     by_v: Points
+    rest: Any = None
+
+    def since(self, t: Any) -> Any:
+        """Return the time from t to the start of the step."""
+        return self.t - t if self.rest is None else (self.t - t) + self.rest
+
+    def time(self, theta: Any) -> Any:
+        """Return the time at ``theta``, a fraction of the step."""
+        after = theta * self.h
+        return self.t + (after if self.rest is None else self.rest + after)
+
+    def fraction(self, t: Any) -> Any:
+        """Return the fraction of the step at the time t, or at an array of times."""
+        after = t - self.t
+        return (after if self.rest is None else after - self.rest) / self.h
 
     def at(self, theta: Any) -> tuple[Any, Any]:
         """Return (q, v) of dense output at ``theta``, a fraction of the step or an array that broadcasts with q."""
@@ -94,7 +112,7 @@ class DenseOutput:
         if times is None:
             self._check(t)
             curve = self.curves[self._index(t)]
-            return curve.at((t - curve.t) / curve.h)
+            return curve.at(curve.fraction(t))
         if not self._double:
             return self._one_by_one(times)
         for one in (times.min(), times.max()) if times.size else ():
@@ -121,8 +139,8 @@ class DenseOutput:
 
     def _index(self, t: Any) -> int:
         """Return the index of the step of a dense solution that contains the time t."""
-        sense = self._sense
-        return bisect_right(self.curves, sense * t, key=lambda curve: sense * curve.t) - 1
+        sense, first = self._sense, self.curves[0].t
+        return bisect_right(self.curves, sense * (t - first), key=lambda curve: sense * curve.since(first)) - 1
 
     def _one_by_one(self, times: NDArray[Any]) -> tuple[Any, Any]:
         """Return (q, v) at an array of times, computed one by one, for numbers other than floats."""
@@ -135,13 +153,14 @@ class DenseOutput:
         """Return (q, v) of a dense solution at an array of times in double precision, computed step by step."""
         shape = np.shape(self.curves[0].q)
         values = np.empty((2, times.size, *shape))
-        starts = np.array([curve.t for curve in self.curves])
-        places = np.searchsorted(self._sense * starts, self._sense * times.ravel(), side="right") - 1
+        first = self.curves[0].t
+        starts = np.array([curve.since(first) for curve in self.curves])
+        places = np.searchsorted(self._sense * starts, self._sense * (times.ravel() - first), side="right") - 1
         order = np.argsort(places, kind="stable")
         for members in np.split(order, np.flatnonzero(np.diff(places[order])) + 1):
             if len(members):
                 curve = self.curves[places[members[0]]]
-                theta = (times.ravel()[members] - curve.t) / curve.h
+                theta = curve.fraction(times.ravel()[members])
                 values[0, members], values[1, members] = curve.at(theta.reshape(-1, *[1] * len(shape)))
         return values[0].reshape(*times.shape, *shape), values[1].reshape(*times.shape, *shape)
 
@@ -157,7 +176,8 @@ class Recorder:
         keep: False forgets the curves, where only ``each`` needs them.
 
     Attributes:
-        steps: number of steps added so far.
+        quintic: True if the curves are quintics by Hermite interpolation.
+        steps: number of curves added so far.
     """
 
     def __init__(
@@ -166,6 +186,7 @@ class Recorder:
     ) -> None:
         self.method, self.slope, self.zero, self.each, self.keep = method, slope, zero, each, keep
         self.extension = method.dense
+        self.quintic = self.extension is None and method.order >= 4
         self.steps = 0
         self.curves: list[Curve] = []
         self._end: Any = None
@@ -175,19 +196,23 @@ class Recorder:
             self._rows = [(sum(row, Fraction(0)), self._numbers(row)) for row in self.extension.a]
             self._ends = [row == ends[:len(row)] for row in self.extension.a]
 
-    def add(
+    def add(self, *step: Any, **more: Any) -> None:
+        """Add one step; the arguments are those of :meth:`curve`. Raises what that and ``each`` raise."""
+        self.put(self.curve(*step, **more))
+
+    def curve(
         self, t: Any, h: Any, before: tuple[Any, Any], after: tuple[Any, Any], found: Sequence[Any],
-        ends: tuple[Any, Any] | None = None,
-    ) -> None:
-        """Add one step of length h from the state ``before`` at time t to the state ``after``.
+        ends: tuple[Any, Any] | None = None, rest: Any = None,
+    ) -> Curve:
+        """Return the curve of one step of length h from the state ``before`` at time t to the state ``after``.
 
         Args:
             found: the values that the step returned; for a method with an extension, the last two are the velocities
                 and accelerations of its stages.
             ends: the accelerations before and after the step, if they are known.
+            rest: the part of the step's start that t does not hold, see :class:`Curve`; None for none.
 
-        Raises MethodError if the acceleration fails or is not finite at a further stage or at the end, and what
-        ``each`` raises.
+        Raises MethodError if the acceleration fails or is not finite at a further stage or at the end.
         """
         q, v = before
         try:
@@ -198,9 +223,13 @@ class Recorder:
         except (ArithmeticError, ValueError) as error:
             fault = str(error)
         if fault:
-            raise MethodError(f"The dense output of {self.method.name} needs the acceleration within the step of "
-                              f"h = {h} from t = {t}: {fault}.")
-        self.put(Curve(t, h, q, v, *curves))
+            raise self.failed(t, h, fault)
+        return Curve(t, h, q, v, *curves, rest)
+
+    def failed(self, t: Any, h: Any, fault: object) -> MethodError:
+        """Return the error that the dense output of the step of length h from time t cannot be computed."""
+        return MethodError(f"The dense output of {self.method.name} needs the acceleration within the step of "
+                           f"h = {h} from t = {t}: {fault}.")
 
     def put(self, curve: Curve) -> None:
         """Add the curve of one step; raises what ``each`` raises."""

@@ -20,6 +20,7 @@ import numpy as np
 from integrators.errors import shown
 from integrators.method import MethodError
 from integrators.solving.dense import Curve
+from integrators.solving.probing import check_arguments
 from integrators.solving.values import column, is_real
 
 PARTS = 8
@@ -98,6 +99,7 @@ def _checked(event: Any) -> Event:
     if not is_real(event.direction):
         raise MethodError(f"The direction of event {event.name} must be a number: below zero, zero or above zero, "
                           f"not {shown(event.direction)}.")
+    check_arguments(event.function, f"Event {event.name}", "t, q, v")
     try:
         count = operator.index(event.terminal)
     except TypeError:
@@ -132,7 +134,7 @@ class Watch:
             places += [(place, i) for place in self._places(i, event, curve)]
         for place, i in sorted(places, key=operator.itemgetter(0)):
             q, v = curve.at(place)
-            t, here = curve.t + place * curve.h, self.found[i]
+            t, here = curve.time(place), self.found[i]
             here.t.append(t)
             here.q.append(q)
             here.v.append(v)
@@ -157,11 +159,11 @@ class Watch:
         one = curve.h / curve.h
 
         def g(place: Any) -> Any:
-            value = event.function(curve.t + place * curve.h, *curve.at(place))
+            value = event.function(curve.time(place), *curve.at(place))
             value = value.item() if getattr(value, "shape", None) == () else value
             if not is_real(value):
                 raise MethodError(f"Event {event.name} must return one finite real number, not {shown(value)}, its "
-                                  f"value at t = {curve.t + place * curve.h}.")
+                                  f"value at t = {curve.time(place)}.")
             return value
 
         samples = [(one * k / PARTS, g(one * k / PARTS)) for k in range(1, PARTS + 1)]

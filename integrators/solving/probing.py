@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,22 +14,83 @@ from integrators.errors import shown
 from integrators.families.energy_preserving import averaged
 from integrators.families.taylor import coefficients
 from integrators.method import Acceleration, Method, MethodError, System
-from integrators.solving.values import is_finite, misshapen
+from integrators.solving.values import is_finite, like, misshapen, own_copy
 from integrators.steps.arrays import Derivative
 
 PROBES = 8
 """Number of parts into which the duration is divided; a function is probed at their ends."""
 
 
+ARGUMENTS = {"acceleration": "t, q, v", "force": "t, q", "dissipative_flow": "t, q, v, h", "jacobian": "t, q, v",
+             "mean_acceleration": "t, q, v, s", "mean_jacobian": "t, q, v, s", "exact_flow": "t, q, v, h",
+             "taylor_coefficients": "t, q, v, n"}
+"""Name of a function of a System -> its arguments."""
+SEVERAL = ("jacobian", "mean_jacobian", "exact_flow", "taylor_coefficients")
+"""Functions of a System that return several values."""
+
+
+def check_arguments(function: Callable[..., Any], name: str, arguments: str) -> None:
+    """Raise MethodError for a function that does not take so many arguments as ``arguments`` lists, such as "t, q, v".
+    """
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # functions written in C often have none
+        return
+    try:
+        signature.bind(*arguments.split(", "))
+    except TypeError as fault:
+        raise MethodError(f"{name} must be a function of ({arguments}), not of {signature}: {fault}.") from None
+
+
+def problem(acceleration: Acceleration | System, times: Sequence[Any], q: Any, v: Any) -> System:
+    """Return a System, made from a bare acceleration if need be, whose functions may return an array that they reuse.
+
+    See :func:`bare`. Raises MethodError if the acceleration is not callable, takes other arguments, changes its
+    arguments, fails at the start, or returns values that are not finite or have the wrong shape.
+    """
+    if not isinstance(acceleration, System):
+        return bare(acceleration, times, q, v)
+    functions = {name: getattr(acceleration, name) for name in ARGUMENTS if getattr(acceleration, name) is not None}
+    for name, function in functions.items():
+        check_arguments(function, name, ARGUMENTS[name])
+    if isinstance(q, np.ndarray):
+        _first(acceleration.acceleration, times[0], q, v)
+    copies: dict[str, Any] = {name: copying(function, name in SEVERAL) for name, function in functions.items()}
+    return replace(acceleration, **copies)
+
+
+def copying(function: Callable[..., Any], several: bool = False) -> Callable[..., Any]:
+    """Return a user's function whose results are copied, see :func:`integrators.solving.values.own_copy`.
+
+    ``several`` is True for a function that returns several values.
+    """
+    if several:
+        return lambda *arguments: [own_copy(value) for value in function(*arguments)]
+    return lambda *arguments: own_copy(function(*arguments))
+
+
+def _first(acceleration: Acceleration, t: Any, q: Any, v: Any) -> Any:
+    """Return the acceleration at the start as it is; MethodError if it changes q or v, arrays, in place."""
+    before = [x.copy() if isinstance(x, np.ndarray) else x for x in (q, v)]
+    value = acceleration(t, q, v)
+    for x, old, name in zip((q, v), before, "qv", strict=True):
+        if isinstance(x, np.ndarray) and not np.array_equal(x, old):
+            x[...] = old
+            raise MethodError(f"The acceleration changes its argument {name} in place; it must leave q and v as they "
+                              "are, and may return an array of its own.")
+    return value
+
+
 def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> System:
     """Make a System from an acceleration alone.
 
     Whether it depends on the velocity is probed near ``q`` and ``v``, at the first and the last time and evenly between
-    them. The derivatives are central differences. Raises MethodError if the acceleration is not callable, fails at the
-    start, or returns values that are not finite or have the wrong shape.
+    them. The derivatives are central differences. Raises MethodError if the acceleration is not callable, takes other
+    arguments, changes its arguments, fails at the start, or returns values that are not finite or have the wrong shape.
     """
     if not callable(acceleration):
         raise MethodError("The problem must be a function a(t, q, v) or an integrators.System.")
+    check_arguments(acceleration, "The acceleration", ARGUMENTS["acceleration"])
 
     def jacobian(t: Any, q: Any, v: Any) -> tuple[Any, Any]:
         dq, dv = 1e-5 * (1 + abs(q)), 1e-5 * (1 + abs(v))
@@ -40,7 +102,10 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
     t = times[0]
     try:
         with np.errstate(all="ignore"):
-            first = acceleration(t, q, v)
+            given = _first(acceleration, t, q, v)
+            first = own_copy(given)
+    except MethodError:
+        raise
     except (ArithmeticError, ValueError) as fault:
         raise MethodError(f"The acceleration fails at the start, t = {t}: {fault}.") from fault
     if not is_finite(first):
@@ -51,7 +116,9 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
         shape = np.shape(first)
     if shape != np.shape(q):
         raise MethodError(misshapen(np.shape(first), np.shape(q)))
-    places = (q, q + 0.5772157)
+    if first is not given:  # a function that returns plain numbers does without the call that copies them
+        acceleration = copying(acceleration)
+    places = (q, q + like(q - q, 0.5772157))
     velocity_free = all(_ignores_velocity(acceleration, when, place, v) for when in _moments(times) for place in places)
     mean, by_end = averaged(acceleration)
     return System(
@@ -69,7 +136,8 @@ def _moments(times: Sequence[Any]) -> list[Any]:
 def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> bool:
     """Return True if the acceleration at (t, q) is equal for four trial velocities, or not finite for all of them."""
     values: list[Any] = []
-    for w in (v, v + 0.7390851, -v - 1.2020569, v - v):
+    zero = v - v
+    for w in (v, v + like(zero, 0.7390851), -v - like(zero, 1.2020569), zero):
         try:
             with np.errstate(all="ignore"):
                 values.append(acceleration(t, q, w))

@@ -18,7 +18,7 @@ from integrators.registry import METHODS, get, named
 from integrators.solving.adaptive import March, checked
 from integrators.solving.dense import DenseOutput, Recorder
 from integrators.solving.events import Ended, Event, EventFunction, Watch, checked_events
-from integrators.solving.probing import bare, counted, with_couplings
+from integrators.solving.probing import counted, problem, with_couplings
 from integrators.solving.stepper import Begin, Step, stepper
 from integrators.solving.values import (
     check_truth,
@@ -29,6 +29,7 @@ from integrators.solving.values import (
     misshapen,
     of_kind,
     rounding_unit,
+    state,
     widened,
     zero_of,
 )
@@ -134,20 +135,23 @@ def solve(
     Args:
         acceleration: ``a(t, q, v)`` in units of q per time squared, or a :class:`System` with more functions. Whether a
             bare function depends on the velocity is tested near the given q and v, at nine times from the first to the
-            last. A function that depends on the velocity only elsewhere must be given as a System.
-        q, v: state at ``times[0]``: floats, arrays of one shape, or any numbers with arithmetic (mpmath). The method's
-            coefficients have the highest precision among q, v, times and h; NumPy's numbers narrower than float64 are
-            converted to float64.
+            last. A function that depends on the velocity only elsewhere must be given as a System. A function may
+            return a list, or an array that it uses again in its next call; it must not change q or v.
+        q, v: state at ``times[0]``: floats, lists or arrays of one shape, or other real numbers with arithmetic (of
+            mpmath, Fraction, Decimal). The method's coefficients have the highest precision among q, v, times and h;
+            NumPy's numbers narrower than float64 are converted to float64. Complex numbers, NumPy's longdouble and
+            arrays of exact numbers are refused.
         times: at least one time, strictly increasing or strictly decreasing.
         method: a name of :data:`integrators.METHODS` or a Method.
-        h: the longest step allowed; each interval is divided into equal steps no longer than h. With ``rtol``, the
-            first step to try; it may then be None.
+        h: the longest step allowed; each interval is divided into equal steps no longer than h, but for the rounding
+            of the times. With ``rtol``, the first step to try; it may then be None.
         rtol, atol: tolerances for an embedded pair: the error of a step, as a root mean square over all components y of
             q and v, stays below ``atol + rtol max(abs(y0), abs(y1))``. Steps are as long as that allows and end at all
             ``times``. ``atol`` is ``rtol`` by default, which suits values near one; see
             :mod:`integrators.solving.adaptive`.
         dense: True for a Solution that can be called at any time between the first and the last. It stores every step
-            and, for some methods, needs further evaluations. See :mod:`integrators.solving.dense`.
+            and, for some methods, needs further evaluations. With ``rtol`` it meets the tolerance between the ends of
+            steps, too. See :mod:`integrators.solving.dense`.
         compensated: True stores the rounding error of each addition to q and v and adds it in the next step; for steps
             of one length. See :mod:`integrators.steps.compensated`.
         events: functions ``g(t, q, v)``, or Events, whose changes of sign are located on the dense output, to the
@@ -162,8 +166,8 @@ def solve(
     Raises:
         MethodError: unknown method, coefficients of a method of one's own that contradict its declared order, a method
             that does not fit the problem, an array whose components the acceleration couples for a method that needs
-            independent ones, a state that is not finite numbers of one shape, an acceleration of another shape, ``h``
-            not finite and positive, times not monotonic, more than ``MOST_STEPS`` steps, a step whose result is not
+            independent ones, a state that is not finite real numbers of one shape, an acceleration of another shape or
+            of other arguments, or that changes q or v in place, ``h`` not finite and positive, times not monotonic, more than ``MOST_STEPS`` steps, a step whose result is not
             finite (the message says when), neither ``h`` nor ``rtol``, ``rtol`` for a method without estimates or with
             ``compensated``, a method that cannot be compensated, or an event function that does not return one finite
             real number;
@@ -182,7 +186,8 @@ def solve_unchecked(
     Raises as :func:`solve` does, except for a wrong order.
     """
     chosen = named(method)
-    q, v, h, rtol, atol = (widened(value) for value in (q, v, h, rtol, atol))
+    q, v = state(q, "q"), state(v, "v")
+    h, rtol, atol = (widened(value) for value in (h, rtol, atol))
     if h is None and rtol is None:
         raise MethodError("h must be a finite step above zero, not None, unless rtol is given to choose the steps.")
     if atol is not None and rtol is None:
@@ -207,16 +212,16 @@ def solve_unchecked(
         raise MethodError("times must be strictly increasing or strictly decreasing.")
     if not (is_finite(q) and is_finite(v) and np.shape(q) == np.shape(v)):
         raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {shown(q)} and {shown(v)}.")
-    counts = _counts(gaps, h) if rtol is None else []
+    unit = rounding_unit(given)
+    counts = _counts(marks, gaps, h, unit) if rtol is None else []
     zero = zero_of(marks[0], *gaps, *(value for value in (q, v, h, rtol, atol) if value is not None))
     q, v = (of_kind(zero, value) for value in (q, v))
     if tolerance is not None and is_double(q + zero):
         tolerance.check_rounding()
-    system = acceleration if isinstance(acceleration, System) else bare(acceleration, marks, q, v)
-    system = with_couplings(system, chosen, method, marks, q, v)
+    system = with_couplings(problem(acceleration, marks, q, v), chosen, method, marks, q, v)
     calls = [0]
     system = counted(system, calls, chosen.counted)
-    watch = Watch(watched, rounding_unit(given)) if watched else None
+    watch = Watch(watched, unit) if watched else None
     recorder = None
     if dense or watch is not None:
         recorder = Recorder(chosen, system.acceleration, zero, None if watch is None else watch.step, dense)
@@ -231,14 +236,19 @@ def solve_unchecked(
         if march is None:
             lost = (q - q, v - v) if compensated else ()
             taken, restarts = _equal_steps(
-                chosen, step, begin, marks, gaps, counts, q, v, lost, recorder, rounding_unit(given), rows)
+                chosen, step, begin, marks, gaps, counts, q, v, lost, recorder, unit, rows)
         else:
             march.through(marks, zero, rows)
             taken = march.steps
     except Ended as end:
         assert recorder is not None
-        ended_by, taken = end.index, recorder.steps
+        ended_by, taken = end.index, recorder.steps if march is None else march.steps + 1
         rows += [(end.t, end.q, end.v)] if end.t != rows[-1][0] else []
+    except TypeError as fault:
+        if is_double(q + zero):
+            raise
+        raise MethodError(f"{chosen.name} cannot compute with numbers of the type {type(zero).__name__}: {fault}; use "
+                          "floats, numbers of mpmath, or an explicit method.") from fault
     if march is not None:
         rejected = march.rejected
     if restarts > FEW_RESTARTS and not chosen.one_step:
@@ -285,7 +295,8 @@ def _equal_steps(
             if not (is_finite(values[0]) and is_finite(values[1])):
                 raise MethodError(_divergence(chosen, taken, t))
             if recorder is not None:
-                recorder.add(t, part, (q, v), values[:2], values)
+                rest = (start - t) + i * part if i else None  # t is rounded, the steps' sum is not
+                recorder.add(t, part, (q, v), values[:2], values, rest=rest)
             end = 2 + memory_size
             (q, v), memory, lost = values[:2], values[2:end], values[end : end + len(lost)]
         if not np.shape(q) == np.shape(v) == shape:
@@ -313,21 +324,27 @@ def _restarted(method: Method, restarts: int, steps: int) -> str:
             f"changed by more than the rounding of the times.{start} Equally spaced times need no restart.")
 
 
-def _counts(gaps: Sequence[Any], h: Any) -> list[int]:
-    """Return the number of equal steps in each interval between times; MethodError if they are too many in all."""
-    sizes = []
-    for gap in gaps:
+def _counts(marks: Sequence[Any], gaps: Sequence[Any], h: Any, unit: Any) -> list[int]:
+    """Return the number of equal steps in each interval between times; MethodError if they are too many in all.
+
+    Steps may be longer than h by the rounding of the times, of which ``unit`` is the relative size, and by no more than
+    a thousandth.
+    """
+    sizes, excess = [], []
+    for gap, (start, mark) in zip(gaps, pairwise(marks), strict=True):
         try:
             with np.errstate(over="ignore"):
                 sizes.append(float(abs(gap) / h))
+                excess.append(min(1e-3, max(1e-9, float(unit * (abs(start) + abs(mark)) / h))))
         except ArithmeticError:
             sizes.append(math.inf)
+            excess.append(0.0)
     if not sum(sizes) <= MOST_STEPS:
         raise MethodError(
             f"Steps of h = {h!r} are too short: they would be {sum(sizes):.3g} steps, and at most {MOST_STEPS:.0e} are "
             "allowed."
         )
-    return [max(1, math.ceil(size - 1e-9)) for size in sizes]
+    return [max(1, math.ceil(size - more)) for size, more in zip(sizes, excess, strict=True)]
 
 
 def _divergence(method: Method, step: int, t: Any, fault: str = "") -> str:

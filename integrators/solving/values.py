@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from numbers import Complex, Real
 from typing import Any
 
 import numpy as np
@@ -25,14 +26,66 @@ def check_truth(value: Any, name: str) -> bool:
 def widened(value: Any) -> Any:
     """Convert NumPy floats and arrays narrower than float64 to float64, and NumPy integers to int.
 
-    Other values are returned unchanged.
+    Other values are returned unchanged. Raises MethodError for NumPy's longdouble where it is wider than float64.
     """
+    kind = getattr(value, "dtype", None)
+    if kind is not None and kind.kind == "f" and kind.itemsize > 8:
+        raise MethodError(f"{shown(value)} is of NumPy's longdouble, which solve does not compute with; convert it to "
+                          "float64, or use numbers of mpmath.")
     if isinstance(value, np.integer):
         return int(value)
     if isinstance(value, np.floating) and value.dtype.itemsize < 8:
         return float(value)
     narrow = isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.dtype.itemsize < 8
     return value.astype(np.float64) if narrow else value
+
+
+def state(value: Any, name: str) -> Any:
+    """Return q or v as ``solve`` computes with it: a real number, or a new array of real numbers.
+
+    Lists and tuples become arrays. Raises MethodError for complex numbers, for NumPy's longdouble, and for arrays of
+    anything else.
+    """
+    try:
+        array = np.array(value) if isinstance(value, (list, tuple, np.ndarray)) else None
+    except ValueError:  # rows of several lengths
+        raise MethodError(f"{name} must be a number or an array of real numbers, not {shown(value)}.") from None
+    if is_complex(value if array is None else array):
+        raise MethodError(f"{name} must be real, not {shown(value)}; give a complex number as an array of its real and "
+                          "its imaginary part.")
+    if array is not None and array.dtype.kind not in "iuf":
+        raise MethodError(f"{name} must be a number or an array of real numbers, not {shown(value)}; numbers of mpmath "
+                          "and other exact numbers are integrated one by one, not in an array.")
+    return widened(value if array is None else array)
+
+
+def is_complex(value: Any) -> bool:
+    """Return True for complex numbers and arrays of them, whatever their imaginary part."""
+    kind = getattr(value, "dtype", None)
+    if kind is not None:
+        return bool(kind.kind == "c")
+    return isinstance(value, Complex) and not isinstance(value, Real)
+
+
+def own_copy(value: Any) -> Any:
+    """Return what a user's function returned, as it will stay: arrays are copied, as a function may reuse its array.
+
+    Lists and tuples become arrays, arrays of numbers those of float64, and an array of shape () a number. Other values
+    are returned unchanged. Raises MethodError for complex numbers.
+    """
+    if type(value) is float:
+        return value
+    if isinstance(value, (list, tuple)):
+        try:
+            value = np.array(value)
+        except ValueError:  # rows of several lengths
+            return value
+    if is_complex(value):
+        raise MethodError(f"The acceleration must be real, not {shown(value)}.")
+    if isinstance(value, np.ndarray):
+        value = value.astype(np.float64) if value.dtype.kind in "iuf" else value.copy()
+        return value if value.shape else value[()]
+    return widened(value)
 
 
 def of_kind(zero: Any, value: Any) -> Any:

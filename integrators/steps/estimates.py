@@ -5,7 +5,8 @@ A step with estimates is a function::
     step(t, q, v, a, *rates, h, *extra)  ->  (q, v, a, *rates, *increments, *errors)
 
 It takes the acceleration ``a`` and the quadratures' ``rates`` at the start of the step and returns those at its end, so
-that a step which is rejected and repeated with a shorter h does not compute them again. ``errors`` are the differences
+that a step which is rejected and repeated with a shorter h does not compute them again. A Taylor series needs neither;
+it returns ``a`` and ``rates`` as they were given, those of the start. ``errors`` are the differences
 between the result and the embedded results, first in q and then in v, in the order of ``embedded``.
 """
 

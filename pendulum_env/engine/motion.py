@@ -181,9 +181,11 @@ class Curves:
         self._dry = any(effect.dry for effect in machine.scene.effects)
         method = integrators.get("dop853") if self._dry else machine.method
         with_stages = bool(machine.tolerance) or method.dense is not None
-        generated = program(machine.scene, method if method.implicit and with_stages else integrators.get("rk4"), ())
+        own = with_stages and (method.implicit or "taylor" in method.needs)  # these call more than the acceleration
+        generated = program(machine.scene, method if own else integrators.get("rk4"), ())
         functions = interpreted(generated.text, generated.title)
-        self._acceleration, self._jacobian = functions["acceleration"], functions.get("jacobian")
+        self._acceleration = functions["acceleration"]
+        self._jacobian, self._series = functions.get("jacobian"), functions.get("series")
         values = {**machine.scene.coefficients, "control": control, "side": 1.0}
         self._names, self._extra = generated.shape.extra, [values.get(name, 0.0) for name in generated.shape.extra]
         self._remembered = [(i, machine.names.index(name)) for i, name in enumerate(self._names)
@@ -207,10 +209,16 @@ class Curves:
 
     def _system(self) -> System:
         """Return the equation of motion with what the method needs of it."""
-        if self._jacobian is None:
-            return System(self.slope)
-        jacobian = self._jacobian
-        return System(self.slope, jacobian=lambda t, q, v: jacobian(t, q, v, *self._extra))
+        jacobian, series = self._jacobian, self._series
+
+        def taylor_coefficients(t: float, q: float, v: float, order: int) -> list[float]:
+            assert series is not None
+            terms = series(t, q, v, *self._extra)  # those of q from order 2, then those of v, one order further
+            return [q, v, *terms[: order - 2], terms[-1] / order]
+
+        return System(
+            self.slope, jacobian=None if jacobian is None else lambda t, q, v: jacobian(t, q, v, *self._extra),
+            taylor_coefficients=None if series is None else taylor_coefficients)
 
     def step(self, before: Any, after: Any) -> None:
         """Add the curves of one step between two states of the machine; raises Ended at a terminal event."""

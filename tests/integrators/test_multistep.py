@@ -325,7 +325,6 @@ def counted_run(name: str, times: Any, q: Any, h: Any) -> Any:
 TENTHS = {
     "double": (float, [k / 10 for k in range(41)], 2.0**-45),
     "float32": (float, np.arange(41, dtype=np.float32) / np.float32(10), 2.0**-20),
-    "long double": (np.longdouble, np.arange(41, dtype=np.longdouble) / 10, 2.0**-45),
     "mpmath": (mpmath.mpf, [mpmath.mpf(k) / 10 for k in range(41)], 2.0**-45),
 }
 """Times of intervals that are equal but for rounding: a type for q, the times, and an error that rounding explains."""

@@ -303,7 +303,7 @@ def test_times_that_turn_back(times):
         (1.0, INF),
         ("1", 0.0),
         (None, 0.0),
-        ([1.0], [0.0]),
+        ([1.0], [NAN]),
         (np.ones(3), np.ones(2)),
         (np.ones(3), 0.0),
         (np.array([1.0, NAN]), np.zeros(2)),
@@ -431,3 +431,170 @@ def test_switches_may_be_numpys(switch):
     assert System(oscillator, velocity_free=np.bool_(True)).offers() == System(oscillator, velocity_free=True).offers()
     with pytest.raises(MethodError, match=f"{switch} must be True or False, not 1"):
         solve(oscillator, 1.0, 0.0, [0.0, 1.0], h=0.125, **{switch: 1})
+
+
+# what a user's function may return, and what it may not do ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ANY_FUNCTION)
+def test_lists_are_arrays(name):
+    """As states, and as what the acceleration returns."""
+    found = solve(lambda t, q, v: [-q[0], -4 * q[1]], [1.0, 2.0], (0.0, 0.0), TIMES, method=name, h=0.1)
+    same = solve(lambda t, q, v: np.array([-1, -4]) * q, np.array([1.0, 2.0]), np.zeros(2), TIMES, method=name, h=0.1)
+    assert found.q.tolist() == same.q.tolist()
+
+
+@pytest.mark.parametrize(("q", "v", "said"), [
+    (1j, 0j, "q must be real, not 1j"),
+    (1.0, 0j, "v must be real, not 0j"),
+    ([1.0, 1j], [0, 0], "q must be real"),
+    (np.ones(2, complex), np.zeros(2), "q must be real"),
+    (mpmath.mpc(1, 1), 0.0, "q must be real"),
+    (np.array([mpmath.mpf(1)]), np.zeros(1), "are integrated one by one, not in an array"),
+    ([[1.0], [1.0, 2.0]], [0.0, 0.0], "q must be a number or an array of real numbers"),
+    (["a"], [0.0], "q must be a number or an array of real numbers"),
+])
+def test_states_of_other_kinds_are_refused_in_a_sentence(q, v, said):
+    with pytest.raises(MethodError, match=said):
+        solve(oscillator, q, v, TIMES, h=0.1)
+
+
+WIDE = np.finfo(np.longdouble).bits > 64
+
+
+@pytest.mark.skipif(not WIDE, reason="longdouble is float64 here")
+@pytest.mark.parametrize("place", ["q", "v", "times", "h", "rtol"])
+def test_longdouble_is_refused_wherever_it_comes_from(place):
+    """It became float64 without a word."""
+    given = {"q": 1.0, "v": 0.0, "times": [0.0, 1.0], "h": 0.1, "rtol": 1e-8}
+    given[place] = [np.longdouble(0), np.longdouble(1)] if place == "times" else np.longdouble(given[place])
+    with pytest.raises(MethodError, match="longdouble, which solve does not compute with; convert it to float64"):
+        solve(oscillator, method="dop853", **given)
+
+
+@pytest.mark.parametrize(("function", "q", "said"), [
+    (lambda t, q, v: 1j * q, 1.0, r"The acceleration must be real, not \(?1j"),
+    (lambda t, q, v: 1j * q, np.ones(2), "The acceleration must be real, not array"),
+    (lambda t, q, v: [1.0], 1.0, r"must have the shape of q and v, \(\), not \(1,\)"),
+    (lambda t, q, v: [[1.0], [1.0, 2.0]], np.ones(2), "must be finite numbers, not"),
+    (lambda t, q: -q, 1.0, r"must be a function of \(t, q, v\), not of \(t, q\): too many positional arguments"),
+    (lambda t, q, v, k: -k * q, 1.0, r"must be a function of \(t, q, v\).*missing a required argument: 'k'"),
+])
+def test_accelerations_of_other_kinds_are_refused_in_a_sentence(function, q, said):
+    with pytest.raises(MethodError, match=said):
+        solve(function, q, 0 * q, TIMES, h=0.1)
+
+
+def test_functions_of_a_system_and_events_of_other_arguments_are_named():
+    with pytest.raises(MethodError, match=r"force must be a function of \(t, q\), not of \(t, q, v\)"):
+        solve(System(oscillator, force=oscillator, velocity_free=True), 1.0, 0.0, TIMES, h=0.1)
+    with pytest.raises(MethodError, match=r"Event <lambda> must be a function of \(t, q, v\), not of \(t, y\)"):
+        solve(oscillator, 1.0, 0.0, TIMES, h=0.1, events=lambda t, y: y[0])
+
+
+@pytest.mark.parametrize("name", ["q", "v"])
+@pytest.mark.parametrize("wrap", [lambda a: a, System])
+def test_an_acceleration_that_changes_the_state_in_place_is_refused(name, wrap):
+    def acceleration(t, q, v):
+        changed = q if name == "q" else v
+        changed += 1.0
+        return -q
+
+    q, v = np.array([1.0, 2.0]), np.zeros(2)
+    with pytest.raises(MethodError, match=f"changes its argument {name} in place"):
+        solve(wrap(acceleration), q, v, TIMES, h=0.1)
+    assert (q.tolist(), v.tolist()) == ([1.0, 2.0], [0.0, 0.0])
+
+
+def test_a_solution_does_not_change_with_the_arrays_that_it_began_with():
+    q, v = np.array([1.0, 2.0]), np.zeros(2)
+    found = solve(oscillator, q, v, TIMES, method="rk4", h=0.1, dense=True)
+    q[:] = 9.0
+    assert found(TIMES[0])[0].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("name", ["exact_flow", "jacobian", "mean_acceleration", "dissipative_flow", "force"])
+def test_functions_of_a_system_may_reuse_their_arrays(name):
+    """Each returns an array, or a pair of them, that its next call writes over."""
+    def fresh(t, q, v=0.0, h=0.0):
+        return {
+            "exact_flow": lambda: (q * np.cos(h) + v * np.sin(h), v * np.cos(h) - q * np.sin(h)),
+            "jacobian": lambda: (-np.ones(2), -np.ones(2) / 4), "mean_acceleration": lambda: -q - v / 4,
+            "dissipative_flow": lambda: v * np.exp(-h / 4), "force": lambda: -q,
+        }[name]()
+
+    stored = [np.zeros(2), np.zeros(2)]
+
+    def reused(*arguments):
+        value = fresh(*arguments)
+        pair = value if isinstance(value, tuple) else (value,)
+        for place, x in zip(stored, pair, strict=False):
+            place[:] = x
+        return tuple(stored) if isinstance(value, tuple) else stored[0]
+
+    methods = {"exact_flow": "exact", "jacobian": "bdf2", "mean_acceleration": "discrete_gradient"}
+    offers = {"mean_jacobian": lambda t, q, v, s: (-1.0, -0.25)} if name == "mean_acceleration" else {}
+    offers |= {"dissipative_flow": lambda t, q, v, h: v * np.exp(-h / 4)} if name == "force" else {}
+    drag = 0.0 if name == "exact_flow" else 0.25
+    systems = [System(lambda t, q, v: -q - drag * v, **{**offers, name: function}) for function in (fresh, reused)]
+    ends = [solve(system, [1.0, 0.5], [0.0, 0.2], TIMES, method=methods.get(name, "kahan_li6"), h=0.1).q.tolist()
+            for system in systems]
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("name", ["rk4", "velocity_verlet", "dop853", "ab4", "kahan_li8", "taylor"])
+def test_decimals_go_through_a_bare_function_too(name):
+    one = Decimal(1)
+    found = solve(oscillator, one, 0 * one, [0 * one, one], method=name, h=one / 20)
+    assert float(found.q[-1]) == pytest.approx(math.cos(1), abs=20 * 0.05 ** METHODS[name].order + 1e-14)
+
+
+@pytest.mark.parametrize("name", ["backward_euler", "gauss4", "bdf3"])
+def test_decimals_of_implicit_methods_are_refused_in_a_sentence(name):
+    one = Decimal(1)
+    with pytest.raises(MethodError, match=f"{name} cannot compute with numbers of the type Decimal"):
+        solve(oscillator, one, 0 * one, [0 * one, one], method=name, h=one / 20)
+
+
+# far from t = 0 -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("start", [0.0, 1e9, 1e12])
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("name", ["dop853", "dopri5", "verner9", "dprkn12", "taylor"])
+def test_adaptive_steps_are_as_long_as_the_times_say(name, sense, start):
+    """An error of 3.4e-10 is that of SciPy's DOP853 at 1e-10, from each of these times."""
+    found = solve(oscillator, 1.0, 0.0, [start, start + sense * 10.0], method=name, rtol=1e-10)
+    assert (found.q[-1], found.v[-1]) == pytest.approx((math.cos(10), -sense * math.sin(10)), abs=3e-9)
+
+
+@pytest.mark.parametrize("name", ["ab4", "bdf4", "quinlan_tremaine8", "stoermer6"])
+def test_rounded_times_far_from_zero_do_not_restart_a_history(name, recwarn):
+    times = 1e9 + np.linspace(0.0, 10.0, 101)
+    found = solve(oscillator, 1.0, 0.0, times, method=name, h=0.1)
+    assert found.steps == 100
+    assert not [warning for warning in recwarn if "history" in str(warning.message)]
+    near = solve(oscillator, 1.0, 0.0, np.linspace(0.0, 10.0, 101), method=name, h=0.1)
+    assert found.q == pytest.approx(near.q, abs=1e-6)  # the times are rounded by 6e-8
+
+
+def test_steps_shorter_than_the_rounding_of_times_have_dense_output_all_the_same():
+    """At 1e12 times are 1.2e-4 apart, and steps 1e-5 long."""
+    start = 1e12
+    found = solve(oscillator, 1.0, 0.0, [start, start + 2.0], method="rk4", h=1e-5, dense=True)
+    places = start + np.arange(1, 16) / 8
+    assert found(places)[0] == pytest.approx(np.cos(places - start), abs=1e-12)
+
+
+def test_slow_motions_over_long_times_are_no_fault():
+    """``q'' = -1e-14 q`` over 1e11, 1591 periods: the first step was refused as too short."""
+    found = solve(lambda t, q, v: -1e-14 * q, 1.0, 0.0, [0.0, 1e11], method="dop853", rtol=1e-9)
+    assert found.q[-1] == pytest.approx(math.cos(1e4), abs=1e-5)
+    first = solve(lambda t, q, v: -1e-14 * q, 1.0, 0.0, [0.0, 1e5], method="dop853", rtol=1e-9)
+    assert first.steps < 10
+
+
+@pytest.mark.parametrize("start", [0.0, -1.0])
+def test_a_force_that_ends_at_time_zero_is_still_refused(start):
+    with pytest.raises(integrators.StepSizeError, match="not finite"):
+        solve(System(lambda t, q, v: math.nan if t > 0 else -q), 1.0, 0.0, [start, 1.0], method="dop853", rtol=1e-8)

@@ -387,3 +387,59 @@ def test_presets_have_a_series() -> None:
     assert {"driven", "water", "windy"} <= without
     assert not without & {"textbook", "vacuum", "exercise", "exercise_large", "lab", "sticky_bearing", "overdamped",
                           "chaotic", "kapitza", "clock_bob", "moon"}
+
+
+# --- dense output: the series itself ----------------------------------------------------------------------------------
+
+ORDERS = ("taylor2", "taylor5", "taylor", "taylor30", "quick_taylor6", "quick_taylor", "quick_taylor30")
+
+
+@pytest.mark.parametrize("name", ORDERS)
+def test_the_curve_of_a_step_is_the_series(name: str) -> None:
+    """On the oscillator: ``q(t) = sum_k q_k t**k`` with the coefficients of the cosine, up to the order; v likewise."""
+    order, h = integrators.get(name).order, 0.75
+    found = solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, h], method=name, h=1.0, dense=True)
+    for t in np.linspace(0.0, h, 9)[1:-1]:
+        terms = [(-1) ** (k // 2) * t**k / math.factorial(k) for k in range(order + 1)]
+        assert found(t)[0] == pytest.approx(math.fsum(terms[::2]), abs=1e-15)
+        assert found(t)[1] == pytest.approx(math.fsum((-1) * t**k / math.factorial(k) * (-1) ** ((k - 1) // 2)
+                                                      for k in range(1, order + 1, 2)), abs=1e-15)
+    assert found.evaluations == found.steps == 1
+
+
+@pytest.mark.parametrize("name", ORDERS)
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
+def test_dense_output_and_events_meet_the_tolerance(name: str, rtol: float) -> None:
+    if integrators.get(name).order < 5 and rtol < 1e-6:
+        return  # some ten thousand steps
+    found = solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 3.0], method=name, rtol=rtol, dense=True,
+                  events=lambda t, q, v: q)
+    times = np.linspace(0.0, 3.0, 301)
+    assert np.max(np.hypot(found(times)[0] - np.cos(times), found(times)[1] + np.sin(times))) < 30 * rtol
+    assert found.t_events[0] == pytest.approx([math.pi / 2], abs=30 * rtol)
+    assert solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 3.0], method=name, rtol=rtol).evaluations == found.evaluations
+
+
+@pytest.mark.parametrize("name", ["taylor", "quick_taylor20"])
+@pytest.mark.parametrize("options", [{"dt": 0.05}, {"dt": 0.5, "rtol": 1e-11}], ids=str)
+def test_rollouts_have_the_series_as_dense_output_too(name: str, options: dict[str, float]) -> None:
+    run = rollout("vacuum", integrator=name, angle=1.0, velocity=0.0, duration=5.0, dense=True, events="turning",
+                  backend="python", **options)  # type: ignore[arg-type]
+    times = np.linspace(0.0, 5.0, 333)
+    angle, velocity = pendulum(times, 1.0, 0.0, SCENES["vacuum"].omega0)
+    assert run(times)[0] == pytest.approx(angle, abs=1e-10)
+    assert run(times)[1] == pytest.approx(velocity, abs=3e-10)
+    half = 2 * float(mpmath.ellipk(mpmath.sin(mpmath.mpf("0.5")) ** 2)) / SCENES["vacuum"].omega0
+    assert run.t_events[0] == pytest.approx([half * k for k in range(1, len(run.t_events[0]) + 1)], abs=1e-10)
+
+
+@pytest.mark.parametrize("scene", ["lab", "chaotic", "kapitza"])
+def test_driven_and_damped_rollouts_too(scene: str) -> None:
+    run = rollout(scene, integrator="taylor", duration=1.0, dense=True, rtol=1e-10, backend="python")
+    truth = rollout(scene, integrator="dop853", duration=1.0, rtol=1e-12, backend="python")
+    assert run(truth.time)[0] == pytest.approx(truth.angle, abs=2e-8)
+
+
+def test_arrays_of_one_component() -> None:
+    found = solve(lambda t, q, v: -q, np.array([1.0]), np.array([0.0]), [0.0, 1.0], method="taylor", h=0.1)
+    assert found.q[-1] == pytest.approx([math.cos(1)], abs=1e-15)
