@@ -167,10 +167,10 @@ def solve(
         MethodError: unknown method, coefficients of a method of one's own that contradict its declared order, a method
             that does not fit the problem, an array whose components the acceleration couples for a method that needs
             independent ones, a state that is not finite real numbers of one shape, an acceleration of another shape or
-            of other arguments, or that changes q or v in place, ``h`` not finite and positive, times not monotonic, more than ``MOST_STEPS`` steps, a step whose result is not
-            finite (the message says when), neither ``h`` nor ``rtol``, ``rtol`` for a method without estimates or with
-            ``compensated``, a method that cannot be compensated, or an event function that does not return one finite
-            real number;
+            of other arguments, or that changes q or v in place, ``h`` not finite and positive, times not monotonic,
+            more than ``MOST_STEPS`` steps, a step whose result is not finite (the message says when), neither ``h`` nor
+            ``rtol``, ``rtol`` for a method without estimates or with ``compensated``, a method that cannot be
+            compensated, or an event function that does not return one finite real number;
             StepSizeError if steps become too short while trying to meet a tolerance.
     """
     accepted(method)
