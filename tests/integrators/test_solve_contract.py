@@ -29,7 +29,7 @@ FAR = 1e9
 ROUNDED = 1.2e-7
 """The distance of two doubles near FAR: an event's time is one of them, and its state differs by as much."""
 RTOL = 1e-8
-SHORT, LONG = 0.0625, 0.25
+SHORT, LONG = 0.06, 0.24
 """Fixed steps, and those in mpmath numbers."""
 
 

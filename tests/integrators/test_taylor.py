@@ -440,6 +440,15 @@ def test_driven_and_damped_rollouts_too(scene: str) -> None:
     assert run(truth.time)[0] == pytest.approx(truth.angle, abs=2e-8)
 
 
+def test_a_rollouts_series_of_few_terms_has_its_order() -> None:
+    """The error of the velocity between steps is O(h**5), as at their ends."""
+    omega0 = SCENES["vacuum"].omega0
+    run = rollout("vacuum", integrator="taylor4", angle=1.0, velocity=0.0, duration=1.0, dt=0.05, dense=True,
+                  backend="python")
+    times = np.linspace(0.0, 1.0, 333)
+    assert run(times)[1] == pytest.approx(pendulum(times, 1.0, 0.0, omega0)[1], abs=omega0 * (0.05 * omega0) ** 5 / 5)
+
+
 def test_arrays_of_one_component() -> None:
     found = solve(lambda t, q, v: -q, np.array([1.0]), np.array([0.0]), [0.0, 1.0], method="taylor", h=0.1)
     assert found.q[-1] == pytest.approx([math.cos(1)], abs=1e-15)
