@@ -379,7 +379,8 @@ def _motion(equation: str, start: float, time: float, marks: int, scene: Scene, 
 MOTIONS = {
     SMALL_REST: replace(
         _motion("linear, dry friction of 0.08", AMPLITUDE, (HALVES + 1) * math.pi, 25, LINEAR_REST), most=1024),
-    LARGE_REST: _motion("dry friction of 0.11", STEEP_START, 7.0 * 1.15 * math.pi, 40, STEEP_REST),
+    LARGE_REST: replace(
+        _motion("dry friction of 0.11", STEEP_START, 7.0 * 1.15 * math.pi, 40, STEEP_REST), most=1024),
     BY_TURNS: _motion("linear, dry friction, a torque", 0.0, 20.0, 50, TURNS, RATE),
     SHAKEN_LOOSE: _motion("dry friction, a shaken pivot", 0.3, 12.0, 30, SHAKEN, RATE),
     TO_REST: _motion("quadratic drag of 0.3, dry friction", 1.5, 28.0, 70, BOTH),

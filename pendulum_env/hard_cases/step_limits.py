@@ -211,7 +211,7 @@ def _first_steps(method: Method, product: float, angle: float, velocity: float) 
         if np.any(errors[meaningful] > allowed[meaningful] + 1e-12):
             worst = np.max(errors[meaningful])
             return Finding(WRONG, note=f"its first steps err by {worst:.3g} rad, more than its order allows")
-        bound = Bound("the angle in the first steps", float(np.max(allowed[meaningful])), angle)
+        bound = Bound("the angle in the first steps", float(np.max(allowed, where=meaningful, initial=0.0)), angle)
         return Finding(ACCURATE, bounds=(bound,))
     return Finding(ACCURATE)
 
