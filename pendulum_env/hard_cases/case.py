@@ -60,8 +60,8 @@ class Bound:
 
     @property
     def loose(self) -> bool:
-        """True if the tolerance is more than LOOSE of what it bounds; bounds of exactly LOOSE also allow rounding."""
-        return not self.share <= LOOSE * (1.0 + 1e-6)
+        """True if the tolerance is more than LOOSE of what it bounds, to three digits: one of LOOSE adds rounding."""
+        return not self.share <= LOOSE * 1.001
 
 
 @dataclass(frozen=True)
@@ -221,8 +221,8 @@ def graded(error: Any, tolerance: float, wrong: str = "", note: str = "", *, siz
     """Judge errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
 
     ``note`` is added to an outcome other than WRONG. Errors that are not finite are WRONG. ``of`` names the quantity
-    that has these errors, and ``size`` is its size, 1 for relative errors; ``why`` is the reason for a tolerance of more
-    than LOOSE of it.
+    that has these errors, and ``size`` is its size, 1 for relative errors; ``why`` is the reason for a tolerance of
+    more than LOOSE of it.
     """
     largest, tolerance = float(np.max(np.abs(error))), float(tolerance)
     bounds = (Bound(of, tolerance, float(size), why),)

@@ -239,8 +239,8 @@ def _periods(method: Method) -> int:
 def _apart(method: Method) -> Finding:
     """Judge a method by the derivative of the motion by its starting angle, from two nearby starts.
 
-    Only the periods count after which the allowed error is less than LOOSE of the derivative. After the first period the
-    error of the motion itself must be that of the method's formula.
+    Only the periods count after which the allowed error is less than LOOSE of the derivative. After the first period
+    the error of the motion itself must be that of the method's formula.
     """
     formula = first_period(method)
     if formula.outcome not in (ACCURATE, STABLE):

@@ -164,8 +164,8 @@ def _pushed(name: str) -> Try:
     def attempt(method: Method) -> Finding:
         scene, findings, finer = _falling(*drags), [], FINER.get(method.order, 1)
         for push in PUSHES:
-            run = ran(scene, method, dt=PRODUCT / RATE / finer, steps=steps * finer, every=stride * finer, angle=math.pi,
-                      velocity=push)
+            run = ran(scene, method, dt=PRODUCT / RATE / finer, steps=steps * finer, every=stride * finer,
+                      angle=math.pi, velocity=push)
             ended = stopped(run)
             if ended is not None:
                 return ended

@@ -16,6 +16,7 @@ from integrators.analysis import spectral_radius
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.hard_cases.case import (
     ACCURATE,
+    LOOSE,
     STABLE,
     WRONG,
     Case,
@@ -89,6 +90,8 @@ def rested(run: Rollout, since: float) -> str:
 
 RATIO, AMPLITUDE, HALVES = 0.08, 0.66, 4
 """Friction torque over m g L, initial angle [rad], and half swings until rest at 0.66 - 2 * 0.08 * 4 = 0.02 rad."""
+HALF_LEAST = 2.0 * (AMPLITUDE - 2.0 * RATIO * (HALVES - 1) - RATIO)
+"""Way of the last half swing [rad], the shortest one."""
 LINEAR_REST = unit("small angles with dry friction", SmallAngleGravity(), CoulombFriction(RATIO * EARTH))
 
 
@@ -124,8 +127,9 @@ def linear_rest(method: Method) -> Finding:
     wrong = rested(run, 0.99 * run.time[-1])
     if wrong:
         return Finding(WRONG, note=wrong)
-    # A half swing has two ends, whose errors may be half as large again as those at the marks.
-    most = 3.0 * HALVES * allowed(SMALL_REST, motion, method) + ROUNDING
+    # A half swing has two ends, whose errors may be half as large again as those at the marks. The last half swing is
+    # 0.2 rad of 2.72 rad, so that no method may be allowed that much.
+    most = min(3.0 * HALVES * allowed(SMALL_REST, motion, method) + ROUNDING, 0.25 * HALF_LEAST)
     of_heat = graded(heat, most, "its heat is not friction times the distance", size=distance, of="the way in the heat")
     return every(of_heat, held(SMALL_REST, motion, method, error))
 
@@ -154,7 +158,8 @@ def coarse_rest(method: Method) -> Finding:
         return Finding(WRONG, note=wrong)
     if foretold(COARSE_REST, method):
         return held(COARSE_REST, motion, method, error)
-    return graded(error[-1], order_bound(method, COARSE, HALVES * math.pi), of="the angle at rest")
+    return graded(error[-1], AMPLITUDE * order_bound(method, COARSE, HALVES * math.pi), size=AMPLITUDE,
+                  of="the angle at rest, as a part of the amplitude")
 
 
 def rests_coarsely(method: Method) -> frozenset[str]:
@@ -191,7 +196,7 @@ def steep_rest(method: Method) -> Finding:
         return finding
     if wrong:
         return Finding(WRONG, note=wrong)
-    most = STEEP_START * allowed(LARGE_REST, motion, method) + ROUNDING
+    most = min(STEEP_START * allowed(LARGE_REST, motion, method) + ROUNDING, LOOSE * STEEP_RATIO)
     return every(graded(run.angle[-1] - turns[-1], most, "it rests at another angle", size=STEEP_RATIO,
                         of="the angle of rest, as a part of the band of friction"), finding)
 

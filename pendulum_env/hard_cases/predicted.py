@@ -148,9 +148,10 @@ def rounding(name: str, motion: Motion, method: Method) -> float:
 
 
 def allowed(name: str, motion: Motion, method: Method) -> float:
-    """Return the largest error that is allowed for a method in a motion."""
+    """Return the largest error that is allowed for a method in a motion: the predicted one, or that of its order."""
     _, error = steps_and_error(name, motion, method)
-    return (1.0 + OFF) * error + rounding(name, motion, method)
+    off = OFF if _known(name, method) else 0.0
+    return (1.0 + off) * error + rounding(name, motion, method)
 
 
 def expected(name: str, motion: Motion) -> Callable[[Method], frozenset[str]]:

@@ -12,6 +12,7 @@ from integrators.analysis import amplification, spectral_radius
 from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
+    LOOSE,
     NEWTON,
     STABLE,
     WRONG,
@@ -22,6 +23,7 @@ from pendulum_env.hard_cases.case import (
     Try,
     also,
     bounded,
+    every,
     judged,
     named,
     ran,
@@ -230,12 +232,12 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         steps = count or max(200, math.floor(WORK / (method.evaluations * (NEWTON if method.implicit else 1.0))))
         kick = -0.5 * h * omega0 * omega0 * math.sin(angle)
         half = is_standard_map(method) and method.symmetric
-        every = max(1, steps // STEPS)
+        stride = max(1, steps // STEPS)
         start_velocity = kick if half else 0.0
         first = _first_steps(method, product, angle, start_velocity)
         if first.outcome == WRONG:
             return first
-        run = ran(FULL, method, dt=h, steps=steps, every=every, angle=angle, velocity=start_velocity)
+        run = ran(FULL, method, dt=h, steps=steps, every=stride, angle=angle, velocity=start_velocity)
         ended = stopped(run)
         if ended is not None:
             early = too_early(named(method), angle, start_velocity / omega0, product, round(float(run.time[-1]) / h))
@@ -243,10 +245,12 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         if method.keeps_energy:
             drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
             own = 10.0 * UNIT * steps * (1.0 + product)
+            found = judged(run, drift, own, "its energy is wrong", of="the energy")
             if method.exact:
                 truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
-                drift, own = max(drift, np.max(np.abs(run.angle - truth))), own * omega0 * float(run.time[-1])
-            return also(judged(run, drift, own, "its energy or its phase is wrong"), *first.bounds)
+                most = min(own * omega0 * float(run.time[-1]), LOOSE * angle)
+                found = every(found, judged(run, run.angle - truth, most, "its phase is wrong", size=angle))
+            return also(found, *first.bounds)
         energy = 1.0 - math.cos(angle)
         bound = product * math.sqrt(2.0 * (ABSURD * (1.0 + energy) + energy))
         bound = min(bound, turning) if is_standard_map(method) else bound

@@ -282,7 +282,8 @@ def _creep(stiffness: float, steps: int) -> Try:
         run = ran(scene, method, dt=slow_step / slow, steps=steps, angle=HIGH, velocity=-slow * math.sin(HIGH))
         own = slow_step * CREEP + 2.0 * stiffness**-2 * (1.0 + CREEP)
         falls = np.all(np.diff(run.angle) <= 1e-12) and run.angle[-1] >= -1e-12
-        return judged(run, run.angle - creep(slow * run.time), own, "" if falls else "it does not creep down", size=HIGH)
+        wrong = "" if falls else "it does not creep down"
+        return judged(run, run.angle - creep(slow * run.time), own, wrong, size=HIGH)
 
     return attempt
 

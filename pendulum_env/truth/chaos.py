@@ -103,8 +103,8 @@ QUIET_STRENGTH, QUIET = 0.9, _orbit(-0.5602283290650862, 1.9335855133167923, 1e-
 
 EXPONENTS = {
     1.15: Exponent(0.09924, 0.00005, 0.00320),
-    1.2: Exponent(0.13180, 0.00004, 0.00266),
-    1.5: Exponent(0.11233, 0.00004, 0.00227),
+    1.2: Exponent(0.13179, 0.00004, 0.00276),
+    1.5: Exponent(0.11250, 0.00003, 0.00207),
 }
 """Drive strength -> largest Lyapunov exponent.
 

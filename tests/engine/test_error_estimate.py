@@ -123,7 +123,8 @@ def test_no_estimate_is_below_rounding_where_both_runs_agree_by_chance(which: in
         rate = mpmath.sqrt(mpmath.mpf(gravity) / mpmath.mpf(SCENES["textbook"].body.length))
         phases = [rate * mpmath.mpf(float(t)) for t in run.time]
         off = [float(abs(q - start * mpmath.cos(p))) for q, p in zip(run.angle.tolist(), phases, strict=True)]
-        off_v = [float(abs(v + start * rate * mpmath.sin(p))) for v, p in zip(run.velocity.tolist(), phases, strict=True)]
+        speeds = zip(run.velocity.tolist(), phases, strict=True)
+        off_v = [float(abs(v + start * rate * mpmath.sin(p))) for v, p in speeds]
     assert run.error_estimate is not None
     assert run.velocity_error_estimate is not None
     assert np.all(np.array(off)[1:] <= 10.0 * run.error_estimate[1:])

@@ -34,7 +34,7 @@ def numbers(value: Any) -> Iterator[str]:
 
 
 def digest(method: Method) -> str:
-    """Return a digest of all exact coefficients of a method, those of its estimates and of its dense output included."""
+    """Return a digest of all coefficients of a method, those of its estimates and of its dense output included."""
     stated = (method, method.tableau, method.nystrom_tableau, method.sub_flows, method.characteristic, method.dense)
     return hashlib.sha256(" ".join(numbers(stated)).encode()).hexdigest()[:16]
 

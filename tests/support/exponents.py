@@ -1,6 +1,7 @@
 """Largest Lyapunov exponents of the chaotic driven pendulum, by two methods that share no code, with their errors.
 
-``python tests/support/exponents.py`` prints them, in about half an hour on one core. The pendulum is that of :mod:`pendulum_env.truth.chaos`. Nothing of the package is called.
+``python tests/support/exponents.py`` prints them, in about half an hour on one core. The pendulum is that of
+:mod:`pendulum_env.truth.chaos`. Nothing of the package is called.
 
 Both methods follow independent motions from random starts, and begin to measure after SETTLE periods of the drive. The
 exponent is the mean over the motions, and its standard error is their standard deviation over the root of their number,
@@ -97,12 +98,15 @@ METHODS = {"first variation": (by_variation, 1), "two motions": (by_two_motions,
 """Method by name, and the seed of its starts."""
 
 
-def measured(method: str, strength: float, motions: int, periods: int) -> Measured:
-    """Measure the largest exponent of a drive strength over a number of periods of each of some motions."""
+def measured(method: str, strength: float, motions: int, periods: int, settle: int = SETTLE) -> Measured:
+    """Measure the largest exponent of a drive strength over a number of periods of each of some motions.
+
+    They are measured after ``settle`` periods.
+    """
     made, seed = METHODS[method]
     advance, grown = made(strength, motions), np.zeros(motions)
     y = np.concatenate([starts(motions, seed), np.ones((1, motions)), np.zeros((1, motions))])
-    for period in range(-SETTLE, periods):
+    for period in range(-settle, periods):
         y, size = advance(y)
         grown += np.log(size) if period >= 0 else 0.0
     each = grown / (periods * PERIOD)

@@ -125,7 +125,7 @@ def coefficients() -> str:
             check_order_conditions(method)
             check_dense_conditions(method)
         if kept.setdefault(name, digest(method)) != digest(method):
-            raise RefusedError(f"The coefficients of '{name}' are others than when their order conditions were checked; "
+            raise RefusedError(f"The coefficients of '{name}' are not those whose order conditions were checked; "
                                f"delete its line in {COEFFICIENTS.relative_to(ROOT)} if that is meant.")
     if gone := kept.keys() - METHODS.keys():
         raise RefusedError(f"'{min(gone)}' is gone from METHODS; delete it in {COEFFICIENTS.relative_to(ROOT)}.")
