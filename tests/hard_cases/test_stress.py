@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tolerances
 from choice import FULL, chosen, turn_of
 from matplotlib.image import imread
 from readme_code import READMES
@@ -168,6 +169,17 @@ def test_methods_of_low_order_in_cases_of_friction_and_in_some_others() -> None:
     pairs += [(case, METHODS[LOW[turn_of(case.name, 4)]]) for case in others if turn_of(case.name, 3) == 0]
     said = failures(pairs)
     assert not said, said
+
+
+def test_the_command_prints_each_tolerance_as_a_share(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(tolerances, "CASES", (EASY, by_name("NaN")))
+    monkeypatch.setattr(sys, "argv", ["tolerances.py", "rk4"])
+    tolerances.main()
+    assert capsys.readouterr().out.splitlines() == [
+        "near the top: upright for a moment", "   3.2e-16 = 1e-15/3.1 of the motion (rk4)",
+        "actions: NaN: nothing may differ", "1 tolerances; 0 above 10% of what they bound, 0 of them without a reason."]
 
 
 def test_a_loose_tolerance_needs_a_reason() -> None:
