@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -34,6 +34,34 @@ COMPILING = 2e5
 """Number of interpreted force evaluations that take about as long as compiling."""
 NEWTON = 30.0
 """Cost of an evaluation of an implicit method, relative to an explicit one, with Newton's iterations and algebra."""
+LOOSE = 0.1
+"""Largest share of what it bounds that a tolerance may have without a reason."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A tolerance of a hard case beside the size of what it bounds.
+
+    Attributes:
+        of: the quantity that is compared with its reference solution.
+        tolerance, size: largest error allowed, and size of the quantity in the same unit.
+        why: reason for a tolerance of more than LOOSE of the size; "" if there is none.
+    """
+
+    of: str
+    tolerance: float
+    size: float
+    why: str = ""
+
+    @property
+    def share(self) -> float:
+        """Tolerance as a share of what it bounds; 0 if nothing may differ."""
+        return self.tolerance / self.size if self.tolerance else 0.0
+
+    @property
+    def loose(self) -> bool:
+        """True if the tolerance is more than LOOSE of what it bounds, to three digits: one of LOOSE adds rounding."""
+        return not self.share <= LOOSE * 1.001
 
 
 @dataclass(frozen=True)
@@ -46,6 +74,7 @@ class Finding:
             method's order, in the unit of the case; nan if there is none.
         note: further information; for a failure the reason.
         stop_time: time at which the run stopped early [s], else nan.
+        bounds: every tolerance that the run was judged by, beside the size of what it bounds.
     """
 
     outcome: str
@@ -53,6 +82,7 @@ class Finding:
     tolerance: float = math.nan
     note: str = ""
     stop_time: float = math.nan
+    bounds: tuple[Bound, ...] = ()
 
 
 Try = Callable[[Method], Finding]
@@ -176,25 +206,57 @@ def stopped(run: Rollout) -> Finding | None:
     return Finding(DIVERGED, stop_time=end)
 
 
-def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "") -> Finding:
+def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "", *, size: float = 1.0,
+           of: str = "the motion") -> Finding:
     """Judge a run by its errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
 
-    A run that stopped early is DIVERGED or WRONG whatever its error, see :func:`stopped`.
+    A run that stopped early is DIVERGED or WRONG whatever its error, see :func:`stopped`. ``size`` and ``of`` are those
+    of :func:`graded`.
     """
-    return stopped(run) or graded(error, tolerance, wrong)
+    return stopped(run) or graded(error, tolerance, wrong, size=size, of=of)
 
 
-def graded(error: Any, tolerance: float, wrong: str = "", note: str = "") -> Finding:
+def graded(error: Any, tolerance: float, wrong: str = "", note: str = "", *, size: float = 1.0,
+           of: str = "the motion", why: str = "") -> Finding:
     """Judge errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
 
-    ``note`` is added to an outcome other than WRONG. Errors that are not finite are WRONG.
+    ``note`` is added to an outcome other than WRONG. Errors that are not finite are WRONG. ``of`` names the quantity
+    that has these errors, and ``size`` is its size, 1 for relative errors; ``why`` is the reason for a tolerance of
+    more than LOOSE of it.
     """
     largest, tolerance = float(np.max(np.abs(error))), float(tolerance)
+    bounds = (Bound(of, tolerance, float(size), why),)
     if not math.isfinite(largest):
-        return Finding(WRONG, largest, tolerance, "values are not finite although the run did not stop")
+        note = "values are not finite although the run did not stop"
+        return Finding(WRONG, largest, tolerance, note, bounds=bounds)
     if largest <= tolerance:
-        return Finding(ACCURATE, largest, tolerance, note)
-    return Finding(WRONG if wrong else STABLE, largest, tolerance, wrong or note)
+        return Finding(ACCURATE, largest, tolerance, note, bounds=bounds)
+    return Finding(WRONG if wrong else STABLE, largest, tolerance, wrong or note, bounds=bounds)
+
+
+def bounded(value: float, most: float, note: str, why: str) -> Finding:
+    """Judge a value that may be anything up to ``most``: STABLE, else WRONG.
+
+    ``note`` says what is bounded, and ``why`` that no more is known of it.
+    """
+    return Finding(STABLE if value <= most else WRONG, value, most, note, bounds=(Bound(note, most, most, why),))
+
+
+def also(finding: Finding, *bounds: Bound) -> Finding:
+    """Return a finding with further tolerances that the run was judged by."""
+    return replace(finding, bounds=(*bounds, *finding.bounds))
+
+
+def every(*findings: Finding) -> Finding:
+    """Return the worst of several findings on one run, with the tolerances of all.
+
+    WRONG is worst, then DIVERGED, STABLE and ACCURATE; of equal ones the error nearest to its tolerance.
+    """
+    def badness(one: Finding) -> tuple[int, float]:
+        near = one.error / one.tolerance if one.tolerance > 0.0 else 0.0
+        return OUTCOMES.index(one.outcome), near
+
+    return replace(max(findings, key=badness), bounds=tuple(bound for one in findings for bound in one.bounds))
 
 
 def check_unique(cases: tuple[Case, ...]) -> tuple[Case, ...]:

@@ -20,10 +20,12 @@ from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
     WRONG,
+    Bound,
     Case,
     Finding,
     Rule,
     Try,
+    also,
     always,
     graded,
     ran,
@@ -124,7 +126,9 @@ def _similar(scene: Scene) -> Try:
             float(np.max(np.abs(run.energy / scale[0] - unit.energy / scale[1]))),
             float(np.max(np.abs(run.energy_residual / scale[0] - unit.energy_residual / scale[1]))),
         )
-        return graded(difference, rounding(method) * TIME, "the motion depends on the unit of length, mass or time")
+        found = graded(difference, rounding(method) * TIME, "the motion depends on the unit of length, mass or time",
+                       of="the motion at 1 m and 1 kg")
+        return also(found, *right.bounds)
 
     return attempt
 
@@ -184,7 +188,8 @@ def _lost_phase(method: Method) -> Finding:
         return Finding(WRONG, note="it continues although the phase of the drive is out of range")
     if ended.outcome == DIVERGED and ended.stop_time > RANGE / LATE_RATE + h:
         return Finding(WRONG, ended.stop_time, note="it stopped later than the phase of the drive was out of range")
-    return ended
+    late = Bound("the time of the stop, from above", h, RANGE / LATE_RATE)
+    return also(ended, late)
 
 
 FREE = Scene("free rotation", effects=(Gravity(),), gravity=0.0)

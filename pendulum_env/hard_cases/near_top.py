@@ -58,7 +58,7 @@ def _gudermannian(_motion: Motion, time: Array) -> tuple[Array, Array]:
 def _upright(method: Method) -> Finding:
     """Judge a method released at float(pi): in 100 steps the angle may not change by more than rounding."""
     run = ran(SCENE, method, dt=STEP, steps=100, angle=math.pi, velocity=0.0)
-    return judged(run, run.angle - math.pi, 1e-15, "it moves immediately")
+    return judged(run, run.angle - math.pi, 1e-15, "it moves immediately", size=math.pi)
 
 
 def _case(name: str, why: str, truth: str, attempt: Try | None = None, source: str = ELLIPTIC) -> Case:

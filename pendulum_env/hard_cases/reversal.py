@@ -20,10 +20,12 @@ from pendulum_env.hard_cases.case import (
     ACCURATE,
     STABLE,
     WRONG,
+    Bound,
     Case,
     Finding,
     Rule,
     Try,
+    also,
     always,
     graded,
     ran,
@@ -41,6 +43,7 @@ KNOWN: dict[tuple[str, str], str] = {}
 SCENE = SCENES["vacuum"]
 PRODUCT, STEPS = 0.02, 500
 """omega0 h, and number of steps in each direction."""
+CEILING = "a method that does not retrace its steps misses the start, by an error that its order bounds from above only"
 RESTARTS = 24
 """Number of steps of a run that is saved and resumed after each step."""
 
@@ -67,11 +70,12 @@ def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
         size = 1.0 + abs(there.angle[-1]) + speed
         rounding = 10.0 * rounding_factor(method) * 2.0**-52 * size * growth * 2.0 * STEPS
         order = 0.0 if math.isinf(method.order) else (pace * PRODUCT) ** method.order * pace * PRODUCT * STEPS * growth
-        finding = graded(error, rounding)
+        finding = graded(error, rounding, size=size)
         if finding.outcome == ACCURATE or retraces(method):
             return finding
         wrong = "" if finding.error <= order + rounding else "it misses the start by more than its order allows"
-        return Finding(WRONG if wrong else STABLE, finding.error, order + rounding, wrong)
+        bound = Bound("the return to the start", order + rounding, size, CEILING)
+        return also(Finding(WRONG if wrong else STABLE, finding.error, order + rounding, wrong), bound)
 
     return attempt
 

@@ -12,13 +12,18 @@ from integrators.analysis import amplification, spectral_radius
 from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
+    LOOSE,
     NEWTON,
     STABLE,
     WRONG,
+    Bound,
     Case,
     Finding,
     Rule,
     Try,
+    also,
+    bounded,
+    every,
     judged,
     named,
     ran,
@@ -57,6 +62,10 @@ PUBLISHED = ("|eigenvalue| of the step on the oscillator (Hairer & Wanner 1996, 
 STANDARD_MAP = "Greene 1979, J. Math. Phys. 20, 1183; Meiss 1992, Rev. Mod. Phys. 64, 795"
 DIFFUSION = "Chirikov 1979, Phys. Rep. 52, 263: p² grows by K²/2 a step, within a factor of 2 or 3"
 EXACTLY = "Gonzalez 1996, theorem 2.2, for the energy; Jacobi's elliptic functions (Whittaker & Watson 1927, 44)"
+
+
+CEILING = "the eigenvalues of a step bound the growth of a run from above only"
+NO_THEOREM = "no theorem bounds this method's steps of full gravity, beyond the energy that a run may have"
 
 
 # --- small angles ---------------------------------------------------------------------------------------------------
@@ -142,6 +151,7 @@ def _linear(product: float) -> Try:
         size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
         allowed = spread(method, product) * math.exp(max(growth(method, product), 0.0)) * (1.0 + 1e-6)
         grows = np.max(size) > allowed * np.max(size[: STEPS // 10])
+        most: tuple[Bound, ...] = (Bound("growth", allowed, allowed, CEILING),)
         wrong = "it grows faster than its eigenvalues allow" if grows else ""
         own = min(0.1, product**method.order * product * STEPS) if product < 1.0 else 0.1
         rounding = UNIT * (4.0 + float(phase[-1]))
@@ -151,7 +161,8 @@ def _linear(product: float) -> Try:
             formula = held(name, MOTIONS[name], method, np.maximum(error, speed)[: FORETOLD + 1])
             if formula.outcome == WRONG:
                 return formula
-        return judged(run, error, rounding if method.exact else own + rounding, wrong)
+            most = (*formula.bounds, *most)
+        return also(judged(run, error, rounding if method.exact else own + rounding, wrong, of="the amplitude"), *most)
 
     return attempt
 
@@ -184,8 +195,8 @@ def _full_rule(of_standard_map: str) -> Rule:
     return may
 
 
-def _unlike(method: Method, product: float, angle: float, velocity: float) -> str:
-    """Return the reason why the first steps of a method's run are wrong; "" if they are right.
+def _first_steps(method: Method, product: float, angle: float, velocity: float) -> Finding:
+    """Judge the first steps of a method's run, which is WRONG or ACCURATE.
 
     They must agree with the method's table and, if its order implies it, with the pendulum's exact motion.
     """
@@ -194,14 +205,17 @@ def _unlike(method: Method, product: float, angle: float, velocity: float) -> st
     own = own_steps(named(method), Equation(), angle, velocity / omega0, product, len(run.time) - 1)
     missed = own.missed(run.angle, run.velocity / omega0) if own is not None else 0.0
     if missed:
-        return f"its first steps differ from its table by {missed:.3g}"
+        return Finding(WRONG, note=f"its first steps differ from its table by {missed:.3g}")
     if product < 1.0 and velocity == 0.0:
         truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
         allowed, errors = order_error(method, angle, product, len(run.time) - 1), np.abs(run.angle - truth)
         meaningful = allowed < SAYS
         if np.any(errors[meaningful] > allowed[meaningful] + 1e-12):
-            return f"its first steps err by {np.max(errors[meaningful]):.3g} rad, more than its order allows"
-    return ""
+            worst = np.max(errors[meaningful])
+            return Finding(WRONG, note=f"its first steps err by {worst:.3g} rad, more than its order allows")
+        bound = Bound("the angle in the first steps", float(np.max(allowed, where=meaningful, initial=0.0)), angle)
+        return Finding(ACCURATE, bounds=(bound,))
+    return Finding(ACCURATE)
 
 
 def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
@@ -218,12 +232,12 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         steps = count or max(200, math.floor(WORK / (method.evaluations * (NEWTON if method.implicit else 1.0))))
         kick = -0.5 * h * omega0 * omega0 * math.sin(angle)
         half = is_standard_map(method) and method.symmetric
-        every = max(1, steps // STEPS)
+        stride = max(1, steps // STEPS)
         start_velocity = kick if half else 0.0
-        wrong = _unlike(method, product, angle, start_velocity)
-        if wrong:
-            return Finding(WRONG, note=wrong)
-        run = ran(FULL, method, dt=h, steps=steps, every=every, angle=angle, velocity=start_velocity)
+        first = _first_steps(method, product, angle, start_velocity)
+        if first.outcome == WRONG:
+            return first
+        run = ran(FULL, method, dt=h, steps=steps, every=stride, angle=angle, velocity=start_velocity)
         ended = stopped(run)
         if ended is not None:
             early = too_early(named(method), angle, start_velocity / omega0, product, round(float(run.time[-1]) / h))
@@ -231,15 +245,17 @@ def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
         if method.keeps_energy:
             drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
             own = 10.0 * UNIT * steps * (1.0 + product)
+            found = judged(run, drift, own, "its energy is wrong", of="the energy")
             if method.exact:
                 truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
-                drift, own = max(drift, np.max(np.abs(run.angle - truth))), own * omega0 * float(run.time[-1])
-            return judged(run, drift, own, "its energy or its phase is wrong")
+                most = min(own * omega0 * float(run.time[-1]), LOOSE * angle)
+                found = every(found, judged(run, run.angle - truth, most, "its phase is wrong", size=angle))
+            return also(found, *first.bounds)
         energy = 1.0 - math.cos(angle)
         bound = product * math.sqrt(2.0 * (ABSURD * (1.0 + energy) + energy))
         bound = min(bound, turning) if is_standard_map(method) else bound
         fastest = float(np.max(np.abs(run.velocity))) * h
-        return Finding(STABLE if fastest <= bound else WRONG, fastest, bound, "|v| h [rad]")
+        return also(bounded(fastest, bound, "|v| h [rad]", NO_THEOREM), *first.bounds)
 
     return attempt
 

@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Callable
 from functools import partial
+from inspect import signature
 from typing import Any
 
 import gymnasium as gym
@@ -368,6 +369,33 @@ def test_the_quick_look_at_a_step_overlooks_no_slack() -> None:
         machine.advance(machine.state(0.0, velocity), 0.0, 0.01, 300)
     names["slack_after"] = own
     assert not calls
+
+
+def test_the_quick_look_takes_the_cubics_state_in_the_middle_of_a_step() -> None:
+    """Check ``taut`` in a scene with a shaken pivot on random steps: the pull at three places that SciPy's cubic gives.
+
+    These are the ends of the step, and the least value of the parabola through the pulls there and in the middle.
+    """
+    machine = Machine(WIRE.with_effects((Gravity(), VerticalDrive(*UP))), "rk4", backend="python")
+    names = machine.run.__globals__ if "taut" in machine.run.__globals__ else machine.entry.__globals__
+    look, tension, random, h = names["taut"], names["tension"], np.random.default_rng(8), 0.05
+    values = {**machine.scene.coefficients, "side": 1.0, "swing_pull": 1.0, "gravity_pull": OMEGA**2}
+    more = [values[name] for name in list(signature(look).parameters)[6:]]
+    found = []
+    for q, v, turn, v1 in random.uniform((-3.0, -9.0, -0.4, -9.0), (3.0, 9.0, 0.4, 9.0), (1500, 4)):
+        curve = CubicHermiteSpline([0.0, h], [q, q + turn], [v, v1])
+
+        def pull(part: float, curve: Any = curve) -> float:
+            return float(tension(part * h, float(curve(part * h)), float(curve(part * h, 1)), *more))
+
+        before, middle, last = pull(0.0), pull(0.5), pull(1.0)
+        bend = 4.0 * (before + last - 2.0 * middle)
+        place = min(max((3.0 * before + last - 4.0 * middle) / bend, 0.0), 1.0) if bend > 0.0 else 0.5
+        least = min(before, last, pull(place))
+        found.append(least >= 0.0)
+        if abs(least) > 1e-9:
+            assert bool(look(0.0, q, v, q + turn, v1, h, *more)) == found[-1]
+    assert 150 < sum(found) < 1350
 
 
 @pytest.mark.parametrize("size", [0, 3])

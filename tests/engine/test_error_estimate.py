@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import mpmath
 import numpy as np
 import pytest
 from choice import EVERYWHERE, turn_of
@@ -108,6 +109,27 @@ def test_adaptive_estimates_hold_where_the_tolerance_rules_and_where_the_interva
 ) -> None:
     run = estimated("vacuum", method, dt, 2.0, rtol=rtol)
     assert 0.1 < ratio(run.error_estimate, np.abs(run.angle - swing(run.time)[0])) < 10.0
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_no_estimate_is_below_rounding_where_both_runs_agree_by_chance(which: int) -> None:
+    """Both runs often have the same bits, while each is off by some roundings: the estimate must hold at every record.
+
+    The truth is the cosine of the oscillator, in 30 digits.
+    """
+    run = estimated("textbook", ("exact", "taylor", "gauss8")[which], 0.05, 5.0)
+    start, gravity = SCENES["textbook"].run.angle, SCENES["textbook"].gravity
+    with mpmath.workdps(30):
+        rate = mpmath.sqrt(mpmath.mpf(gravity) / mpmath.mpf(SCENES["textbook"].body.length))
+        phases = [rate * mpmath.mpf(float(t)) for t in run.time]
+        off = [float(abs(q - start * mpmath.cos(p))) for q, p in zip(run.angle.tolist(), phases, strict=True)]
+        speeds = zip(run.velocity.tolist(), phases, strict=True)
+        off_v = [float(abs(v + start * rate * mpmath.sin(p))) for v, p in speeds]
+    assert run.error_estimate is not None
+    assert run.velocity_error_estimate is not None
+    assert np.all(np.array(off)[1:] <= 10.0 * run.error_estimate[1:])
+    assert np.all(np.array(off_v)[1:] <= 10.0 * run.velocity_error_estimate[1:])
+    assert max(off) > 0.0
 
 
 @pytest.mark.parametrize("compensated", [False, True])

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import Any
 
+import exponents
 import mpmath
 import numpy as np
 import pytest
@@ -112,31 +113,21 @@ def test_below_the_doublings_neighbours_turn_round_the_orbit() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("how", exponents.METHODS)
 @pytest.mark.parametrize("strength", EXPONENTS)
-def test_the_largest_exponent_as_a_mean_over_an_ensemble(strength: float) -> None:
-    """512 motions over 100 periods each by RK4, 200 steps a period, instead of one long motion."""
-    value, scatter = EXPONENTS[strength]
-    random = np.random.default_rng(3)
-    y = np.array([random.uniform(-3.0, 3.0, 512), random.uniform(-2.0, 2.0, 512), np.ones(512), np.zeros(512)])
+def test_the_largest_exponent_as_a_mean_over_an_ensemble(strength: float, how: str) -> None:
+    """1024 motions over 300 periods each, by both methods of the command that computed the exponents."""
+    truth, found = EXPONENTS[strength], exponents.measured(how, strength, 1024, 300, settle=40)
+    assert found.value == pytest.approx(truth.value, abs=4.0 * math.hypot(found.error, truth.error))
+    assert found.error == pytest.approx(truth.spread(300.0) / 32.0, rel=0.2)
+    assert found.least > 0.0
 
-    def rates(t: float, y: Any) -> Any:
-        force = strength * math.cos(2.0 * t / 3.0) - 0.5 * y[1] - np.sin(y[0])
-        return np.array([y[1], force, y[3], -0.5 * y[3] - np.cos(y[0]) * y[2]])
 
-    h, grown = PERIOD / 200, np.zeros(512)
-    for period in range(-40, 100):
-        for i in range(200):
-            t = i * h
-            a = rates(t, y)
-            b = rates(t + 0.5 * h, y + 0.5 * h * a)
-            c = rates(t + 0.5 * h, y + 0.5 * h * b)
-            y = y + h / 6.0 * (a + 2.0 * b + 2.0 * c + rates(t + h, y + h * c))
-        size = np.hypot(y[2], y[3])
-        y[2:] /= size
-        grown += np.log(size) if period >= 0 else 0.0
-    rate = grown / (100 * PERIOD)
-    error = np.std(rate) / math.sqrt(len(rate))
-    assert np.mean(rate) == pytest.approx(value, abs=4.0 * math.hypot(error, scatter))
+def test_both_ways_to_an_exponent_agree_where_it_is_known() -> None:
+    """At a drive of 0.9 all motions end on one orbit, whose exponents are both -1/(2q) = -0.25/s."""
+    for how in exponents.METHODS:
+        found = exponents.measured(how, QUIET_STRENGTH, 2, 10, settle=12)
+        assert found.value == pytest.approx(-0.25, abs=0.02), how
 
 
 # --- long runs -------------------------------------------------------------------------------------------------------

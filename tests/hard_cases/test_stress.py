@@ -16,9 +16,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tolerances
 from choice import FULL, chosen, turn_of
 from matplotlib.image import imread
 from readme_code import READMES
+from tolerances import unexplained
 
 import integrators
 import pendulum_env
@@ -33,6 +35,7 @@ from pendulum_env.hard_cases.case import (
     OUTCOMES,
     REFUSED,
     WRONG,
+    Bound,
     Case,
     Finding,
     always,
@@ -54,6 +57,11 @@ EASY = next(case for case in CASES if case.name == "upright for a moment")
 """Case of a hundred steps, in which every method runs fast."""
 FAILING = next(case for case in CASES if (case.name, "newmark_linear") in KNOWN_FAILURES)
 """A case in which a method fails, for a reason that the catalogue gives."""
+
+
+def by_name(name: str) -> Case:
+    """Return the case of a name."""
+    return next(case for case in CASES if case.name == name)
 
 
 # --- the table itself ------------------------------------------------------------------------------------------------
@@ -131,10 +139,11 @@ def test_no_truth_comes_from_what_is_tested(cases: tuple[Case, ...], monkeypatch
 
 
 def failures(pairs: Any) -> str:
-    """Return unexpected outcomes and known failures that did not happen, one line each."""
+    """Return unexpected outcomes, known failures that did not happen, and loose tolerances, one line each."""
     entries = tuple(run.entry(case, method) for case, method in pairs)
     found = run.Matrix(tuple({id(e.case): e.case for e in entries}.values()), tuple(METHODS.values()), entries)
-    return "\n".join(found.text.splitlines()[1:]) if found.failures or found.outdated else ""
+    lines = found.text.splitlines()[1:] if found.failures or found.outdated else []
+    return "\n".join([*lines, *(line for one in entries for line in unexplained(one))])
 
 
 def test_a_case_of_each_group() -> None:
@@ -146,6 +155,71 @@ def test_a_case_of_each_group() -> None:
 def test_rk4_in_every_short_case() -> None:
     said = failures((case, METHODS["rk4"]) for case in SHORT)
     assert not said, said
+
+
+LOW = ("forward_euler", "backward_euler", "velocity_verlet", "heun")
+"""Methods of order 1 and 2, whose tolerances are the largest."""
+
+
+def test_methods_of_low_order_in_cases_of_friction_and_in_some_others() -> None:
+    """Their tolerances are the widest. Cases of friction take two methods, others one; slow tests take more."""
+    pairs = [(case, METHODS[name]) for case in SHORT if case.group == "non-smooth"
+             for name in ("forward_euler", "velocity_verlet")]
+    others = [case for case in SHORT if case.group in ("near the top", "magnitudes", "switching", "step limits")]
+    pairs += [(case, METHODS[LOW[turn_of(case.name, 4)]]) for case in others if turn_of(case.name, 3) == 0]
+    said = failures(pairs)
+    assert not said, said
+
+
+def test_the_command_prints_each_tolerance_as_a_share(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(tolerances, "CASES", (EASY, by_name("NaN")))
+    monkeypatch.setattr(sys, "argv", ["tolerances.py", "rk4"])
+    tolerances.main()
+    assert capsys.readouterr().out.splitlines() == [
+        "near the top: upright for a moment", "   3.2e-16 = 1e-15/3.1 of the motion (rk4)",
+        "actions: NaN: nothing may differ", "1 tolerances; 0 above 10% of what they bound, 0 of them without a reason."]
+
+
+def test_a_loose_tolerance_needs_a_reason() -> None:
+    loose = Finding(ACCURATE, 0.1, 0.2, bounds=(Bound("the way", 0.2, 1.0), Bound("the rest", 0.1, 1.0)))
+    lines = unexplained(run.entry(made("loose", loose), METHODS["rk4"]))
+    assert lines == ["loose, rk4:      0.2 = 0.2/1 of the way, and no reason"]
+    wide = replace(loose, bounds=(Bound("it", 9.0, 1.0, "why"),))
+    assert not unexplained(run.entry(made("wide", wide), METHODS["rk4"]))
+    assert len(unexplained(run.entry(made("silent", Finding(ACCURATE, 0.1, 0.2)), METHODS["rk4"]))) == 1
+
+
+@pytest.mark.parametrize("short", [-1, 1], ids=["half a swing less", "half a swing more"])
+def test_heat_of_another_way_is_refused(short: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction to rest takes its limit times the way; a way that is a half swing longer or shorter is another one.
+
+    The last half swing leads from 0.18 rad on one side to 0.02 rad on the other.
+    """
+    case, ran = by_name("Coulomb friction to rest, small angles"), engine.rollout
+
+    def other(*arguments: Any, **options: Any) -> Any:
+        told = ran(*arguments, **options)
+        return replace(told, ledger=replace(told.ledger, heat=told.ledger.heat * (1.0 + short * 0.2 / 2.72)))
+
+    monkeypatch.setattr(case_module, "rollout", other)
+    for name in (*LOW, "rk4", "gauss4"):
+        found = case.tried(METHODS[name])
+        assert (found.outcome, found.note) == (WRONG, "its heat is not friction times the distance"), name
+
+
+def test_a_thousandth_of_the_heat_is_not_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The heat of these methods errs by less than a hundredth of that."""
+    case, ran = by_name("Coulomb friction to rest, small angles"), engine.rollout
+
+    def less(*arguments: Any, **options: Any) -> Any:
+        told = ran(*arguments, **options)
+        return replace(told, ledger=replace(told.ledger, heat=told.ledger.heat * 0.999))
+
+    monkeypatch.setattr(case_module, "rollout", less)
+    for name in ("velocity_verlet", "heun", "rk4", "gauss4", "dop853"):
+        assert case.tried(METHODS[name]).outcome == WRONG, name
 
 
 @pytest.mark.slow

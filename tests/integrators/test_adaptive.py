@@ -311,3 +311,15 @@ def test_a_pair_of_ones_own_adapts_its_steps():
     assert isinstance(own, RungeKutta)
     errors = [error_of(solve(swing, *START, [0.0, 10.0], method=own, rtol=rtol)) for rtol in (1e-5, 1e-7)]
     assert math.log10(errors[0] / errors[1]) / 2 == pytest.approx(1.0, abs=0.25)
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-11])
+def test_the_first_step_of_an_oscillator_is_taken_at_once(rtol: float) -> None:
+    """A first step in which Euler's method errs little is not too long for a pair (Hairer, Norsett & Wanner II.4).
+
+    One ten times longer errs by more than the tolerance, and is tried in vain. The motion is cos(t) + 0.3 sin(t).
+    """
+    for method in ("bs3", "dopri5", "dop853", "rkn43"):
+        found = integrators.solve(lambda t, q, v: -q, 1.0, 0.3, [0.0, 1.0], method=method, rtol=rtol)
+        assert found.rejected == 0, method
+        assert found.q[-1] == pytest.approx(math.cos(1.0) + 0.3 * math.sin(1.0), abs=100.0 * rtol), method

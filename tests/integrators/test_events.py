@@ -183,3 +183,16 @@ def test_bad_events_are_refused_in_a_sentence(events: Any, said: str) -> None:
 def test_events_are_refused_with_compensated_sums() -> None:
     with pytest.raises(MethodError, match="events and compensated=True cannot be combined"):
         solve(oscillator, 1.0, 0.0, [0.0, 1.0], method="rk4", h=0.1, events=velocity, compensated=True)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.25])
+def test_two_zeros_in_the_middle_between_equal_values_are_found(shift: float) -> None:
+    """The function dips below zero between two times at which it has the same value, in a part of a long step.
+
+    Its zeros are at 3/16 + shift -+ 0.01; steps of 1 are looked at in equal parts, the ends of which are symmetric to
+    the middle of the dip. Zeros of a function of time alone do not depend on the solution.
+    """
+    middle = 0.1875 + shift
+    found = solve(oscillator, 1.0, 0.0, [0.0, 1.0], method="rk4", h=1.0,
+                  events=lambda t, q, v: (t - middle) ** 2 - 1e-4)
+    assert found.t_events[0] == pytest.approx([middle - 0.01, middle + 0.01], abs=1e-12)

@@ -10,9 +10,11 @@ from fractions import Fraction
 from itertools import combinations
 
 import mpmath
+import mutants
 import numpy as np
 import pytest
 from choice import EVERYWHERE, turn_of
+from coefficients import COEFFICIENTS, checked, digest
 from leading_error_truths import LEADING_ERRORS
 from multistep_truths import principal_root
 from nystrom_truths import NYSTROM
@@ -40,6 +42,7 @@ from integrators.analysis import (
     amplification,
     area_order,
     damping_limit,
+    dense_conditions,
     driven_pendulum,
     jacobian_determinant,
     leading_error,
@@ -186,6 +189,14 @@ def check_order_conditions(method: Method) -> None:
                       nystrom_conditions(method, pair.order + 1, embedded=pair))
         assert max(abs(c.defect) for c in conditions if c.order <= pair.order) < Fraction(1, 10**35)
         assert max(abs(c.defect) for c in conditions if c.order > pair.order) > 1e-8
+
+
+def check_dense_conditions(method: Method) -> None:
+    """Check the order conditions of a Runge-Kutta method's dense output at all times of the step."""
+    if method.dense is not None and method.tableau is not None:
+        conditions = dense_conditions(method)
+        assert {c.order for c in conditions} >= {*range(1, method.dense.order + 1)}
+        assert max(abs(c.defect) for c in conditions if c.order <= method.dense.order) < Fraction(1, 10**30)
 
 
 def check_areas(method: Method) -> None:
@@ -370,6 +381,7 @@ def check_description(method: Method) -> None:
 CONTRACT: tuple[Callable[[Method], None], ...] = (
     check_order,
     check_order_conditions,
+    check_dense_conditions,
     check_areas,
     check_contraction,
     check_symmetry,
@@ -400,6 +412,27 @@ FALSE = [
     (check_stability, replace(METHODS["bdf3"], a_stable=True)),
     (check_description, replace(TWO_STAGE, source="folklore")),
 ]
+
+
+def test_every_table_holds_to_its_last_digit() -> None:
+    """Exact order conditions of all tables whose digits are not those that held before; slow tests take all."""
+    held = checked()
+    changed = [method for method in METHODS.values() if held.get(method.name) != digest(method)]
+    for method in changed:
+        check_order_conditions(method)
+        check_dense_conditions(method)
+    names = [method.name for method in changed if method.name in held]
+    assert not names, f"the coefficients of {names} are others; delete them in {COEFFICIENTS.name} if that is meant"
+    assert held.keys() <= METHODS.keys()
+
+
+@pytest.mark.parametrize("name", ["rk4", "dopri5", "verner7", "dprkn8", "ruth3", "stoermer6"])
+def test_a_digit_of_a_table_is_seen(name: str) -> None:
+    """One part in 1e8 of the largest coefficient changes the digest, and breaks the conditions."""
+    method = mutants.changed(METHODS[name], lambda x: x * (1 + Fraction(1, 10**8)))
+    assert digest(METHODS[name]) == checked()[name] != digest(method)
+    with pytest.raises(AssertionError):
+        check_order_conditions(method)
 
 
 @pytest.mark.parametrize(("check", "method"), FALSE, ids=lambda value: getattr(value, "__name__", ""))

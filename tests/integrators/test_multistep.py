@@ -393,6 +393,19 @@ def test_steps_that_differ_by_a_thousandth_are_not_rounded_ones() -> None:
         counted_run("ab4", times, 1.0, 1.0)
 
 
+def test_steps_that_differ_by_more_than_the_rounding_of_late_times_are_not_taken_as_equal() -> None:
+    """From t = 1e6 each step is 2e-7 longer than the last, 2000 times the distance of two times in double precision.
+
+    The motion is cos(t - 1e6). A history whose steps are taken as equal is a wrong one: errors are then above 1.5e-7.
+    """
+    times = 1e6 + np.concatenate([[0.0], np.cumsum(0.01 + 2e-7 * np.arange(1000))])
+    for name in ("ab4", "abm4", "bdf4"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # that the history starts anew in each step
+            found = solve(lambda t, q, v: -q, 1.0, 0.0, times, method=name, h=1.0)
+        assert np.max(np.abs(found.q - np.cos(times - times[0]))) < 6e-8, name
+
+
 @pytest.mark.parametrize("name", [name for name, method in MANY.items() if method.implicit])
 def test_arrays_take_the_steps_of_numbers(name: str) -> None:
     """Stiff if the method can treat drag; coupled components are in test_solve.py."""

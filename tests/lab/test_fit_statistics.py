@@ -99,6 +99,16 @@ def test_the_correlation_time_of_an_autoregressive_process(radius: float, turn: 
     assert statistics.correlation_time(path) == pytest.approx(exact, rel=0.08, abs=0.02)
 
 
+def test_short_independent_residuals_have_the_correlation_time_one() -> None:
+    """The squares of n correlations by chance, 1/n each, must not count: in 20 readings they would add 0.5.
+
+    The mean over 2000 records may exceed 1 a little, because no correlation time is below 1.
+    """
+    random = np.random.default_rng(11)
+    times = [statistics.correlation_time(random.standard_normal(20)) for _ in range(2000)]
+    assert 1.0 <= np.mean(times) < 1.1
+
+
 def test_readings_that_repeat_count_once() -> None:
     """If every value is repeated m times, rho falls linearly over m lags: ``1 + 2 sum (1 - lag/m)² = (2 m² + 1)/(3
     m)``."""

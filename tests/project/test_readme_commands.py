@@ -68,6 +68,8 @@ ELSEWHERE = {
     "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",
     "python tests/support/mutants.py": "hard_cases/test_predicted.py",
     "python tests/support/expectations.py": "hard_cases/test_expectations.py",
+    "python tests/support/exponents.py": "hard_cases/test_hard_truths_chaos.py",
+    "python tests/support/tolerances.py": "hard_cases/test_stress.py",
     "python tests/support/in_node.py": "engine/test_javascript.py",
 }
 """Command -> the file of tests that runs it."""

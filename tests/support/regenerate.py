@@ -17,6 +17,7 @@ from typing import Any
 
 import matplotlib
 from choice import chosen
+from coefficients import COEFFICIENTS, checked, digest
 from leading_error_truths import LEADING_ERRORS
 from readme_code import PATHS, ROOT
 from same_bits import GROUPS
@@ -36,6 +37,7 @@ from pendulum_env.tasks import TASKS
 
 LIMITS_FILE = ROOT / "integrators" / "tables" / "limits.py"
 FIGURE_TESTS = ROOT / "tests" / "plots"
+CONTRACT = ROOT / "tests" / "integrators"
 TABLE = re.compile(r"(?<=<!-- list )(\w+)( -->\n\n)(.*?)(?=\n\n<!-- end -->)", flags=re.S)
 """A table in a README: its name, the rest of its mark, its rows."""
 
@@ -112,6 +114,24 @@ def digests() -> dict[str, Any]:
     return kept
 
 
+def coefficients() -> str:
+    """Return coefficients.json with the digests of new methods, whose order conditions must hold."""
+    sys.path.insert(0, str(CONTRACT))
+    from test_integrators_contract import check_dense_conditions, check_order_conditions
+
+    kept = checked() if COEFFICIENTS.exists() else {}
+    for name, method in METHODS.items():
+        if name not in kept:
+            check_order_conditions(method)
+            check_dense_conditions(method)
+        if kept.setdefault(name, digest(method)) != digest(method):
+            raise RefusedError(f"The coefficients of '{name}' are not those whose order conditions were checked; "
+                               f"delete its line in {COEFFICIENTS.relative_to(ROOT)} if that is meant.")
+    if gone := kept.keys() - METHODS.keys():
+        raise RefusedError(f"'{min(gone)}' is gone from METHODS; delete it in {COEFFICIENTS.relative_to(ROOT)}.")
+    return json.dumps(kept, indent=1) + "\n"
+
+
 def pictures() -> tuple[Path, str]:
     """Return where coarse pictures of figures are stored, and them as text, with those of new functions."""
     sys.path.insert(0, str(FIGURE_TESTS))
@@ -130,6 +150,7 @@ def main() -> int:
     warnings.simplefilter("ignore")
     try:
         made = {**texts(), ENTRIES: json.dumps(entries(), indent=1) + "\n"}
+        made[COEFFICIENTS] = coefficients()
         made[LIMITS_FILE] = limits()
         made |= [pictures()]
         made[DIGESTS] = json.dumps(digests(), indent=1) + "\n"
