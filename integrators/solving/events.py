@@ -221,7 +221,7 @@ def _lowest(g: Callable[[Any], Any], low: Any, middle: Any, high: Any, here: Any
         if guess == best or not low < guess < high:
             break
         other = sign * g(guess)
-        if other <= 0:
+        if other < 0:  # at a zero the search goes on: the sign may change beside it, or g may only touch zero
             return guess, sign * other
         if other < value:
             low, below, high, above = (best, value, high, above) if guess > best else (low, below, best, value)

@@ -196,3 +196,15 @@ def test_two_zeros_in_the_middle_between_equal_values_are_found(shift: float) ->
     found = solve(oscillator, 1.0, 0.0, [0.0, 1.0], method="rk4", h=1.0,
                   events=lambda t, q, v: (t - middle) ** 2 - 1e-4)
     assert found.t_events[0] == pytest.approx([middle - 0.01, middle + 0.01], abs=1e-12)
+
+
+def test_a_pair_of_changes_is_found_if_the_search_hits_one_of_them():
+    """Between samples at 3/8, 4/8 and 5/8 of the step, the second trial is at 15/32, where this polynomial is 0."""
+    def g(t, q, v):
+        return (t - 15 / 32) * (t - 7 / 16) * (11 - 16 * t)
+
+    found = solve(lambda t, q, v: 0.0, 0.0, 0.0, [0.0, 1.0], method="rk4", h=1.0, events=g)
+    assert found.t_events[0] == pytest.approx([7 / 16, 15 / 32, 11 / 16], abs=1e-15)
+    touching = solve(lambda t, q, v: 0.0, 0.0, 0.0, [0.0, 1.0], method="rk4", h=1.0,
+                     events=lambda t, q, v: (t - 15 / 32) ** 2)
+    assert len(touching.t_events[0]) == 0
