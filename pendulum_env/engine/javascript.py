@@ -13,8 +13,9 @@ from collections.abc import Iterable
 from functools import singledispatchmethod
 from typing import Any
 
+from pendulum_env.common.sources import parsed
 from pendulum_env.engine.generate import Program
-from pendulum_env.engine.source import PARSING, SourceError
+from pendulum_env.engine.source import SourceError
 
 EXPORTED = ("run", "info")
 """Functions of a program that its JavaScript module exports."""
@@ -63,8 +64,7 @@ def javascript(program: Program) -> str:
 
 def translated(text: str) -> str:
     """Return the JavaScript of a program's text; raises SourceError for a statement or a name without translation."""
-    with PARSING:
-        tree = ast.parse(text)
+    tree = parsed(text)
     return _Module(tree).text()
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import copy
 import inspect
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from itertools import cycle
 
 from pendulum_env.common.mathml import LETTERS, mathml
+from pendulum_env.common.sources import ReadingError, source_of
 from pendulum_env.physics.effects.effect import Effect
 
 _SYMBOLS = {
@@ -19,6 +22,7 @@ _TOKEN = re.compile(
     r"(?:\*\*|\^)(?P<power>-?[\d.]+|\w+|\([^()]*\))|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)"
 )
 
+_FIELD = re.compile(r"\{\{|\}\}|\{(?P<name>\w+)(?::(?P<form>[^{}]*))?\}")
 _UPRIGHT = {"sin": '" "sin', "cos": '" "cos', "exp": '" "exp', "log": '" "ln', "Re": "Re"}
 _FENCE = 'stretchy="false" lspace="0" rspace="0"'
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -46,11 +50,25 @@ def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None
 def _filled(text: str, numbers: Mapping[str, float] | None) -> str:
     """Return an equation's text with coefficients, in braces, replaced by values or, without ``numbers``, by names.
 
-    Two signs in a row are merged, and zeros added before a closing bracket are dropped.
+    Braces around anything else are text like the rest. Two signs in a row are merged, and zeros added before a closing
+    bracket are dropped.
     """
-    text = re.sub(r"\{(\w+)[^}]*\}", r"\1", text) if numbers is None else text.format(**numbers)
+    text = _FIELD.sub(lambda field: _value(field, numbers), text)
     text = re.sub(r"([+-]) -(?=[\d.])", lambda sign: "+ " if sign[1] == "-" else "- ", text)
     return re.sub(r" [+-] 0\)", ")", text)
+
+
+def _value(field: re.Match[str], numbers: Mapping[str, float] | None) -> str:
+    """Return what stands for a coefficient in braces: its name, or its value in the given format."""
+    name, form = field["name"], field["form"] or ""
+    if name is None:
+        return field[0][0]  # of two braces, one
+    if numbers is None:
+        return name
+    try:
+        return format(numbers[name], form)
+    except (KeyError, ValueError):
+        return field[0]
 
 
 def _drags(effect: Effect) -> bool:
@@ -73,11 +91,24 @@ def _wind(effects: Iterable[Effect], role: str) -> str:
     winds = []
     for effect in effects:
         if function := getattr(effect, role):
-            names = "|".join((*effect.memory, "time", "sin", "cos"))
-            text = inspect.getsource(function).split("return ")[1].strip().replace(" * ", " ")
-            text = re.sub(rf"\b(?!(?:{names})\b)([a-z]\w*)", r"{\1:.6g}", text)
-            winds.append(re.sub(r"\btime\b", "t", text))
+            winds.append(_formula(function, effect.memory))
     return " + ".join(winds)
+
+
+def _formula(function: Callable[..., float], memory: Collection[str]) -> str:
+    """Return the value of a function as text with coefficients to fill in; its call if it is more than one formula."""
+    try:
+        body = [line for line in source_of(function).body if not isinstance(line, ast.Expr)]
+    except ReadingError:
+        body = []
+    if len(body) != 1 or not isinstance(body[0], ast.Return) or body[0].value is None:
+        return f"{function.__name__}(t)"
+    value = copy.deepcopy(body[0].value)
+    called = {id(node.func) for node in ast.walk(value) if isinstance(node, ast.Call)}
+    for node in ast.walk(value):
+        if isinstance(node, ast.Name) and id(node) not in called and node.id not in memory:
+            node.id = "t" if node.id == "time" else f"{{{node.id}:.6g}}"
+    return ast.unparse(value).replace(" * ", " ")
 
 
 def _slip(total: str, winds: Mapping[str, str]) -> Iterator[str]:
