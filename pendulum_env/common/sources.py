@@ -89,8 +89,7 @@ def source_of(function: Callable[..., Any], check: bool = True) -> FunctionSourc
     else:
         found += [node for node in file.functions.get(first, ()) if node.name == code.co_name]
     if not found or (check and code not in file.codes):
-        raise ReadingError("is not what runs: the file has changed, or a decorator has replaced the function; import "
-                           "it again, without decorators")
+        raise ReadingError("is not what runs: the file has changed; import it again")
     if hasattr(code, "co_positions"):  # of lambdas inside each other, the innermost holds the code
         found = found[-1:]
     if len(found) > 1 and len({ast.dump(node) for node in found}) > 1:
