@@ -22,6 +22,7 @@ from integrators.steps.straight_line import ATOM, PRODUCT, Record, StraightLine
 from integrators.steps.terms import literal
 from integrators.steps.tracing import Symbol, Trace
 from integrators.steps.unroll import unroll
+from pendulum_env.common.checks import printable
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine.problem import by_flow, moving, slipping
 from pendulum_env.engine.series import TorqueTracer
@@ -149,7 +150,7 @@ def _head(scene: Scene, method: Method) -> Iterator[str]:
         f"Method {method.name}, order {method.order}: {method.summary}",
         f"Leading error at small angles (h = dt): {leading_error(method).text}. Source: {method.source}",
     ):
-        yield from textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="#   ")
+        yield from textwrap.wrap(printable(text), WIDTH, initial_indent="# ", subsequent_indent="#   ")
 
 
 def _numbers(values: Mapping[str, float]) -> Iterator[str]:

@@ -7,8 +7,9 @@ import copy
 import inspect
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from itertools import cycle
+from itertools import accumulate, cycle
 
+from pendulum_env.common.checks import printable
 from pendulum_env.common.mathml import LETTERS, mathml
 from pendulum_env.common.sources import ReadingError, source_of
 from pendulum_env.physics.effects.effect import Effect
@@ -17,7 +18,8 @@ _SYMBOLS = {
     "theta": r"\theta", "theta'": r"\dot{\theta}", "theta''": r"\ddot{\theta}", "pi": r"\pi", "sin": r"\sin",
     "cos": r"\cos", "exp": r"\exp", "log": r"\log", "sign": r"\operatorname{sign}",
 }
-_SIGNS = {"*": r"\,", "~": r"\,", "(": r"\left(", ")": r"\right)", ";": r";\quad", ",": r",\;"}
+_SIGNS = {"*": r"\,", "~": r"\,", ";": r";\quad", ",": r",\;", "\\": r"\backslash ", "^": r"\wedge ",
+          '"': "\N{RIGHT DOUBLE QUOTATION MARK}", "'": r"{}^{\prime}", **{sign: rf"\{sign}" for sign in "%$#&_{}"}}
 _TOKEN = re.compile(
     r"(?:\*\*|\^)(?P<power>-?[\d.]+|\w+|\([^()]*\))|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)"
 )
@@ -44,7 +46,8 @@ def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None
     terms_sum = _filled(" ".join(filter(None, terms)), numbers).removeprefix("+ ") or "0"
     law = f"theta'' = {'-' + terms_sum[2:] if terms_sum.startswith('- ') else terms_sum}"
     where = [_filled(text, numbers) for text in (*clauses, *_slip(" ".join(equations), winds))]
-    return f"{law}; {', '.join(where)}" if where else law
+    whole = f"{law}; {', '.join(where)}" if where else law
+    return printable(whole)
 
 
 def _filled(text: str, numbers: Mapping[str, float] | None) -> str:
@@ -132,7 +135,9 @@ def latex(text: str) -> str:
     brackets, the bars of absolute values, and ``**`` or ``^`` with a number, a name or brackets. Names of several
     letters are set upright; text behind the underscore of one letter is its index.
     """
-    bars = cycle((r"\left|", r"\right|"))
+    # Brackets and bars that have no partner cannot grow.
+    bars = cycle((r"\left|", r"\right|") if text.count("|") % 2 == 0 else "|")
+    brackets = {"(": r"\left(", ")": r"\right)"} if _paired(text) else {}
     text = re.sub(r"\b(sin|cos)\(theta\)", r"\1 theta", text)
     text = re.sub(r"(?<=[\w)'|]) (?=[\w(|])(?!\|[ )])(?<!sin )(?<!cos )", "~", text)
     parts = []
@@ -146,8 +151,14 @@ def latex(text: str) -> str:
         elif kind == "name":
             parts.append(_SYMBOLS.get(token) or _name(token))
         else:
-            parts.append(next(bars) if token == "|" else _SIGNS.get(token, token))
+            parts.append(next(bars) if token == "|" else brackets.get(token) or _SIGNS.get(token, token))
     return "".join(parts)
+
+
+def _paired(text: str) -> bool:
+    """Return True if every bracket in a text has its partner."""
+    depth = list(accumulate((sign == "(") - (sign == ")") for sign in text))
+    return not depth or (min(depth) >= 0 == depth[-1])
 
 
 def equation_mathml(text: str) -> str:
@@ -173,10 +184,11 @@ def _short(text: str) -> str:
             parts.append(f"{digits}\N{MULTIPLICATION SIGN}10{str(int(power)).translate(_RAISED)}" if power else digits)
         elif kind == "name":
             name = token.rstrip("'")
-            known = name in LETTERS or len(name) == 1 or name[1:2] == "_"
+            known = name in LETTERS or len(name) == 1 or (name[1:2] == "_" and len(name) == 3)
             parts.append(_UPRIGHT.get(name) or (token if known else f'"{name}"{token[len(name):]}'))
         else:
-            parts.append(token)
+            token = _SIGNS['"'] if token == '"' else token
+            parts.append(f'"{token}"' if token in "{}_^&'" else token)
     return "".join(parts)
 
 

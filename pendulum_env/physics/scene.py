@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
+from keyword import iskeyword
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -100,6 +101,9 @@ class Scene(Checked, Displayed):
         for effect in self.effects:
             if not isinstance(effect, Effect):
                 raise SceneError(f"A scene's effects must be Effect instances, not {shown(effect)}.")
+            named(effect.name, f"The name of the effect {type(effect).__name__}")
+            for name in effect.memory:
+                named(name, f"A name in the memory of {effect.name}")
         groups = [effect.exclusive or effect.name for effect in self.effects]
         for group in groups:
             if groups.count(group) > 1:
@@ -258,6 +262,7 @@ class Scene(Checked, Displayed):
         coefficients: dict[str, float] = {}
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():
+                named(name, f"The name of a coefficient of {effect.name}")
                 if name in coefficients:
                     raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}; "
                                      "rename one of them.")
@@ -387,6 +392,12 @@ class Scene(Checked, Displayed):
         except ValueError as error:
             raise SceneError(f"{label} is not JSON: {error}.") from None
         return cls.from_dict(data.parse(text, label))
+
+
+def named(name: Any, label: str) -> None:
+    """Raise SceneError for a name that cannot be one in a program."""
+    if not isinstance(name, str) or not name.isidentifier() or iskeyword(name):
+        raise SceneError(f"{label} must be a name in Python, such as cubic_drag, not {shown(name)}.")
 
 
 # --- in words ---------------------------------------------------------------------------------------------------
