@@ -25,6 +25,11 @@ class ReadingError(ValueError):
     """Error for a function whose source cannot be read; the message begins behind the function's name."""
 
 
+def ours(one: Any) -> bool:
+    """Return True for a function or a class of this package, False for one of a user."""
+    return str(one.__module__).partition(".")[0] in ("pendulum_env", "integrators")
+
+
 class FunctionSource(NamedTuple):
     """The source of a function.
 

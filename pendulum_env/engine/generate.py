@@ -14,6 +14,7 @@ from functools import lru_cache
 from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from integrators.steps.terms import docstring
+from pendulum_env.common.sources import ours
 from pendulum_env.engine import blocks, equations, report, series, slack, watch
 from pendulum_env.engine.advance import CALLED, adapt, adapt_evenly, advance, errors_of, land, settle, stick_slip
 from pendulum_env.engine.goal import Goal
@@ -29,7 +30,6 @@ from pendulum_env.engine.source import (
     copied,
     decorated,
     float_text,
-    ours,
     with_callees,
 )
 from pendulum_env.engine.stages import BETWEEN, WHOLE, divided

@@ -13,7 +13,7 @@ from symtable import symtable
 from types import CodeType, FunctionType
 from typing import Any
 
-from pendulum_env.common.sources import ReadingError, parsed, source_of
+from pendulum_env.common.sources import ReadingError, ours, parsed, source_of
 from pendulum_env.physics.elementary import sqrt
 
 Plain = Callable[..., Any]
@@ -65,11 +65,6 @@ def text_of(function: Plain) -> str:
     header = ast.arguments(posonlyargs=[], args=[ast.arg(one) for one in arguments(function)], kwonlyargs=[],
                            kw_defaults=[], defaults=given.defaults)
     return f"def {name}({ast.unparse(header)}):\n{source.body_text()}"
-
-
-def ours(function: Plain) -> bool:
-    """Return True for a function of this package, False for one of a user."""
-    return str(function.__module__).partition(".")[0] in ("pendulum_env", "integrators")
 
 
 def names_of(code: CodeType) -> Iterator[str]:

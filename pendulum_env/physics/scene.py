@@ -18,9 +18,11 @@ from typing import Any, get_args
 from pendulum_env.common.many import isfinite, sqrt
 from pendulum_env.common.replacing import OutputError, replacing
 from pendulum_env.common.shown import Displayed
+from pendulum_env.common.sources import ours
 from pendulum_env.physics import data
 from pendulum_env.physics.bodies import body_data
 from pendulum_env.physics.body import Body, RigidBody
+from pendulum_env.physics.consistency import check_functions, check_stiffness
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.effect import GRAVITY, WEIGHT, Kind
 from pendulum_env.physics.equation import equation_text, latex
@@ -166,6 +168,17 @@ class Scene(Checked, Displayed):
             if not isfinite(value):
                 raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}; "
                                  "a parameter is out of range.")
+        for effect in self.effects:
+            if not ours(type(effect)):
+                self._try(effect)
+
+    def _try(self, effect: Effect) -> None:
+        """Raise SceneError if the functions of a user's effect contradict its torque."""
+        check_functions(effect, self.coefficients, self.omega0)
+        if effect.kind == "conservative" and effect.torque and (
+                type(effect).restoring_stiffness is not Effect.restoring_stiffness):
+            weight = self.gravity * self.weight_moment if effect.exclusive == GRAVITY else 0.0
+            check_stiffness(effect, weight + effect.restoring_stiffness(self), self.coefficients, self.inertia)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the scene's fields and the number of their form as the state to pickle or copy.
@@ -218,18 +231,27 @@ class Scene(Checked, Displayed):
     @cached_property
     def springs(self) -> float:
         """Return the restoring torque per angle of fibres and springs near the bottom [N m/rad]."""
-        return total(effect.restoring_stiffness(self) for effect in self.effects)
+        try:
+            return total(effect.restoring_stiffness(self) for effect in self.effects)
+        except RecursionError:
+            raise SceneError(
+                f"The coefficients of a conservative effect of the scene '{self.name}' use omega0 or restoring, which "
+                "depend on the stiffness of this effect; use scene.gravity, weight_moment and inertia instead."
+            ) from None
 
     @cached_property
     def restoring(self) -> float:
         """Return the restoring torque per angle near the bottom, ``g weight_moment`` plus that of springs [N m/rad].
 
         The weight counts in a scene without any conservative effect, too, but not beside a spring alone, and not of a
-        centre of mass above the pivot, which gravity would turn down.
+        centre of mass above the pivot, which gravity would turn down. Where springs push away from the bottom more
+        strongly than the weight pulls back, the weight alone sets the scale.
         """
         if self.springs > 0.0 and not any(effect.exclusive == GRAVITY for effect in self.effects):
             return self.springs
-        return self.gravity * max(0.0, self.weight_moment) + self.springs
+        weight = self.gravity * max(0.0, self.weight_moment)
+        whole = weight + self.springs
+        return weight if self.springs < 0.0 and not whole > 0.0 else whole
 
     @cached_property
     def omega0(self) -> float:
