@@ -13,7 +13,7 @@ from functools import lru_cache
 from random import Random
 from typing import Any, NamedTuple
 
-from pendulum_env.common.checks import SceneError
+from pendulum_env.common.checks import SceneError, shown
 
 STATES = 60
 """Number of states at which an effect is tried; the first is at rest at the bottom, the others are drawn."""
@@ -203,8 +203,9 @@ def _arguments(function: Function) -> tuple[str, ...]:
 
 def _value(name: str, role: str, function: Callable[..., float], values: State) -> float:
     """Return the value of an effect's function; SceneError where it fails."""
-    v = values["velocity"]
-    angle = values["angle"]
+    if not callable(function):
+        raise SceneError(f"The {role} of the effect {name} must be a function, not {shown(function)}.")
+    v, angle = values["velocity"], values["angle"]
     known = {"tilt": angle, "half_sine": math.sin(0.5 * angle), "slip": v, "speed": abs(v), **values}
     wanted = _arguments(function)
     if unknown := [one for one in wanted if one not in known]:
