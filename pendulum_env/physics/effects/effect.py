@@ -13,6 +13,8 @@ pivot at rest, these are ``velocity`` and its absolute value. A drag is proporti
 All functions return values per moment of inertia, so that a torque is an angular acceleration [rad/s²] and an energy is
 in J/(kg m²).
 
+Before a user's effect is used, what it declares is compared with its torque (:mod:`pendulum_env.physics.consistency`).
+
 Effects of the kind "inertia" have no functions: they change the moment of inertia, the weight or both, and so the
 coefficients of others. They cost nothing at run time.
 """
