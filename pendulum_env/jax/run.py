@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from typing import Any
@@ -360,9 +359,10 @@ def _warn(name: str, time: Any, estimate: Any) -> None:
 def kind_of(dtype: Any) -> Any:
     """Return the type of numbers, given by name or as ``jnp.float32``; SceneError for float64 where JAX has it off."""
     wide = bool(jax.config.jax_enable_x64)
-    if dtype is not None and not isinstance(dtype, str):
-        with suppress(TypeError):  # no type at all; one_of says what is allowed
-            dtype = np.dtype(dtype).name
+    for name in DTYPES:
+        if dtype is getattr(jnp, name) or dtype is getattr(np, name) or (
+                isinstance(dtype, np.dtype) and dtype.name == name):
+            dtype = name
     name = ("float64" if wide else "float32") if dtype is None else one_of(dtype, "dtype", DTYPES)
     if name == "float64" and not wide:
         raise SceneError("JAX has float64 turned off; call jax.config.update('jax_enable_x64', True) first, or take "
