@@ -47,7 +47,7 @@ class Declared(NamedTuple):
 
 def declared_by(effect: Any) -> Declared:
     """Return what an effect declares."""
-    return Declared(*(getattr(effect, name) for name in Declared._fields))
+    return Declared(*(getattr(effect, name) for name in Declared.__annotations__))
 
 
 def check_functions(effect: Any, coefficients: Mapping[str, float], omega0: float) -> None:
@@ -59,12 +59,12 @@ def check_functions(effect: Any, coefficients: Mapping[str, float], omega0: floa
     the torque. Where the torque has a kink or a jump, nothing is compared.
     """
     if all(isinstance(value, (int, float)) for value in (*coefficients.values(), omega0)):
-        _check(declared_by(effect), tuple(coefficients.items()), float(omega0))
+        check_declared(declared_by(effect), tuple(coefficients.items()), float(omega0))
 
 
 @lru_cache(maxsize=256)
-def _check(effect: Declared, coefficients: tuple[tuple[str, float], ...], omega0: float) -> None:
-    """Check the functions of an effect with these coefficients."""
+def check_declared(effect: Declared, coefficients: tuple[tuple[str, float], ...], omega0: float) -> None:
+    """Check the functions of an effect with these coefficients; raises SceneError as :func:`check_functions`."""
     name = effect.name
     for state in states(effect.memory, omega0):
         for role, declared, (value, error), said in compared(effect, {**state, **dict(coefficients)}):

@@ -230,7 +230,10 @@ class Scene(Checked, Displayed):
 
     @cached_property
     def springs(self) -> float:
-        """Return the restoring torque per angle of fibres and springs near the bottom [N m/rad]."""
+        """Return the restoring torque per angle of fibres and springs near the bottom [N m/rad].
+
+        Raises SceneError for an effect with coefficients that depend on this stiffness.
+        """
         try:
             return total(effect.restoring_stiffness(self) for effect in self.effects)
         except RecursionError:

@@ -258,9 +258,9 @@ def test_a_torque_with_kinks_and_jumps_is_accepted() -> None:
 
 
 def test_an_effect_is_tried_once_for_its_parameters_and_those_of_the_package_never() -> None:
-    consistency._check.cache_clear()
+    consistency.check_declared.cache_clear()
     scene = Scene("sprung", BODY, effects=(Gravity(), Spring(0.2)))
     for changed in (0.2, 0.3, 0.2, 0.3):
         scene.replace(spring=changed)
     scene.with_effects((Gravity(),)).replace(length=0.4)
-    assert consistency._check.cache_info().misses == 2
+    assert consistency.check_declared.cache_info().misses == 2
