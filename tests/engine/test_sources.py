@@ -24,6 +24,7 @@ Loader = Callable[[str], Any]
 
 FORMS = {
     "one line": "def own(x, k): return -k*x*(1.0 + 0.1*x)\n",
+    "one line that goes on": "def own(x, k): return (x +\n  k)*2.0\n",
     "statements in one line": "def own(x, k): a = k + x; b = a*x; return a - 2.0*b\n",
     "one line behind arguments in several": "def own(x,\n        k): return k/(2.0 + x*x)\n",
     "a comment behind the colon": "def own(x, k):  # pull\n    return -k*x\n",
