@@ -143,6 +143,8 @@ class Method:
     """Names of the attributes that hold coefficients; they become exact fractions, see :func:`rational`."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name or not self.name.isprintable():
+            raise MethodError(f"A method's name must be one line of printable text, not {shown(self.name)}.")
         if isinstance(self.order, bool) or not isinstance(self.order, Real) or not (
                 self.order == math.inf or (self.order >= 1 and self.order == int(self.order))):
             raise MethodError(f"{self.name}: order must be a whole number of at least 1, or math.inf, not "

@@ -106,10 +106,20 @@ def time_at(fraction: Fraction, number: Number) -> str:
 # --- functions and steps ----------------------------------------------------------------------------------------------
 
 
+def docstring(text: str) -> str:
+    """Return a text as the source of a docstring, whatever a user wrote in it: quotes, backslashes, control characters.
+    """
+    shown = "".join(c if (c.isprintable() and c != "\\") or c == "\n" else c.encode("unicode_escape").decode()
+                    for c in text)
+    if '"""' in shown or shown.endswith('"'):
+        shown = shown.replace('"', '\\"')
+    return f'"""{shown}"""'
+
+
 def definition(signature: str, doc: str, lines: Sequence[str]) -> str:
     """Return the Python source of one function, from its signature, docstring and body lines."""
     body = "\n".join(f"    {line}" for line in lines)
-    return f'def {signature}:\n    """{doc}"""\n{body}\n'
+    return f"def {signature}:\n    {docstring(doc)}\n{body}\n"
 
 
 def begin_with_force(more: str) -> str:

@@ -43,8 +43,9 @@ RUNNING = RunningInfo({"TimeLimit.truncated": False})
 class LabPendulumVecEnv(VecEnv):  # type: ignore[misc]
     """Pendulums for the algorithms and wrappers of Stable-Baselines3, advanced together by compiled loops.
 
-    ``PPO("MlpPolicy", LabPendulumVecEnv(64, task="balance")).learn(100_000)`` trains. Observations, rewards
-    (float64), ends and infos at the ends have the same bits as those of as many single environments, seeded alike.
+    ``PPO("MlpPolicy", LabPendulumVecEnv(64, task="balance")).learn(100_000)`` trains. Observations, rewards, ends and
+    infos at the ends have the same bits as those of Stable-Baselines3's DummyVecEnv of as many single environments,
+    seeded alike; rewards are rounded to float32, as there.
 
     At the end of an episode ``infos[i]`` has all that a single environment's info has, "terminal_observation" and
     "TimeLimit.truncated"; in other steps only the latter and ``info_names``, because dicts of all entries would take
@@ -92,7 +93,7 @@ class LabPendulumVecEnv(VecEnv):  # type: ignore[misc]
         """Keep the actions, of shape ``(num_envs, 1)``, for :meth:`step_wait`."""
         self._actions = actions
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], list[Info]]:
+    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[Info]]:
         """Advance all environments by one control step; return observations, rewards, ends of episodes and infos.
 
         An environment whose episode has ended starts anew, and its observation is the first of the new episode. Raises
@@ -115,7 +116,7 @@ class LabPendulumVecEnv(VecEnv):  # type: ignore[misc]
             rows, masks = entries({name: values for name, values in told.items() if "final_" not in name})
             for place in ended.tolist():
                 self.reset_infos[place] = row_of(rows, masks, place)
-        return seen, rewards, over, infos
+        return seen, rewards.astype(np.float32), over, infos
 
     def close(self) -> None:
         """Close the vector environment."""

@@ -119,6 +119,11 @@ def line(value: Any, name: str) -> str:
     return value
 
 
+def printable(text: str) -> str:
+    """Return a text with a space in place of each character that cannot be printed, such as a newline."""
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
 def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
     """Return a value after checking that it is an allowed word; raises SceneError that names similar words otherwise.
     """

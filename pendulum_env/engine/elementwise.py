@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from integrators.steps.terms import docstring
+from pendulum_env.common.sources import ours
 from pendulum_env.engine.kernels import Backend, functions
-from pendulum_env.engine.source import Plain, arguments, constants_of, copied, ours, with_callees
+from pendulum_env.engine.source import Plain, arguments, constants_text, copied, with_callees
 
 Array = NDArray[np.float64]
 
@@ -39,10 +41,9 @@ def kernel(called: Sequence[Plain], loops: Sequence[str], title: str) -> Kernel:
     ``loops`` are sources of functions, with the decorators ``@inline`` or ``@entry``.
     """
     copies = with_callees(called)
-    constants = "".join(f"{name} = {value!r}\n" for name, value in constants_of(copies).items())
     body = "\n\n".join([copied(copies), *loops])
-    head = f'"""{title}"""\n' + ("from math import sqrt\n" if "sqrt(" in body else "")
-    return Kernel("\n\n".join([head + constants, body]), title, own=not all(map(ours, copies)))
+    head = f"{docstring(title)}\n" + ("from math import sqrt\n" if "sqrt(" in body else "")
+    return Kernel("\n\n".join([head + constants_text(copies), body]), title, own=not all(map(ours, copies)))
 
 
 @cache

@@ -13,6 +13,8 @@ from functools import lru_cache
 
 from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
+from integrators.steps.terms import docstring
+from pendulum_env.common.sources import ours
 from pendulum_env.engine import blocks, equations, report, series, slack, watch
 from pendulum_env.engine.advance import CALLED, adapt, adapt_evenly, advance, errors_of, land, settle, stick_slip
 from pendulum_env.engine.goal import Goal
@@ -26,8 +28,8 @@ from pendulum_env.engine.source import (
     check_names,
     constants_of,
     copied,
+    decorated,
     float_text,
-    ours,
     with_callees,
 )
 from pendulum_env.engine.stages import BETWEEN, WHOLE, divided
@@ -137,7 +139,7 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     flow = flow_of(problem.effects)
     known = [*_functions_of(problem), *([flow.function] if flow else []), *HELPERS]
     copies = with_callees([*called_in("\n".join(pieces), known), *functions])
-    head = f'"""{equation_text(problem.effects)}\n\nMethod: {method.name} ({method.source}).\n"""\n'
+    head = docstring(f"{equation_text(problem.effects)}\n\nMethod: {method.name} ({method.source}).\n") + "\n"
     numbers = {"NAN": "float('nan')", **{name: float_text(value) for name, value in constants_of(copies).items()}}
     constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
     body = "\n\n".join([copied(copies), *pieces])
@@ -191,7 +193,7 @@ def _step(problem: Problem) -> list[str]:
     return [
         *(WRITTEN[name](problem) for name in called if name in WRITTEN),
         *flows,
-        _unrolled(problem).replace("def ", "@inline\ndef "),
+        decorated(_unrolled(problem), "@inline"),
         *([equations.resting(problem)] if held else []),
         *([stick_slip(shape, equations.in_time(problem), held)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),

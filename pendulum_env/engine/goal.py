@@ -13,7 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pendulum_env.engine.source import PARSING, Plain, arguments, constants_of, copied, with_callees
+from pendulum_env.common.sources import parsed
+from pendulum_env.engine.source import Plain, arguments, constants_text, copied, with_callees
 from pendulum_env.engine.translated import Piece, built
 from pendulum_env.engine.wrap import half_turns
 from pendulum_env.physics.elementary import cos, sin
@@ -111,8 +112,7 @@ class Goal:
         A user's function with ``if``, or with a power whose exponent is a fraction, is computed for one after the
         other.
         """
-        with PARSING:
-            nodes = [node for piece in self.pieces for node in ast.walk(ast.parse(piece.text))]
+        nodes = [node for piece in self.pieces for node in ast.walk(parsed(piece.text))]
         return not any(isinstance(node, ast.If) or (isinstance(node, ast.Name) and node.id == "power")
                        for node in nodes)
 
@@ -201,9 +201,8 @@ def goal_text(goal: Goal) -> str:
     quantities ``goal.before``; with a reference, ``ahead(index, h, control_span)`` returns the entries AHEAD.
     """
     copies = with_callees([*goal.functions, sin, cos])
-    constants = "".join(f"{name} = {value!r}\n" for name, value in constants_of(copies).items())
     further = [_looking(goal, f"index, h, {SPAN}")] if goal.reference else []
-    return "\n\n".join([constants, copied(copies).replace("@inline\n", ""),
+    return "\n\n".join([constants_text(copies), copied(copies, ""),
                         _judging(goal, ", ".join((*MOTION, *goal.before))), *further])
 
 

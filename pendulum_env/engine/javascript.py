@@ -13,8 +13,10 @@ from collections.abc import Iterable
 from functools import singledispatchmethod
 from typing import Any
 
+from pendulum_env.common.checks import printable
+from pendulum_env.common.sources import parsed
 from pendulum_env.engine.generate import Program
-from pendulum_env.engine.source import PARSING, SourceError
+from pendulum_env.engine.source import SourceError
 
 EXPORTED = ("run", "info")
 """Functions of a program that its JavaScript module exports."""
@@ -63,8 +65,7 @@ def javascript(program: Program) -> str:
 
 def translated(text: str) -> str:
     """Return the JavaScript of a program's text; raises SourceError for a statement or a name without translation."""
-    with PARSING:
-        tree = ast.parse(text)
+    tree = parsed(text)
     return _Module(tree).text()
 
 
@@ -379,7 +380,7 @@ def _comment(node: ast.Expr) -> str:
     """Return a docstring as a comment; raises SourceError for any other statement that is one expression."""
     if not isinstance(node.value, ast.Constant) or not isinstance(node.value.value, str):
         raise _unknown(node, "the statement")
-    lines = [line.strip() for line in node.value.value.strip().replace("*/", "* /").split("\n")]
+    lines = [printable(line.strip()) for line in node.value.value.strip().replace("*/", "* /").split("\n")]
     return "\n".join(["/**", *(f" * {line}".rstrip() for line in lines), " */"])
 
 

@@ -23,10 +23,10 @@ from numba.core.cgutils import ir  # that of llvmlite, on which numba is built
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
+from pendulum_env.common.sources import parsed
 from pendulum_env.engine import lanes
 from pendulum_env.engine.lanes import element, spread
 from pendulum_env.engine.pairs import NAME, write_two_sums
-from pendulum_env.engine.source import PARSING
 
 __all__ = ["CALL", "WRITTEN", "Function", "Program", "Writer", "instructions"]
 
@@ -74,8 +74,7 @@ class Program:
     """
 
     def __init__(self, text: str, entry: str, given: Sequence[Any], width: int = 1) -> None:
-        with PARSING:
-            tree = ast.parse(text)
+        tree = parsed(text)
         self._entry, self._given, self.width = entry, given, width
         self._shapes: Mapping[str, int] = {}
         self.functions: dict[str, Function] = {}

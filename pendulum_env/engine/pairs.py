@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from numba.core.cgutils import ir  # that of llvmlite, on which numba is built
 
-from pendulum_env.engine.source import PARSING
+from pendulum_env.common.sources import parsed
 
 LEAST = 13
 """The sums of a series are paired if the longest of them has at least so many products: from order 14 on."""
@@ -63,8 +63,7 @@ def paired(text: str) -> str:
     """
     if "def series(" not in text:
         return text
-    with PARSING:
-        tree = ast.parse(text)
+    tree = parsed(text)
     for function in tree.body:
         if isinstance(function, ast.FunctionDef) and function.name == "series":
             pairs = _pairs(function)
@@ -129,5 +128,4 @@ def _sum(line: ast.stmt) -> _Sum | None:
 def _call(one: _Sum, other: _Sum) -> ast.stmt:
     """Return the line that computes both sums."""
     given = [repr((one.scale, other.scale)), *(f"({', '.join(x)})" for x in (one.factors, one.others, other.others))]
-    with PARSING:
-        return ast.parse(f"{one.name}, {other.name} = {NAME}({', '.join(given)})").body[0]
+    return parsed(f"{one.name}, {other.name} = {NAME}({', '.join(given)})").body[0]

@@ -22,10 +22,11 @@ from integrators.steps.straight_line import ATOM, PRODUCT, Record, StraightLine
 from integrators.steps.terms import literal
 from integrators.steps.tracing import Symbol, Trace
 from integrators.steps.unroll import unroll
+from pendulum_env.common.checks import printable
+from pendulum_env.common.sources import parsed
 from pendulum_env.engine.problem import by_flow, moving, slipping
 from pendulum_env.engine.series import TorqueTracer
 from pendulum_env.engine.source import (
-    PARSING,
     Plain,
     arguments,
     constants_of,
@@ -107,8 +108,7 @@ def plain_program(scene: Scene, method: Method) -> str:
 
 def _check_constants(scene: Scene, text: str, constants: Mapping[str, str], copied: Collection[str]) -> None:
     """Raise SceneError if the name of a copied function's constant has another meaning in a program."""
-    with PARSING:
-        tree = ast.parse(text)
+    tree = parsed(text)
     inside = {id(node) for function in tree.body if isinstance(function, ast.FunctionDef) and function.name in copied
               for node in ast.walk(function)}
     outside = Counter(name for node in ast.walk(tree) if id(node) not in inside for name in _named(node))
@@ -150,7 +150,7 @@ def _head(scene: Scene, method: Method) -> Iterator[str]:
         f"Method {method.name}, order {method.order}: {method.summary}",
         f"Leading error at small angles (h = dt): {leading_error(method).text}. Source: {method.source}",
     ):
-        yield from textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="#   ")
+        yield from textwrap.wrap(printable(text), WIDTH, initial_indent="# ", subsequent_indent="#   ")
 
 
 def _numbers(values: Mapping[str, float]) -> Iterator[str]:

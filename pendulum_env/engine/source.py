@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import inspect
 import math
 import re
-import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from symtable import symtable
-from threading import Lock
-from tokenize import TokenError
 from types import CodeType, FunctionType
 from typing import Any
 
+from pendulum_env.common.sources import ReadingError, ours, parsed, source_of
 from pendulum_env.physics.elementary import sqrt
 
 Plain = Callable[..., Any]
 """A function made with def, of floats, whose source can be copied into a program."""
-PARSING = Lock()
-"""Held while Python parses a text: in Python 3.11 threads that parse at the same time may raise a SystemError."""
 _CALL = re.compile(r"(\w+)\(")
+PROVIDED = frozenset({"NAN", "U", "inline", "entry", "lanes"})
+"""Names that every program has, and that no function or constant of a user may have."""
 
 
 class SourceError(ValueError):
@@ -38,29 +37,34 @@ def float_text(value: float) -> str:
     """Return a float as source text, also one that is infinite or not a number."""
     if math.isnan(value):
         return "float('nan')"
-    return repr(value) if math.isfinite(value) else "1e999" if value > 0 else "-1e999"
+    return repr(float(value)) if math.isfinite(value) else "1e999" if value > 0 else "-1e999"
 
 
 @cache
 def text_of(function: Plain) -> str:
-    """Return the source of one function as text, without indentation; SourceError if it cannot be read."""
-    if function.__name__ == "<lambda>":
+    """Return the source of one function as text, without indentation, decorators and type annotations.
+
+    Annotations are left out because programs cannot resolve their names. Raises SourceError if the source cannot be
+    read, and for a function that a program cannot have.
+    """
+    name = function.__name__
+    if name == "<lambda>":
         raise SourceError("A torque must be a function made with def, not a lambda, so that its source can be copied.")
     try:
-        text = textwrap.dedent(inspect.getsource(function)).rstrip() + "\n"
-    except (OSError, TokenError):
-        text = ""
-    if not text.startswith(f"def {function.__name__}("):
-        raise SourceError(
-            f"The source of {function.__name__} cannot be read; write an effect's functions in a file or a notebook, "
-            "not at a prompt."
-        )
-    return text
-
-
-def ours(function: Plain) -> bool:
-    """Return True for a function of this package, False for one of a user."""
-    return str(function.__module__).partition(".")[0] in ("pendulum_env", "integrators")
+        source = source_of(function, check=not ours(function))
+    except ReadingError as error:
+        remedy = "write an effect's functions in a file or a notebook, not at a prompt"
+        raise SourceError(f"The source of {name} {error}; {remedy}." if str(error) == "cannot be read" else
+                          f"The source of {name} {error}.") from None
+    given = source.node.args
+    if given.vararg or given.kwarg:
+        raise SourceError(f"The function {name} takes * or **; name each of its arguments.")
+    if free := function.__code__.co_freevars:
+        raise SourceError(f"The function {name} uses {free[0]} of the function around it, which cannot be copied into "
+                          "a program; make it a coefficient, or a float of the module.")
+    header = ast.arguments(posonlyargs=[], args=[ast.arg(one) for one in arguments(function)], kwonlyargs=[],
+                           kw_defaults=[], defaults=given.defaults)
+    return f"def {name}({ast.unparse(header)}):\n{source.body_text()}"
 
 
 def names_of(code: CodeType) -> Iterator[str]:
@@ -123,9 +127,9 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
         own = {name for name in names.intersection(table.get_identifiers()) if table.lookup(name).is_assigned()}
         twice = {name for name in own if table.lookup(name).is_parameter()}
         if own - twice:
+            # A decorator in the line before stands with the function before, and is dropped.
             lines = text.split("\n")[start:end]
-            with PARSING:
-                tree = ast.parse("\n".join(line for line in lines if not line.startswith("@")))
+            tree = parsed("\n".join(line for line in lines if not line.startswith("@")))
             stored = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name)
                       and isinstance(node.ctx, ast.Store)]
             twice |= {name for name in own if stored.count(name) > 1}
@@ -142,14 +146,23 @@ def _taken(names: set[str]) -> SourceError:
 def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
     """Return the module-level floats that functions use, a dict by name.
 
-    Raises SourceError if the functions use a global that a generated program does not have.
+    Raises SourceError if the functions use a global that a generated program does not have, or that has another name
+    or another value there.
     """
     constants: dict[str, float] = {}
     for function in functions:
         for name in names_of(function.__code__):
             value = function.__globals__.get(name)
+            if name in PROVIDED and isinstance(value, (float, FunctionType)):
+                raise SourceError(f"{function.__name__} uses {name}, which has another meaning in every program; "
+                                  "rename it.")
             if isinstance(value, float):
-                constants[name] = value
+                if repr(constants.setdefault(name, float(value))) != repr(float(value)):
+                    raise SourceError(f"The functions of a program use two values of {name}, {constants[name]!r} and, "
+                                      f"in {function.__name__}, {float(value)!r}; rename one of them.")
+            elif isinstance(value, FunctionType) and (value.__name__ != name or hasattr(builtins, name)):
+                raise SourceError(f"{function.__name__} calls {value.__name__} as {name}, which a program cannot do; "
+                                  "call functions by their own names, and give them none of Python's.")
             elif value is not sqrt and value is not None and not isinstance(value, FunctionType):
                 raise SourceError(
                     f"{function.__name__} uses {name}, which cannot be copied into a program; a torque may use plain "
@@ -158,13 +171,20 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
     return constants
 
 
-def copied(functions: Iterable[FunctionType]) -> str:
-    """Write the source of copies of functions, without type annotations, because programs cannot resolve their names.
-    """
-    copies = []
-    for function in functions:
-        lines = text_of(function).splitlines()
-        end = next(i for i, line in enumerate(lines) if line.rstrip().endswith(":"))
-        signature = f"def {function.__name__}({', '.join(arguments(function))}):"
-        copies.append("\n".join(["@inline", signature, *lines[end + 1 :]]) + "\n")
-    return "\n\n".join(copies)
+def constants_text(functions: Iterable[FunctionType]) -> str:
+    """Write the source of the module-level floats that functions use, one line for each."""
+    return "".join(f"{name} = {float_text(value)}\n" for name, value in constants_of(functions).items())
+
+
+def copied(functions: Iterable[FunctionType], decorator: str = "@inline\n") -> str:
+    """Write the source of copies of functions."""
+    return "\n\n".join(f"{decorator}{text_of(function)}" for function in functions)
+
+
+def decorated(text: str, decorator: str) -> str:
+    """Return the source of functions, such as a method's step, each with a decorator in the line before it."""
+    lines = text.split("\n")
+    for node in reversed(parsed(text).body):
+        if isinstance(node, ast.FunctionDef):
+            lines.insert(node.lineno - 1, decorator)
+    return "\n".join(lines)

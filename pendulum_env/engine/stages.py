@@ -14,7 +14,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pendulum_env.engine.source import PARSING
+from pendulum_env.common.sources import parsed
 
 TURNED = frozenset({"sin", "cos"})
 BETWEEN = TURNED | {"power"}
@@ -82,8 +82,7 @@ def divided(
     for all pendulums: what follows from them alone is not handed on, so that a compiler can compute it before a loop.
     ``between`` are the functions that are computed between stages; without them a stage ends with a force.
     """
-    with PARSING:
-        functions = {node.name: node for node in ast.parse(program).body if isinstance(node, ast.FunctionDef)}
+    functions = {node.name: node for node in parsed(program).body if isinstance(node, ast.FunctionDef)}
     same = frozenset(same)
     step = _Writer(functions, same, {"q"}, between)
     texts: list[str] = []
@@ -196,8 +195,7 @@ class _Writer:
         """Let calls of a function be written as its stages; return the source of the function for the last stage."""
         self._stages[name] = stages
         texts = [_function(name, number, stage, self._functions[name]) for number, stage in enumerate(stages)]
-        with PARSING:
-            nodes = [node for node in ast.parse("\n".join(texts)).body if isinstance(node, ast.FunctionDef)]
+        nodes = [node for node in parsed("\n".join(texts)).body if isinstance(node, ast.FunctionDef)]
         self._bodies.update((node.name, _straight(node)) for node in nodes[:-1])
         return texts[-1:]
 
@@ -327,8 +325,7 @@ def _function(name: str, number: int, stage: Stage, whole: ast.FunctionDef) -> s
 
 def _inputs(stage: Stage, whole: ast.FunctionDef) -> list[str]:
     """Return the names of the arguments of the function that computes a stage of the function ``whole``."""
-    with PARSING:
-        read = _names(ast.parse("\n".join(stage.lines)))
+    read = _names(parsed("\n".join(stage.lines)))
     return [*(name for name in _parameters(whole) if name in read), *stage.taken]
 
 

@@ -10,6 +10,7 @@ one; a thread that is done helps the others. So a step does not wait for a threa
 
 from __future__ import annotations
 
+import ast
 import os
 import threading
 import weakref
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.sources import parsed
 from pendulum_env.engine.blocks import LOOKED, REFUSED
 from pendulum_env.engine.generate import BatchProgram
 from pendulum_env.engine.kernels import functions
@@ -92,11 +94,14 @@ def team(board, ends, me, seen, looks, state, o, {{given}}):
 
 def with_team(program: BatchProgram) -> BatchProgram:
     """Return the program with the function ``team``, in which threads share the blocks of a step."""
-    head, found = program.text.split("@entry\ndef step_blocks(", 1)
-    taken = [name.strip() for name in found.split(")", 1)[0].split(",")[4:]]
+    lines = program.text.split("\n")
+    step = next(node for node in parsed(program.text).body
+                if isinstance(node, ast.FunctionDef) and node.name == "step_blocks")
+    lines[step.decorator_list[0].lineno - 1] = "@inline"
+    taken = [argument.arg for argument in step.args.args[4:]]
     given = [name for name in taken if name != "action"]
-    text = f"{head}@inline\ndef step_blocks({found}\n{TEAM.format(given=', '.join(given), taken=', '.join(taken))}"
-    return replace(program, text=text, title=f"{program.title}-team")
+    team = TEAM.format(given=", ".join(given), taken=", ".join(taken))
+    return replace(program, text="\n".join([*lines, team]), title=f"{program.title}-team")
 
 
 @dataclass

@@ -112,6 +112,13 @@ class PortableSpec(EnvSpec):
     the same environment.
     """
 
+    def __eq__(self, other: object) -> bool:
+        """Return True for a specification with equal values, also of Gymnasium's class, as ``from_json`` returns it."""
+        return isinstance(other, EnvSpec) and all(
+            getattr(self, entry.name) == getattr(other, entry.name) for entry in dataclasses.fields(EnvSpec))
+
+    __hash__ = None  # type: ignore[assignment]  # as Gymnasium's, because the keywords may change
+
     def to_json(self) -> str:
         """Return the specification as JSON; SceneError names an argument that JSON cannot hold."""
         for name, value in self.kwargs.items():

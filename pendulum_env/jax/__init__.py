@@ -9,7 +9,8 @@ except ImportError as error:
     raise ImportError(f"pendulum_env.jax needs JAX, but {error.name} is missing: pip install 'lab-pendulum[jax]'.",
                       name=error.name) from None
 
-from pendulum_env.jax.env import EnvParams, EnvState, Gymnax, LabPendulum
+from pendulum_env.jax.env import EnvParams, EnvState, LabPendulum
+from pendulum_env.jax.gymnax import Gymnax
 from pendulum_env.jax.run import TwinRollout, rollout
 
 __all__ = ["EnvParams", "EnvState", "Gymnax", "LabPendulum", "TwinRollout", "rollout"]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import singledispatch
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from gymnasium import spaces
 from gymnasium.experimental.functional import FuncEnv
 
 from integrators import Method
@@ -24,6 +23,7 @@ from pendulum_env.engine.shape import HOLD
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
 from pendulum_env.envs.settings import UNBOUNDED, spaces_of, usual
+from pendulum_env.jax.gymnax import Gymnax
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, smoothed, twin
@@ -32,7 +32,7 @@ from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, number, truth, whole_number
+from pendulum_env.physics.units import SceneError, nearest, number, shown, truth, whole_number
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
 from pendulum_env.tasks.task import steps_of
 
@@ -59,6 +59,11 @@ class EnvParams:
     speed_limit: Any
     max_steps_in_episode: Any
 
+    def replace(self, **changes: Any) -> EnvParams:
+        """Return the parameters with other values of these fields; SceneError for other names."""
+        remedy = "Parameters of the scene, such as length, are those of get_default_params(length=x)."
+        return cast(EnvParams, replaced(self, changes, remedy))
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -79,6 +84,19 @@ class EnvState:
     time: Any
     params: EnvParams | None
     sensed: Any = None
+
+    def replace(self, **changes: Any) -> EnvState:
+        """Return the state with other values of these fields; SceneError for other names."""
+        return cast(EnvState, replaced(self, changes, "To start elsewhere, use started(angle, velocity)."))
+
+
+def replaced(one: Any, changes: Mapping[str, Any], remedy: str) -> Any:
+    """Return a dataclass with other values of its fields; SceneError for other names, with a remedy."""
+    known = [field.name for field in fields(one)]
+    for name in changes:
+        if name not in known:
+            raise SceneError(f"{type(one).__name__} has no field {shown(name)}{nearest(name, known)} {remedy}")
+    return replace(one, **changes)
 
 
 class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
@@ -101,7 +119,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             a reading rounded to a quantum is 0, as that of ``jnp.round``, so that learning by gradients needs a sensor
             without quantum, such as one with the noise ``quantum / sqrt(12)`` in its place.
         smooth: velocity [rad/s] over which dry friction is smoothed, as in :func:`pendulum_env.jax.rollout`.
-        dtype: "float32" or "float64"; by default float64 where JAX has it enabled.
+        dtype: "float32" or "float64", or JAX's type of this name, such as ``jnp.float32``; by default float64 where JAX
+            has it enabled.
         **parameters: parameters of the scene, such as ``length=0.5``.
 
     Attributes:
@@ -134,7 +153,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         observation_delay: float | Sequence[float] = 0.0,
         action_delay: float | Sequence[float] = 0.0,
         smooth: float | None = None,
-        dtype: str | None = None,
+        dtype: Any = None,
         **parameters: Any,
     ) -> None:
         self.kind = kind_of(dtype)
@@ -344,7 +363,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         return state.time >= self._of(state, params).max_steps_in_episode
 
     def gymnax(self, split: bool = False) -> Gymnax:
-        """Return an adapter with gymnax's ``reset(key, params)`` and ``step(key, state, action, params)``.
+        """Return an adapter with gymnax's interface: ``reset(key, params)``, ``step(key, state, action, params)`` and
+        the rest.
 
         ``split=True`` returns ``terminated, truncated`` in place of ``done``, as gymnax does from version 1.
         """
@@ -446,69 +466,3 @@ def _from_fit(part: Joint, uniform: Any, key: Any) -> dict[str, Any]:
         none = jnp.full_like(values, jnp.nan)  # below any bound
         _, row = jax.lax.while_loop(lambda carry: ~jnp.all(carry[1] >= least), again, (key, none))
     return dict(zip(part.names, row, strict=True))
-
-
-class Gymnax:
-    """A LabPendulum with gymnax's interface: an episode that ends starts again within the step.
-
-    ``reset(key, params)`` returns observation and state; ``step(key, state, action, params)`` returns observation,
-    state, reward, done and info. The observation of a step that ends an episode is that of the new start; that of the
-    end is ``info["final_observation"]``.
-
-    Args:
-        env: the environment.
-        split: True returns ``terminated, truncated`` in place of ``done``.
-    """
-
-    def __init__(self, env: LabPendulum, split: bool = False) -> None:
-        self.env, self.split = env, split
-
-    @property
-    def name(self) -> str:
-        """Return the environment's name."""
-        return "LabPendulum-v0"
-
-    @property
-    def num_actions(self) -> int:
-        """Return the number of an action's entries."""
-        return 1
-
-    @property
-    def default_params(self) -> EnvParams:
-        """Return the parameters of the scene."""
-        own: EnvParams = self.env.default_params
-        return own
-
-    def observation_space(self, params: EnvParams | None = None) -> spaces.Box:
-        """Return the space of observations."""
-        return self.env.observation_space  # type: ignore[return-value]
-
-    def action_space(self, params: EnvParams | None = None) -> spaces.Box:
-        """Return the space of actions."""
-        return self.env.action_space  # type: ignore[return-value]
-
-    def reset(self, key: Any, params: EnvParams | None = None) -> tuple[Any, EnvState]:
-        """Return the first observation and the state of a new episode."""
-        state = self.env.initial(key, params)
-        return self.env.observation(state, None, params), state
-
-    def step_env(self, key: Any, state: EnvState, action: Any, params: EnvParams | None = None) -> tuple[Any, ...]:
-        """Return the results of a step without a new start at the end of an episode."""
-        after = self.env.transition(state, action, key, params)
-        reward = self.env.reward(state, action, after, None, params)
-        return (self.env.observation(after, None, params), after, reward, self.env.terminal(after),
-                self.env.truncated(after, params))
-
-    def step(self, key: Any, state: EnvState, action: Any, params: EnvParams | None = None) -> tuple[Any, ...]:
-        """Return observation, state, reward, done (or terminated and truncated) and info of a control step."""
-        stepping, starting = jax.random.split(key) if self.env.noisy else (key, key)
-        final, after, reward, terminated, truncated = self.step_env(stepping, state, action, params)
-        done = terminated | truncated
-        new = self.env.initial(starting, params)
-        state = jax.tree.map(lambda one, other: jnp.where(done, one, other), new, after)
-        seen = self.env.observation(state, None, params)  # of the chosen state: twice as fast as choosing of two
-        truncated = truncated & ~terminated
-        info = {"discount": jnp.where(terminated, 0.0, 1.0), "terminated": terminated, "truncated": truncated,
-                "final_observation": final}
-        ends = (terminated, truncated) if self.split else (done,)
-        return (seen, state, reward, *ends, info)

@@ -19,7 +19,7 @@ import numpy as np
 from pendulum_env.common.many import Many, Operator, PartedError, plain, power, quotient
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.engine.problem import program_parts
-from pendulum_env.engine.source import constants_of, copied, with_callees
+from pendulum_env.engine.source import constants_text, copied, with_callees
 from pendulum_env.jax.elementary import ELEMENTARY
 from pendulum_env.jax.programs import ROUNDED, functions
 from pendulum_env.physics.scene import Scene
@@ -78,8 +78,7 @@ def on_arrays(function: Callable[..., Any]) -> Callable[..., Any]:
     if function.__name__ in ELEMENTARY:
         return ELEMENTARY[function.__name__]
     copies = with_callees([function])
-    constants = "".join(f"{name} = {value!r}\n" for name, value in constants_of(copies).items())
-    program = functions(constants + copied(copies).replace("@inline\n", ""))
+    program = functions(constants_text(copies) + copied(copies, ""))
     return lambda *arguments: program.call(function.__name__, *arguments)
 
 

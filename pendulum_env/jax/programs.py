@@ -30,7 +30,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from integrators.steps.newton import REFINING, SOLVING
-from pendulum_env.engine.source import PARSING, SourceError
+from pendulum_env.common.sources import parsed
+from pendulum_env.engine.source import SourceError
 from pendulum_env.jax.elementary import ELEMENTARY
 
 Names = dict[str, Any]
@@ -158,8 +159,7 @@ class Functions:
 
     @cached_property
     def tree(self) -> ast.Module:
-        with PARSING:
-            return ast.parse(self.text)
+        return parsed(self.text)
 
     @cached_property
     def named(self) -> dict[str, ast.FunctionDef]:

@@ -232,7 +232,7 @@ def rollout(
     estimate_error: bool = False,
     smooth: float | None = None,
     seed: int = 0,
-    dtype: str | None = None,
+    dtype: Any = None,
     parameters: Mapping[str, Any] | None = None,
     **more: Any,
 ) -> TwinRollout:
@@ -258,8 +258,8 @@ def rollout(
         smooth: velocity [rad/s] over which dry friction is smoothed, so that it has derivatives; the bob then creeps
             where it would stick (:class:`pendulum_env.physics.effects.SmoothFriction`).
         seed: seed of gusts.
-        dtype: "float32" or "float64"; by default float64 where JAX has it enabled. float64 needs
-            ``jax.config.update("jax_enable_x64", True)``.
+        dtype: "float32" or "float64", or JAX's type of this name, such as ``jnp.float32``; by default float64 where JAX
+            has it enabled. float64 needs ``jax.config.update("jax_enable_x64", True)``.
         parameters: parameters of the scene by name, such as ``{"length": x}``; numbers or arrays.
         **more: the same by keyword, such as ``length=x``.
 
@@ -356,9 +356,13 @@ def _warn(name: str, time: Any, estimate: Any) -> None:
                       "where its error_estimate is inf; take a shorter run or a shorter step.", stacklevel=2)
 
 
-def kind_of(dtype: str | None) -> Any:
-    """Return the type of numbers; SceneError for float64 where JAX has it turned off."""
+def kind_of(dtype: Any) -> Any:
+    """Return the type of numbers, given by name or as ``jnp.float32``; SceneError for float64 where JAX has it off."""
     wide = bool(jax.config.jax_enable_x64)
+    for name in DTYPES:
+        if dtype is getattr(jnp, name) or dtype is getattr(np, name) or (
+                isinstance(dtype, np.dtype) and dtype.name == name):
+            dtype = name
     name = ("float64" if wide else "float32") if dtype is None else one_of(dtype, "dtype", DTYPES)
     if name == "float64" and not wide:
         raise SceneError("JAX has float64 turned off; call jax.config.update('jax_enable_x64', True) first, or take "

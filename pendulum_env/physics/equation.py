@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+import ast
+import copy
 import inspect
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import cycle
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from itertools import accumulate, cycle
 
+from pendulum_env.common.checks import printable
 from pendulum_env.common.mathml import LETTERS, mathml
+from pendulum_env.common.sources import ReadingError, source_of
 from pendulum_env.physics.effects.effect import Effect
 
 _SYMBOLS = {
     "theta": r"\theta", "theta'": r"\dot{\theta}", "theta''": r"\ddot{\theta}", "pi": r"\pi", "sin": r"\sin",
     "cos": r"\cos", "exp": r"\exp", "log": r"\log", "sign": r"\operatorname{sign}",
 }
-_SIGNS = {"*": r"\,", "~": r"\,", "(": r"\left(", ")": r"\right)", ";": r";\quad", ",": r",\;"}
+_SIGNS = {"*": r"\,", "~": r"\,", ";": r";\quad", ",": r",\;", "\\": r"\backslash ", "^": r"\wedge ",
+          '"': "\N{RIGHT DOUBLE QUOTATION MARK}", "'": r"{}^{\prime}", **{sign: rf"\{sign}" for sign in "%$#&_{}"}}
 _TOKEN = re.compile(
     r"(?:\*\*|\^)(?P<power>-?[\d.]+|\w+|\([^()]*\))|(?P<number>\d+\.?\d*(e[+-]?\d+)?)|(?P<name>[A-Za-z]\w*'*)|(?P<sign>.)"
 )
 
+_FIELD = re.compile(r"\{\{|\}\}|\{(?P<name>\w+)(?::(?P<form>[^{}]*))?\}")
 _UPRIGHT = {"sin": '" "sin', "cos": '" "cos', "exp": '" "exp', "log": '" "ln', "Re": "Re"}
 _FENCE = 'stretchy="false" lspace="0" rspace="0"'
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -40,17 +46,32 @@ def equation_text(effects: Iterable[Effect], numbers: Mapping[str, float] | None
     terms_sum = _filled(" ".join(filter(None, terms)), numbers).removeprefix("+ ") or "0"
     law = f"theta'' = {'-' + terms_sum[2:] if terms_sum.startswith('- ') else terms_sum}"
     where = [_filled(text, numbers) for text in (*clauses, *_slip(" ".join(equations), winds))]
-    return f"{law}; {', '.join(where)}" if where else law
+    whole = f"{law}; {', '.join(where)}" if where else law
+    return printable(whole)
 
 
 def _filled(text: str, numbers: Mapping[str, float] | None) -> str:
     """Return an equation's text with coefficients, in braces, replaced by values or, without ``numbers``, by names.
 
-    Two signs in a row are merged, and zeros added before a closing bracket are dropped.
+    Braces around anything else are text like the rest. Two signs in a row are merged, and zeros added before a closing
+    bracket are dropped.
     """
-    text = re.sub(r"\{(\w+)[^}]*\}", r"\1", text) if numbers is None else text.format(**numbers)
+    text = _FIELD.sub(lambda field: _value(field, numbers), text)
     text = re.sub(r"([+-]) -(?=[\d.])", lambda sign: "+ " if sign[1] == "-" else "- ", text)
     return re.sub(r" [+-] 0\)", ")", text)
+
+
+def _value(field: re.Match[str], numbers: Mapping[str, float] | None) -> str:
+    """Return what stands for a coefficient in braces: its name, or its value in the given format."""
+    name, form = field["name"], field["form"] or ""
+    if name is None:
+        return field[0][0]  # of two braces, one
+    if numbers is None:
+        return name
+    try:
+        return format(numbers[name], form)
+    except (KeyError, ValueError):
+        return field[0]
 
 
 def _drags(effect: Effect) -> bool:
@@ -73,11 +94,24 @@ def _wind(effects: Iterable[Effect], role: str) -> str:
     winds = []
     for effect in effects:
         if function := getattr(effect, role):
-            names = "|".join((*effect.memory, "time", "sin", "cos"))
-            text = inspect.getsource(function).split("return ")[1].strip().replace(" * ", " ")
-            text = re.sub(rf"\b(?!(?:{names})\b)([a-z]\w*)", r"{\1:.6g}", text)
-            winds.append(re.sub(r"\btime\b", "t", text))
+            winds.append(_formula(function, effect.memory))
     return " + ".join(winds)
+
+
+def _formula(function: Callable[..., float], memory: Collection[str]) -> str:
+    """Return the value of a function as text with coefficients to fill in; its call if it is more than one formula."""
+    try:
+        body = [line for line in source_of(function).body if not isinstance(line, ast.Expr)]
+    except ReadingError:
+        body = []
+    if len(body) != 1 or not isinstance(body[0], ast.Return) or body[0].value is None:
+        return f"{function.__name__}(t)"
+    value = copy.deepcopy(body[0].value)
+    called = {id(node.func) for node in ast.walk(value) if isinstance(node, ast.Call)}
+    for node in ast.walk(value):
+        if isinstance(node, ast.Name) and id(node) not in called and node.id not in memory:
+            node.id = "t" if node.id == "time" else f"{{{node.id}:.6g}}"
+    return ast.unparse(value).replace(" * ", " ")
 
 
 def _slip(total: str, winds: Mapping[str, str]) -> Iterator[str]:
@@ -101,7 +135,9 @@ def latex(text: str) -> str:
     brackets, the bars of absolute values, and ``**`` or ``^`` with a number, a name or brackets. Names of several
     letters are set upright; text behind the underscore of one letter is its index.
     """
-    bars = cycle((r"\left|", r"\right|"))
+    # Brackets and bars that have no partner cannot grow.
+    bars = cycle((r"\left|", r"\right|") if text.count("|") % 2 == 0 else "|")
+    brackets = {"(": r"\left(", ")": r"\right)"} if _paired(text) else {}
     text = re.sub(r"\b(sin|cos)\(theta\)", r"\1 theta", text)
     text = re.sub(r"(?<=[\w)'|]) (?=[\w(|])(?!\|[ )])(?<!sin )(?<!cos )", "~", text)
     parts = []
@@ -115,8 +151,14 @@ def latex(text: str) -> str:
         elif kind == "name":
             parts.append(_SYMBOLS.get(token) or _name(token))
         else:
-            parts.append(next(bars) if token == "|" else _SIGNS.get(token, token))
+            parts.append(next(bars) if token == "|" else brackets.get(token) or _SIGNS.get(token, token))
     return "".join(parts)
+
+
+def _paired(text: str) -> bool:
+    """Return True if every bracket in a text has its partner."""
+    depth = list(accumulate((sign == "(") - (sign == ")") for sign in text))
+    return not depth or (min(depth) >= 0 == depth[-1])
 
 
 def equation_mathml(text: str) -> str:
@@ -142,10 +184,11 @@ def _short(text: str) -> str:
             parts.append(f"{digits}\N{MULTIPLICATION SIGN}10{str(int(power)).translate(_RAISED)}" if power else digits)
         elif kind == "name":
             name = token.rstrip("'")
-            known = name in LETTERS or len(name) == 1 or name[1:2] == "_"
+            known = name in LETTERS or len(name) == 1 or (name[1:2] == "_" and len(name) == 3)
             parts.append(_UPRIGHT.get(name) or (token if known else f'"{name}"{token[len(name):]}'))
         else:
-            parts.append(token)
+            token = _SIGNS['"'] if token == '"' else token
+            parts.append(f'"{token}"' if token in "{}_^&'" else token)
     return "".join(parts)
 
 

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
+from keyword import iskeyword
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -17,9 +18,11 @@ from typing import Any, get_args
 from pendulum_env.common.many import isfinite, sqrt
 from pendulum_env.common.replacing import OutputError, replacing
 from pendulum_env.common.shown import Displayed
+from pendulum_env.common.sources import ours
 from pendulum_env.physics import data
 from pendulum_env.physics.bodies import body_data
 from pendulum_env.physics.body import Body, RigidBody
+from pendulum_env.physics.consistency import check_functions, check_stiffness
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.effect import GRAVITY, WEIGHT, Kind
 from pendulum_env.physics.equation import equation_text, latex
@@ -100,6 +103,9 @@ class Scene(Checked, Displayed):
         for effect in self.effects:
             if not isinstance(effect, Effect):
                 raise SceneError(f"A scene's effects must be Effect instances, not {shown(effect)}.")
+            named(effect.name, f"The name of the effect {type(effect).__name__}")
+            for name in effect.memory:
+                named(name, f"A name in the memory of {effect.name}")
         groups = [effect.exclusive or effect.name for effect in self.effects]
         for group in groups:
             if groups.count(group) > 1:
@@ -162,6 +168,17 @@ class Scene(Checked, Displayed):
             if not isfinite(value):
                 raise SceneError(f"The coefficient {name} of the scene '{self.name}' must be finite, not {value!r}; "
                                  "a parameter is out of range.")
+        for effect in self.effects:
+            if not ours(type(effect)):
+                self._try(effect)
+
+    def _try(self, effect: Effect) -> None:
+        """Raise SceneError if the functions of a user's effect contradict its torque."""
+        check_functions(effect, self.coefficients, self.omega0)
+        if effect.kind == "conservative" and effect.torque and (
+                type(effect).restoring_stiffness is not Effect.restoring_stiffness):
+            weight = self.gravity * self.weight_moment if effect.exclusive == GRAVITY else 0.0
+            check_stiffness(effect, weight + effect.restoring_stiffness(self), self.coefficients, self.inertia)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the scene's fields and the number of their form as the state to pickle or copy.
@@ -213,19 +230,31 @@ class Scene(Checked, Displayed):
 
     @cached_property
     def springs(self) -> float:
-        """Return the restoring torque per angle of fibres and springs near the bottom [N m/rad]."""
-        return total(effect.restoring_stiffness(self) for effect in self.effects)
+        """Return the restoring torque per angle of fibres and springs near the bottom [N m/rad].
+
+        Raises SceneError for an effect with coefficients that depend on this stiffness.
+        """
+        try:
+            return total(effect.restoring_stiffness(self) for effect in self.effects)
+        except RecursionError:
+            raise SceneError(
+                f"The coefficients of a conservative effect of the scene '{self.name}' use omega0 or restoring, which "
+                "depend on the stiffness of this effect; use scene.gravity, weight_moment and inertia instead."
+            ) from None
 
     @cached_property
     def restoring(self) -> float:
         """Return the restoring torque per angle near the bottom, ``g weight_moment`` plus that of springs [N m/rad].
 
         The weight counts in a scene without any conservative effect, too, but not beside a spring alone, and not of a
-        centre of mass above the pivot, which gravity would turn down.
+        centre of mass above the pivot, which gravity would turn down. Where springs push away from the bottom more
+        strongly than the weight pulls back, the weight alone sets the scale.
         """
         if self.springs > 0.0 and not any(effect.exclusive == GRAVITY for effect in self.effects):
             return self.springs
-        return self.gravity * max(0.0, self.weight_moment) + self.springs
+        weight = self.gravity * max(0.0, self.weight_moment)
+        whole = weight + self.springs
+        return weight if self.springs < 0.0 and not whole > 0.0 else whole
 
     @cached_property
     def omega0(self) -> float:
@@ -258,6 +287,7 @@ class Scene(Checked, Displayed):
         coefficients: dict[str, float] = {}
         for effect in self.effects:
             for name, value in effect.coefficients(self).items():
+                named(name, f"The name of a coefficient of {effect.name}")
                 if name in coefficients:
                     raise SceneError(f"Two effects of the scene '{self.name}' have a coefficient named {name}; "
                                      "rename one of them.")
@@ -387,6 +417,12 @@ class Scene(Checked, Displayed):
         except ValueError as error:
             raise SceneError(f"{label} is not JSON: {error}.") from None
         return cls.from_dict(data.parse(text, label))
+
+
+def named(name: Any, label: str) -> None:
+    """Raise SceneError for a name that cannot be one in a program."""
+    if not isinstance(name, str) or not name.isidentifier() or iskeyword(name):
+        raise SceneError(f"{label} must be a name in Python, such as cubic_drag, not {shown(name)}.")
 
 
 # --- in words ---------------------------------------------------------------------------------------------------

@@ -8,21 +8,20 @@ that is allowed.
 """
 
 from __future__ import annotations
-import __future__
 
 import ast
 import builtins
 import inspect
 import math
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from itertools import count
 from typing import Any
 
 import numpy as np
 
 from pendulum_env.common.checks import SceneError, shown
-from pendulum_env.engine.source import PARSING
+from pendulum_env.common.sources import FunctionSource, ReadingError, source_of
 from pendulum_env.engine.translated import LIBRARY, POWERS, Piece, built
 from pendulum_env.physics import elementary
 from pendulum_env.physics.arctangent import atan2
@@ -49,8 +48,6 @@ CALLABLE = "abs, min, max, sin, cos, exp, log, sqrt, pow, atan2 and plain functi
 """The functions that may be called, in words."""
 ALLOWED = f"assignments, if and else, + - * / **, comparisons, and, or, not, & and |, and calls of {CALLABLE}"
 """The part of Python that may be used, in words."""
-FUTURE = __future__.annotations.compiler_flag
-"""Flag of code that was compiled with annotations as text."""
 OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
@@ -114,60 +111,14 @@ def is_ours(function: types.FunctionType) -> bool:
     return (function.__module__ or "").startswith("pendulum_env.tasks") and function.__closure__ is None
 
 
-def definition(function: types.FunctionType, task: str) -> ast.FunctionDef | ast.Lambda:
-    """Return the syntax tree of a function from its source file, notebook cell or doctest.
-
-    Raises TaskError where the source cannot be read, is no longer that of the function, or has several lambdas in a
-    line that cannot be told apart (before Python 3.11).
-    """
-    name = function.__name__
+def source_in(function: types.FunctionType, task: str) -> FunctionSource:
+    """Return the source of a task's function; TaskError, with the reason, where it cannot be read."""
     try:
-        lines, _ = inspect.findsource(function)
-        text = "".join(lines)
-        with PARSING:
-            tree = ast.parse(text)
-            whole = compile(text, "<task>", "exec", flags=function.__code__.co_flags & FUTURE, dont_inherit=True)
-    except (OSError, TypeError, SyntaxError, ValueError, IndexError):
-        raise TaskError(f"The source of {name} of the task {shown(task)} cannot be read; write it in a file or a "
-                        "notebook, not at a prompt or in a text for exec.") from None
-    first = function.__code__.co_firstlineno
-    found: list[ast.FunctionDef | ast.Lambda] = []
-    for node in ast.walk(tree):
-        if getattr(node, "lineno", 0) != first:
-            continue
-        own = isinstance(node, ast.Lambda) and name == "<lambda>" and _holds(node, function)
-        if own or (isinstance(node, ast.FunctionDef) and node.name == name):
-            found.append(node)  # type: ignore[arg-type]
-    if not found or not any(code == function.__code__ for code in _codes(whole)):
-        raise TaskError(f"The source of {name} of the task {shown(task)} is not what runs: the file has changed, or a "
-                        "decorator has replaced the function; import it again, without decorators.")
-    if hasattr(function.__code__, "co_positions"):  # of lambdas inside each other, the innermost holds the code
-        found = found[-1:]
-    if len({ast.dump(node) for node in found}) > 1:
-        raise TaskError(f"Line {first} has several lambdas of the task {shown(task)}; write each in its own line.")
-    return found[0]
-
-
-def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
-    """Yield all code objects inside a code object."""
-    for const in code.co_consts:
-        if isinstance(const, types.CodeType):
-            yield const
-            yield from _codes(const)
-
-
-def _holds(node: ast.Lambda, function: types.FunctionType) -> bool:
-    """Return True if a lambda's arguments, and from Python 3.11 on its place in the line, are those of a function."""
-    code = function.__code__
-    if tuple(argument.arg for argument in node.args.args) != code.co_varnames[: code.co_argcount]:
-        return False
-    if not hasattr(code, "co_positions"):
-        return True
-    body = node.body
-    start, end = (body.lineno, body.col_offset), (body.end_lineno or 0, body.end_col_offset or 0)
-    places = [(row, column) for row, _, column, _ in code.co_positions()
-              if row is not None and column is not None and (row, column) != (code.co_firstlineno, 0)]
-    return all(start <= place <= end for place in places)
+        return source_of(function)
+    except ReadingError as error:
+        remedy = ("; write it in a file or a notebook, not at a prompt or in a text for exec"
+                  if str(error) == "cannot be read" else "")
+        raise TaskError(f"The source of {function.__name__} of the task {shown(task)} {error}{remedy}.") from None
 
 
 class _Writer:
@@ -175,7 +126,8 @@ class _Writer:
 
     def __init__(self, translator: Translator, function: types.FunctionType, role: str) -> None:
         self.translator, self.function, self.role = translator, function, role
-        self.node = definition(function, translator.task)
+        self.source = source_in(function, translator.task)
+        self.node = self.source.node
         closure = function.__closure__ or ()
         self.outside: dict[str, Any] = dict(zip(function.__code__.co_freevars, closure, strict=True))
         self.constants: dict[str, float] = {}
@@ -187,8 +139,6 @@ class _Writer:
     def written(self, name: str) -> Piece:
         """Return the translated function under a name."""
         node, given = self.node, self.node.args
-        body: list[ast.stmt] = ([ast.copy_location(ast.Return(node.body), node)] if isinstance(node, ast.Lambda)
-                                else node.body)
         if given.vararg or given.kwarg or given.kwonlyargs or given.posonlyargs:
             raise self.error("has *, / or ** among its arguments", node)
         names = [argument.arg for argument in given.args]
@@ -202,7 +152,7 @@ class _Writer:
             raise self.error(f"assigns {min(changed)}, an argument with a default", node)
         self.local, self.kinds = {*arguments, *assigned}, dict.fromkeys(arguments, False)
         self.shadows = {*LIBRARY, "abs", "min", "max"} & self.local
-        known, lines = self.block(body, frozenset(arguments))
+        known, lines = self.block(self.source.body, frozenset(arguments))
         if known is not None:
             raise self.error("does not return a value on every path", node)
         made = ast.FunctionDef(

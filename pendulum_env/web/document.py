@@ -27,7 +27,7 @@ from pendulum_env.common.replacing import replacing
 from pendulum_env.common.version import __version__
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.javascript import javascript, translated
-from pendulum_env.engine.machine import Machine, fitting
+from pendulum_env.engine.machine import Machine, fitting, offers
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import Streams
@@ -160,7 +160,8 @@ def method_named(name: str | Method) -> Method:
 def scene_of(scene: Scene, methods: Sequence[Method], texts: dict[str, int]) -> dict[str, Any]:
     """Return what the page needs of a scene; new programs are added to ``texts``, text -> its number."""
     fits = set(fitting(scene))
-    shown = [method for method in methods if method.name in fits]
+    offered = offers(scene)
+    shown = [method for method in methods if method.needs <= offered]
     if not shown:
         raise SceneError(f"None of the methods fits the scene '{scene.name}'; there are {', '.join(sorted(fits))}.")
     accurate = next(name for name in ACCURATE if name in fits)

@@ -71,7 +71,8 @@ def test_steps_ends_and_infos_are_those_of_their_own_vector(options: dict[str, A
             (seen, reward, done, infos), wanted = mine.step(action), other.step(action)
             assert np.array_equal(seen, wanted[0])
             assert seen.dtype == wanted[0].dtype
-            assert np.array_equal(reward.astype(np.float32), wanted[1])
+            assert np.array_equal(reward, wanted[1])
+            assert reward.dtype == wanted[1].dtype
             assert np.array_equal(done, wanted[2])
             assert mine.reset_infos == other.reset_infos
             for place, (info, his) in enumerate(zip(infos, wanted[3], strict=True)):

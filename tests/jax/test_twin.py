@@ -54,6 +54,14 @@ def test_checks_pass_where_jax_is(with_jax: Path, checks: str, words: str) -> No
 
 
 @pytest.mark.slow
+def test_gymnaxs_own_wrappers_take_it(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """In an environment of its own, because gymnax holds Gymnasium below 1.4."""
+    python = environment(tmp_path_factory, "gymnax", "gymnax==1.0.1", "jax>=0.6", "six")
+    done = run(python, "-m", "pytest", "-q", "-p", "no:cacheprovider", Path(__file__).with_name("gymnax_loop.py"))
+    assert done.returncode == 0, done.stdout[-20_000:] + done.stderr[-5_000:]
+
+
+@pytest.mark.slow
 def test_the_readmes_code_runs_where_jax_is(with_jax: Path, tmp_path: Path) -> None:
     assert BLOCKS
     for code in BLOCKS:

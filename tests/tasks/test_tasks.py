@@ -291,6 +291,10 @@ def decorated(phi: float) -> float:
     return phi
 
 
+def test_of_a_decorated_function_that_runs_which_the_decorator_returned() -> None:
+    assert Task("t", decorated).goal.reward(0.3) == decorated(0.3) == 0.6
+
+
 def looping(phi: float) -> float:
     for _ in range(3):
         phi = phi + 1.0
@@ -333,7 +337,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "silent": (lambda: Task("t", silent), "does not return a value on every path"),
     "recursive": (lambda: Task("t", recursive), "recursive .*calls itself"),
     "mixed": (lambda: Task("t", mixed), "assigns a number and a condition to x"),
-    "decorated": (lambda: Task("t", decorated), "the file has changed, or a decorator has replaced the function"),
     "built-in": (lambda: Task("t", math.cos), "reward of the task 't' must be a plain function"),
     "bound": (lambda: Task("t", "x".join), "must be a plain function"),
     "list": (lambda: Task("t", lambda phi: LIST[0] * phi), "uses an index"),

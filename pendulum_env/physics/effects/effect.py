@@ -13,6 +13,8 @@ pivot at rest, these are ``velocity`` and its absolute value. A drag is proporti
 All functions return values per moment of inertia, so that a torque is an angular acceleration [rad/s²] and an energy is
 in J/(kg m²).
 
+Before a user's effect is used, what it declares is compared with its torque (:mod:`pendulum_env.physics.consistency`).
+
 Effects of the kind "inertia" have no functions: they change the moment of inertia, the weight or both, and so the
 coefficients of others. They cost nothing at run time.
 """
@@ -23,6 +25,7 @@ import math
 from collections.abc import Callable, Collection
 from typing import ClassVar, Literal
 
+from pendulum_env.physics.consistency import stiffness_at_rest
 from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import Checked
 
@@ -165,8 +168,14 @@ class Effect(Checked):
         return 0.0
 
     def restoring_stiffness(self, scene: Surroundings) -> float:
-        """Return this effect's restoring torque per angle near the bottom, except for the weight's [N m/rad]."""
-        return 0.0
+        """Return this effect's restoring torque per angle near the bottom, except for the weight's [N m/rad].
+
+        It is computed from the torque of a conservative effect, and 0 for others.
+        """
+        if self.kind != "conservative" or self.torque is None:
+            return 0.0
+        stiffness: float = stiffness_at_rest(self, self.coefficients(scene), scene.inertia)
+        return stiffness - scene.gravity * scene.weight_moment if self.exclusive == GRAVITY else stiffness
 
     def weight_moment(self, scene: Surroundings) -> float:
         """Return this effect's part of the moment of the weight over g, mass times distance to the pivot [kg m]."""

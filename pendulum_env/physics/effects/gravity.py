@@ -81,5 +81,8 @@ class Gravity(Effect):
     def trial(cls, scene: Surroundings) -> Gravity:
         return cls()
 
+    def restoring_stiffness(self, scene: Surroundings) -> float:
+        return 0.0  # but for the weight's
+
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"gravity_rate": scene.gravity * scene.weight_moment / scene.inertia}

@@ -63,5 +63,8 @@ class SmallAngleGravity(Effect):
     def trial(cls, scene: Surroundings) -> SmallAngleGravity:
         return cls()
 
+    def restoring_stiffness(self, scene: Surroundings) -> float:
+        return 0.0  # but for the weight's
+
     def coefficients(self, scene: Surroundings) -> dict[str, float]:
         return {"spring_rate": scene.gravity * scene.weight_moment / scene.inertia}
