@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pendulum_env.lab.measures import Measurement, period, small_amplitude_period
+from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import LabSheet, measure
 from pendulum_env.lab.simulated import SCENE, simulated_recording
@@ -110,9 +110,8 @@ class Given:
         simulated = recording is None
         swing = simulated_recording() if recording is None else recording
         ball = {"mass": SCENE["mass"], "radius": SCENE["radius"]} if simulated else own
-        sheet, mean, size = oscillations(swing, ball)
-        at_small = small_amplitude_period(mean, size)
-        recorded = Omega("recording", angular(at_small), at_small)
+        sheet = first_oscillations(swing, ball)
+        recorded = Omega("recording", sheet.omega0, sheet.small_period)
         frequencies = [] if simulated else [recorded]
         if lasting is not None:
             frequencies.append(Omega("period", angular(lasting), lasting))
@@ -131,7 +130,7 @@ class Given:
         reasonable(frequencies[0].period.value, "A pendulum with a period")
         assumed = frozenset(name for name, value in sizes.items() if value is None)
         return cls(Body(**{**exercise_ball(), **own}), assumed, tuple(frequencies), gravity, swing, simulated, sheet,
-                   float(np.mean(size)), recorded)
+                   float(np.mean(sheet.cycles.amplitude[:sheet.averaged])), recorded)
 
 
 def exercise_ball() -> dict[str, Any]:
@@ -183,9 +182,8 @@ def from_length(length: Measurement) -> Omega:
     return Omega("length", Measurement(value, share * value, "rad/s"), Measurement(seconds, share * seconds, "s"))
 
 
-def oscillations(recording: Recording, own: dict[str, Any]) -> tuple[LabSheet, Measurement, Any]:
-    """Return the measured quantities of a recording, its mean period [s] over the first oscillations, and the array of
-    the amplitudes [rad] of their half swings.
+def first_oscillations(recording: Recording, own: dict[str, Any]) -> LabSheet:
+    """Return the quantities measured on a recording, with the periods of its first OSCILLATIONS.
 
     Raises RecordingError if nothing swings, or if the bob goes over the top, as in a recording in degrees that was read
     as radians.
@@ -197,8 +195,4 @@ def oscillations(recording: Recording, own: dict[str, Any]) -> tuple[LabSheet, M
             f"{recording.source}: the bob swings out to {math.degrees(largest):.4g}°, over the top. If these angles "
             "are in degrees, add --read unit=deg")
     whole = measure(recording, **own)
-    first = min(OSCILLATIONS, whole.oscillations)
-    sheet = measure(recording, n=first, **own)
-    mean, points = period(sheet.recording, first), sheet.points
-    taken = points.amplitude[: 2 * first]
-    return sheet, mean, taken
+    return measure(recording, n=OSCILLATIONS, **own) if whole.oscillations > OSCILLATIONS else whole

@@ -22,6 +22,8 @@ from pendulum_env.physics.units import shown
 _UNCLEAR = 0.25  # the number of oscillations estimated for a gap may differ from a whole number by less than this
 _SHORT = 1 / 16  # of an oscillation: shorter gaps are interpolated, as they cannot hide an oscillation
 _NEAREST = 4  # number of oscillations near a gap that give the period for counting those inside it
+FINEST = 1e-12
+"""Least error of a crossing, as a share of its time, for readings without noise."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +52,10 @@ def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> Float
     Raises RecordingError unless time and angle are finite arrays of one length, and for a level below 0.
     """
     beyond = one_number(level, "level", least=0.0, unit="rad")
-    return _crossings(*readings(time, angle), beyond)[0]
+    return crossings_with_errors(*readings(time, angle), beyond)[0]
 
 
-def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+def crossings_with_errors(time: FloatArray, angle: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
     """Return the times [s] of the upward zero crossings of an angle, and their errors [s] per rad of reading noise."""
     side = np.where(angle > level, 1, np.where(angle < -level, -1, 0))
     decided = np.flatnonzero(side)
@@ -85,7 +87,7 @@ def period(series: AngleSeries, n: int | None = None) -> Measurement:
     """
     n, (time, angle) = count(n, "oscillations"), series_of(series)
     sigma = noise_level(time, angle)
-    times, errors = _crossings(time, angle, CLEAR * sigma)
+    times, errors = crossings_with_errors(time, angle, CLEAR * sigma)
     gaps = hidden_in(time, angle, _SHORT * float(np.median(np.diff(times))) if len(times) > 1 else 0.0)
     seen = ~((times[:, None] > time[gaps]) & (times[:, None] < time[gaps + 1])).any(axis=1)
     times, errors = times[seen], errors[seen]
@@ -98,7 +100,7 @@ def period(series: AngleSeries, n: int | None = None) -> Measurement:
     last = int(np.searchsorted(cycles, taken))
     taken = int(cycles[last])
     second = np.diff(times, 2)[np.diff(cycles, 2) == 0]
-    own = np.maximum(sigma * errors, 1e-12 * np.abs(times[-1]))
+    own = np.maximum(sigma * errors, FINEST * np.abs(times[-1]))
     variance = (own[:-2] ** 2 + 4.0 * own[1:-1] ** 2 + own[2:] ** 2)[np.diff(cycles, 2) == 0]
     scatter = math.sqrt(float(np.mean(second**2 / variance))) if len(second) else 0.0
     error = max(1.0, scatter) * math.hypot(own[0], own[last])

@@ -13,7 +13,7 @@ import numpy as np
 
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.lab.checked import RecordingError, count
-from pendulum_env.lab.cycles import Cycles, corrected_periods
+from pendulum_env.lab.cycles import SURE, Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
 from pendulum_env.lab.measures import Measurement, crossings, envelope_rate, period
 from pendulum_env.lab.parts import Drop
@@ -67,19 +67,17 @@ class LabSheet(Plotted):
 
     @cached_property
     def small_period(self) -> Measurement:
-        """Period at small amplitude [s], the mean of the cycles' corrected periods.
-
-        The error combines those of the crossing times and of the amplitudes. If the corrected period drifts over the
-        run by more than its error, the drift divided by sqrt(12) is added.
+        """Period at small amplitude [s], the mean of the corrected periods of the oscillations that ``period`` is the
+        mean of, see :meth:`Cycles.mean`.
         """
-        cycles, points = self.cycles, self.points
-        value, number = float(cycles.period.mean()), len(cycles.period)
-        size = points.amplitude
-        amplitude = value * math.sqrt(float(np.sum(np.square(size * points.error / 8.0)))) / len(size)
-        crossing = self.period.error * self.oscillations / number
-        drift = cycles.drift
-        slow = max(drift.value**2 - drift.error**2, 0.0) / 12.0 if math.isfinite(drift.error) else 0.0
-        return Measurement(value, math.sqrt(crossing**2 + amplitude**2 + slow), "s")
+        return self.cycles.mean(self.averaged)
+
+    @property
+    def averaged(self) -> int:
+        """Number of cycles that belong to the oscillations that ``period`` is the mean of: fewer if readings are
+        missing."""
+        time = self.cycles.time
+        return int(np.searchsorted(time, time[0] + (self.oscillations - 0.5) * self.period.value))
 
     @property
     def half_decays(self) -> tuple[Measurement, Measurement] | None:
@@ -136,7 +134,8 @@ class LabSheet(Plotted):
         rows = [
             ("amplitude, first and last", f"{size[0]:.4g}°, {size[-1]:.4g}° (± {error:.1g}°)", f"{swings} half swings"),
             ("period T", str(self.period), f"mean of {self.oscillations} oscillations"),
-            ("period at small amplitude T0", str(self.small_period), "each cycle corrected by K(sin(A/2))"),
+            ("period at small amplitude T0", str(self.small_period), f"mean of {self.averaged} cycles, each "
+             "corrected by K(sin(A/2))"),
             ("T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %",
              f"{len(cycles.time)} cycles" + (f"; {drift}" if math.isfinite(cycles.drift.error) else "")),
             ("omega0", str(self.omega0), "2 pi/T0"),
@@ -187,7 +186,7 @@ class LabSheet(Plotted):
             f"g = {self.scene.gravity:g} m/s²."
         ]
         drift = self.cycles.drift
-        if abs(drift.value) > 3.0 * drift.error:
+        if abs(drift.value) > SURE * drift.error:
             lines.append(f"T0 drifts by {Measurement(1e3 * drift.value, 1e3 * drift.error, 'ms')} over the run: angles "
                          "look scaled or displaced; try lab-pendulum fit --free length,scale.")
         if self.cycles.left_out:

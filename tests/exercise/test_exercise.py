@@ -18,6 +18,7 @@ import pytest
 from command_line import Here
 from folder_contents import contents
 from in_browser import opened
+from scipy.integrate import solve_ivp
 
 from pendulum_env.common.mathml import NotationError, mathml
 from pendulum_env.exercise import report
@@ -25,6 +26,7 @@ from pendulum_env.exercise.figures import FIGURES
 from pendulum_env.exercise.given import Given
 from pendulum_env.exercise.values import values
 from pendulum_env.exercise.worked import Worked, work_out
+from pendulum_env.lab import Recording, measure
 
 pytest.importorskip("jinja2")
 
@@ -86,6 +88,55 @@ def test_errors_periods_and_reynolds_numbers_are_those_of_formulas(worked: Worke
         assert one_period.measured == pytest.approx(true, rel=1.3e-4)
     first, second = (flow.reynolds for flow in worked.recorded.flows[:2])
     assert (first, second) == (pytest.approx(1370.0, rel=0.01), pytest.approx(230.0, rel=0.01))
+
+
+def recorded_swing(rng: np.random.Generator, sign: float) -> tuple[Recording, float]:
+    """A swing of ``theta'' = -Omega² sin(theta) - gamma theta'`` integrated by SciPy, with a sensor's noise; Omega."""
+    omega, gamma, angle = rng.uniform(4.0, 7.0), rng.uniform(0.01, 0.12), math.radians(rng.uniform(8.0, 60.0))
+    time = np.arange(0.0, 30.0, 1.0 / rng.uniform(25.0, 100.0))
+    run = solve_ivp(lambda _t, y: [y[1], -omega * omega * math.sin(y[0]) - gamma * y[1]], (0.0, 30.0),
+                    [sign * angle, 0.0], t_eval=time, method="DOP853", rtol=1e-9, atol=1e-10)
+    noise = math.radians(10.0 ** rng.uniform(-1.3, -0.3))
+    return Recording(time, run.y[0] + noise * rng.standard_normal(len(time)), "simulated by SciPy"), omega
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("number", "low", "high"), [(4, 0.3, 1.7), pytest.param(200, 0.9, 1.1,
+                                                                                   marks=pytest.mark.slow)])
+def test_omega_of_a_recording_is_right_within_its_error(sign: float, number: int, low: float, high: float) -> None:
+    """Released to either side. The error is neither too small nor too large; and ``measure`` quotes the same period."""
+    rng, pulls = np.random.default_rng(7), []
+    for _ in range(number):
+        swing, omega = recorded_swing(rng, sign)
+        given = Given.of(recording=swing)
+        pulls.append((given.omega.value.value - omega) / given.omega.value.error)
+    assert low < math.sqrt(np.mean(np.square(pulls))) < high
+    assert abs(np.mean(pulls)) < 4.0 / math.sqrt(number)
+    assert np.abs(pulls).max() < 4.0
+    assert measure(swing, n=6).small_period == given.omega.period
+
+
+@pytest.mark.parametrize("degrees", [30.0, -30.0])
+def test_omega_is_right_from_both_sides_without_noise(degrees: float) -> None:
+    """Both halves of a swing are taken with their own amplitude: the period over pairs of other ones is 7e-4 off."""
+    time = np.arange(0.0, 20.0, 0.01)
+    run = solve_ivp(lambda _t, y: [y[1], -5.269**2 * math.sin(y[0]) - 0.1 * y[1]], (0.0, 20.0),
+                    [math.radians(degrees), 0.0], t_eval=time, method="DOP853", rtol=1e-10, atol=1e-12)
+    assert Given.of(recording=Recording(time, run.y[0], "exact")).omega.value.value == pytest.approx(5.269, rel=3e-5)
+
+
+def test_wrong_amplitudes_count_in_the_error_of_omega() -> None:
+    """Amplitudes that are read 5 % too small leave the period at small amplitude too large, most of all in the first
+    oscillations; the drift over the run shows it, and the error covers it."""
+    rng, scale = np.random.default_rng(3), 0.95
+    swing, omega = recorded_swing(rng, 1.0)
+    while np.max(np.abs(swing.angle)) < 0.7:
+        swing, omega = recorded_swing(rng, 1.0)
+    good, wrong = (Given.of(recording=Recording(swing.time, size * swing.angle, "x")).omega.value
+                   for size in (1.0, scale))
+    assert abs(good.value - omega) < 3.0 * good.error
+    assert abs(wrong.value - omega) > 5.0 * good.error
+    assert abs(wrong.value - omega) < 2.0 * wrong.error
 
 
 MINE = """
