@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.measures import UNLIKELY, Measurement
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import LabSheet, measure
 from pendulum_env.lab.simulated import SCENE, simulated_recording
@@ -20,8 +20,6 @@ GRAVITY = Measurement(SCENES["exercise"].gravity, 0.03, "m/s²")
 """Gravitational acceleration of the exercise; the error covers all places on the Earth, from 9.78 to 9.83 m/s²."""
 SHORTEST, LONGEST = 0.3, 10.0
 """Periods for which the exercise's step of 0.01 s and its run of 10 s make sense [s]."""
-UNLIKELY = 1.5
-"""Factor by which g from a period and a length may differ from 9.8 m/s²; beyond, one of the two has a wrong unit."""
 OSCILLATIONS = 6
 """Number of oscillations over which the period is averaged, if the recording has so many."""
 
@@ -123,10 +121,11 @@ class Given:
             own["length"] = GRAVITY.value / omega**2
         elif frequencies[0].how != "length":
             gravity = omega**2 * length
-            if not 1.0 / UNLIKELY < gravity / GRAVITY.value < UNLIKELY:
+            if abs(gravity / GRAVITY.value - 1.0) > UNLIKELY:
                 raise SceneError(
                     f"A period of {frequencies[0].period.value:.4g} s and a length of {length:g} m give g = "
-                    f"{gravity:.4g} m/s²; periods are in s, lengths in m from the pivot to the ball's centre.")
+                    f"{gravity:.4g} m/s², which cannot be: the length or the time base is wrong. Periods are in s, "
+                    "lengths in m from the pivot to the ball's centre.")
         reasonable(frequencies[0].period.value, "A pendulum with a period")
         assumed = frozenset(name for name, value in sizes.items() if value is None)
         return cls(Body(**{**exercise_ball(), **own}), assumed, tuple(frequencies), gravity, swing, simulated, sheet,

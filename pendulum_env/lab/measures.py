@@ -22,6 +22,8 @@ from pendulum_env.physics.units import shown
 _UNCLEAR = 0.25  # the number of oscillations estimated for a gap may differ from a whole number by less than this
 _SHORT = 1 / 16  # of an oscillation: shorter gaps are interpolated, as they cannot hide an oscillation
 _NEAREST = 4  # number of oscillations near a gap that give the period for counting those inside it
+UNLIKELY = 0.2
+"""Relative difference of a measured g from the expected one from which a length or a time base must be wrong."""
 FINEST = 1e-12
 """Least error of a crossing, as a share of its time, for readings without noise."""
 
@@ -164,6 +166,17 @@ def envelope_rate(points: TurningPoints, which: slice | NDArray[np.intp] = slice
     chi2 = float(weight @ (y - slope * t) ** 2)
     inflate = max(1.0, math.sqrt(chi2 / (len(time) - 2)))
     return Measurement(-2 * slope, 2 * inflate / math.sqrt(spread), "1/s")
+
+
+def doubt_of_gravity(measured: float, expected: float) -> list[str]:
+    """Return a list with a sentence if a gravity measured with a given length differs by UNLIKELY from the ``expected``
+    one, both in m/s²; else an empty list."""
+    off = measured / expected - 1.0
+    if abs(off) < UNLIKELY:
+        return []
+    return [f"This g is {abs(off):.0%} {'above' if off > 0.0 else 'below'} {expected:g} m/s²: the length or the time "
+            "base is wrong. Lengths are in m from the pivot to the bob's centre; --read rate=100 or time_unit=ms sets "
+            "the time base."]
 
 
 P = TypeVar("P", float, Measurement)
