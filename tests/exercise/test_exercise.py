@@ -22,6 +22,7 @@ from scipy.integrate import solve_ivp
 
 from pendulum_env.common.mathml import NotationError, mathml
 from pendulum_env.exercise import report
+from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES
 from pendulum_env.exercise.given import Given
 from pendulum_env.exercise.values import values
@@ -176,10 +177,14 @@ def test_an_own_step_is_named_by_what_it_does() -> None:
     assert worked.small.runs["own_step"].ratio == pytest.approx(worked.small.forward.ratio, rel=1e-12)
 
 
+DRAWINGS = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
+"""The figures of a page, without what they draw."""
+FACTS = {"Software": "x", "Python": "y", "Command": "z"}
+
+
 def rendered(worked: Worked, key: bool, name: str = "") -> str:
     """The page without its figures."""
-    drawings = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
-    return report.page(worked, drawings, name, key, {"Software": "x", "Python": "y", "Command": "z"})
+    return report.page(worked, DRAWINGS, name, key, FACTS)
 
 
 def sentences(page: str) -> Iterator[str]:
@@ -203,12 +208,13 @@ def test_no_answer_stands_in_the_page_without_the_key(worked: Worked) -> None:
 
 
 def test_the_page_says_that_the_recording_is_simulated_and_needs_nothing_else(worked: Worked) -> None:
-    page = rendered(worked, True, 'Ada "L" <b>')
-    assert page.count("The recording is simulated.") > 10
-    assert "Ada &#34;L&#34; &lt;b&gt;" in page
-    assert "<b>\"; font" not in page
-    assert "<script" not in page
-    assert not re.search(r'(src|href)="(?!#)', page)
+    for key in (True, False):
+        page = rendered(worked, key, 'Ada "L" <b>')
+        assert page.count("The recording is simulated.") > 10
+        assert "Ada &#34;L&#34; &lt;b&gt;" in page
+        assert "<b>\"; font" not in page
+        assert page.count("<script") == (0 if key else 1)
+        assert not re.search(r'(src|href)="(?!#)', page)
 
 
 @pytest.mark.parametrize("block", [False, True])
@@ -350,13 +356,107 @@ def test_the_report_prints_from_a_browser(kind: str, tmp_path: Path, run_here: H
     assert 12 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 22
 
 
+def typed_into(page: Any, name: str, text: str) -> None:
+    """Type a text into a blank of a report in a browser, key by key."""
+    page.locator(f'[data-answer="{name}"]').click()
+    page.keyboard.type(text)
+
+
+def shown_in(page: Any, *names: str) -> list[str]:
+    return [page.locator(f'[data-answer="{name}"]').inner_text() for name in names]
+
+
+TYPED = {"4": "The tangent lies outside\nthe ellipse & <b>every</b> step.", "7": "E grows", "date": "28 November"}
+"""Texts typed into a report, by the name of the blank."""
+
+
 @pytest.mark.slow
-def test_a_student_types_into_the_blanks(worked: Worked, tmp_path: Path) -> None:
-    (tmp_path / "report.html").write_text(rendered(worked, False), encoding="utf-8")
-    with opened(tmp_path / "report.html") as seen:
-        blanks = seen.page.locator(".blank [contenteditable]")
-        assert blanks.count() == seen.page.locator(".asked").count() > 10
-        blanks.nth(3).click()
-        seen.page.keyboard.type("The tangent lies outside the ellipse.")
-        assert "The tangent lies outside" in blanks.nth(3).inner_text()
-        assert "The tangent" not in blanks.nth(2).inner_text()
+def test_what_a_student_types_stays(
+    worked: Worked, tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Over a reload, over saving into the file, and over a new run of the command, with the name at every foot."""
+    assert run_here("exercise", "--out", "x")[0] == 0
+    place = tmp_path / "x" / "report.html"
+    fresh, context = place.read_text(encoding="utf-8"), {"accept_downloads": True}
+    with opened(place, **context) as seen:
+        page = seen.page
+        page.add_init_script("delete window.showSaveFilePicker")  # as in browsers that cannot write into a file
+        page.reload()
+        assert page.locator(".blank [contenteditable]").count() == page.locator(".asked").count() > 10
+        for name, text in {**TYPED, "name": "Ada"}.items():
+            typed_into(page, name, text)
+        page.keyboard.press("Enter")  # a name is one line
+        page.reload()
+        assert shown_in(page, *TYPED, "name", "5") == [*TYPED.values(), "Ada", ""]
+        assert 'content: "\\41 \\64 \\61 "' in page.locator("#footer").text_content()
+        assert place.read_text(encoding="utf-8") == fresh
+        assert run_here("exercise", "--period", "1.2", "--out", "x")[0] == 0  # nothing is saved in the file yet
+        page.reload()
+        assert shown_in(page, *TYPED, "name") == [*TYPED.values(), "Ada"]
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Save").click()
+        assert download.value.suggested_filename == "report.html"
+        download.value.save_as(place)
+    _, printed, _ = run_here("exercise", "--out", "x")
+    assert "The 2 answers of the earlier report are in the new one." in printed
+    with opened(place) as seen:  # a browser that has kept nothing
+        assert shown_in(seen.page, *TYPED, "name", "5") == [*TYPED.values(), "Ada", ""]
+    kept = place.read_bytes()
+    for words, said in ((["--key"], "holds 2 answers of Ada, and the teacher's key has no room"),
+                        (["--name", "Bob"], "holds 2 answers of Ada, and this report is Bob's")):
+        code, _, error = run_here("exercise", *words, "--out", "x")
+        assert (code, place.read_bytes()) == (2, kept)
+        assert said in error
+
+
+CHOSEN = """
+window.showSaveFilePicker = async wanted => ({createWritable: async () => ({
+    write: async text => { window.written = (window.written || []).concat(text); }, close: async () => {} })});
+"""
+"""A browser that writes into a file which the student chose."""
+OLDER = """localStorage.setItem(Object.keys(localStorage)[0], '{"time": 1, "texts": {"1": "old"}}')"""
+"""Puts other answers into the browser, of an earlier time than the file's."""
+
+
+@pytest.mark.slow
+def test_save_writes_the_page_into_a_chosen_file(worked: Worked, tmp_path: Path) -> None:
+    """The saved page is the page with its answers, and shows them in another browser that has older ones."""
+    place = tmp_path / "report.html"
+    place.write_text(rendered(worked, False), encoding="utf-8")
+    with opened(place) as seen:
+        seen.page.add_init_script(CHOSEN)
+        seen.page.reload()
+        for text in ("first", " and last"):
+            typed_into(seen.page, "1", text)
+            seen.page.get_by_role("button", name="Save").click()
+            seen.page.get_by_text("Saved into the file.").wait_for()
+        first, last = seen.page.evaluate("window.written")
+        place.write_text(last, encoding="utf-8")
+        seen.page.evaluate(OLDER)
+        seen.page.reload()
+        assert shown_in(seen.page, "1") == ["first and last"]
+    assert earlier(place).texts == {"1": "first and last"}
+    assert earlier(place).report in first
+    assert last.startswith("<!DOCTYPE html>")
+
+
+def test_answers_are_read_from_a_page_as_browsers_save_it(tmp_path: Path) -> None:
+    """Browsers write typed lines as elements of their own, or as breaks."""
+    (tmp_path / "report.html").write_text(
+        '<html data-report="r" data-saved="5"><p><span data-answer="name"> Ada </span></p>'
+        '<div data-answer="1">one<div>two &lt; <b>three</b></div><br>four</div><div data-answer="2"><br></div>'
+        '<div data-answer="3">last<img src="#">.</div>after', encoding="utf-8")
+    found = earlier(tmp_path / "report.html")
+    assert (found.report, found.saved, found.number) == ("r", "5", 2)
+    assert found.texts == {"name": "Ada", "1": "one\ntwo < three\nfour", "3": "last."}
+    assert earlier(tmp_path / "report.html", "Ada") == found
+    assert earlier(tmp_path / "none.html").texts == {}
+
+
+def test_a_new_report_has_the_saved_answers_in_its_blanks(worked: Worked) -> None:
+    kept = Answers("r", "5", {"name": "Ada", "date": "today", "2": "a < b\nc"})
+    page = report.page(worked, DRAWINGS, "", False, FACTS, kept)
+    assert '<html lang="en" data-report="r" data-saved="5">' in page
+    assert 'mm">a &lt; b\nc</div>' in page
+    assert re.search(r'data-answer="name"[^>]*>Ada<', page)
+    assert re.search(r'data-answer="date"[^>]*>today<', page)
