@@ -37,10 +37,11 @@ def measure(
     give gravity, too, and a sentence if that cannot be. measured.csv has value, error and unit of each quantity.
     """
     from pendulum_env.common.provenance import output_folder, provenance, write_csv
+    from pendulum_env.common.warn import warn
     from pendulum_env.lab.gates import is_gate, measure_gate
     from pendulum_env.lab.sheet import measure as run
     from pendulum_env.lab.simulated import FILE
-    from pendulum_env.physics.units import SceneError, number
+    from pendulum_env.physics.units import SceneError, number, other_units
 
     if length_error is not None:
         if length is None:
@@ -64,6 +65,8 @@ def measure(
         print_text(data.text)
         given |= {} if radius is None else {"radius": radius}
         sheet = run(data, n=oscillations, above=above, length_error=length_error, **given)
+        for sentence in other_units(sheet.scene.body, sheet.scene.gravity):
+            warn(sentence)
         print_table(sheet.table, "the lab sheet")
         print_text(sheet.text)
         path = output_folder(out) / "measured.csv"

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from pendulum_env.common.warn import warn
 from pendulum_env.lab.measures import UNLIKELY, Measurement
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import LabSheet, measure
 from pendulum_env.lab.simulated import SCENE, simulated_recording
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.presets import SCENES
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, number, other_units
 
 GRAVITY = Measurement(SCENES["exercise"].gravity, 0.03, "m/s²")
 """Gravitational acceleration of the exercise; the error covers all places on the Earth, from 9.78 to 9.83 m/s²."""
@@ -94,8 +95,8 @@ class Given:
             length, length_error: distance from the pivot to the ball's centre [m].
             mass, radius: mass [kg] and radius [m] of the ball.
 
-        Raises SceneError for values that contradict each other or are out of range, RecordingError for a recording
-        without a swing below half a turn.
+        Warns of sizes that are unusual, but usual in another unit. Raises SceneError for values that contradict each
+        other or are out of range, RecordingError for a recording without a swing below half a turn.
         """
         if recording is not None and period is not None:
             raise SceneError("--period and --recording both give the period; leave one of them out.")
@@ -127,6 +128,8 @@ class Given:
                     f"{gravity:.4g} m/s², which cannot be: the length or the time base is wrong. Periods are in s, "
                     "lengths in m from the pivot to the ball's centre.")
         reasonable(frequencies[0].period.value, "A pendulum with a period")
+        for sentence in other_units(Body(**{**exercise_ball(), **own}), gravity):
+            warn(sentence)
         assumed = frozenset(name for name, value in sizes.items() if value is None)
         return cls(Body(**{**exercise_ball(), **own}), assumed, tuple(frequencies), gravity, swing, simulated, sheet,
                    float(np.mean(sheet.cycles.amplitude[:sheet.averaged])), recorded)

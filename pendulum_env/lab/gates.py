@@ -15,7 +15,7 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_nu
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.fitting.statistics import correlation_time
-from pendulum_env.lab.measures import Measurement, doubt_of_gravity
+from pendulum_env.lab.measures import Measurement, doubt_of_gravity, doubt_of_length
 from pendulum_env.lab.table import TextTable
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError, file_path
@@ -250,7 +250,7 @@ def _with_size(sheet: GateSheet, gravity: float, length: float | None, length_er
     own = one_number(length_error, "length_error", least=0.0, unit="m")
     small, error = sheet.small_period.value, sheet.small_period.error
     reach = gravity * (small / math.tau) ** 2
-    value, doubt = None, []
+    value, doubt = None, doubt_of_length(small, reach)
     if length is not None:
         known = one_number(length, "length", above=0.0, unit="m")
         result = known * (math.tau / small) ** 2

@@ -17,7 +17,7 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers,
 from pendulum_env.lab.noise import noise_level
 from pendulum_env.lab.turning import CLEAR, AngleSeries, TurningPoints, hidden_in, turning_points
 from pendulum_env.physics import exact
-from pendulum_env.physics.units import shown
+from pendulum_env.physics.units import BENCH, shown
 
 _UNCLEAR = 0.25  # the number of oscillations estimated for a gap may differ from a whole number by less than this
 _SHORT = 1 / 16  # of an oscillation: shorter gaps are interpolated, as they cannot hide an oscillation
@@ -177,6 +177,16 @@ def doubt_of_gravity(measured: float, expected: float) -> list[str]:
     return [f"This g is {abs(off):.0%} {'above' if off > 0.0 else 'below'} {expected:g} m/s²: the length or the time "
             "base is wrong. Lengths are in m from the pivot to the bob's centre; --read rate=100 or time_unit=ms sets "
             "the time base."]
+
+
+def doubt_of_length(period: float, length: float) -> list[str]:
+    """Return a list with a question if a length [m] that follows from a period [s] is none of a bench; else an empty
+    list."""
+    _, long, (short, _), _ = BENCH["length"]
+    if 0.1 * short < length < long:
+        return []
+    return [f"A period of {period:.3g} s is that of a pendulum of {length:.3g} m. If that is not meant, set the time "
+            f"base by --read rate=100 or time_unit=ms; if it is, say so by --length {length:.3g}."]
 
 
 P = TypeVar("P", float, Measurement)

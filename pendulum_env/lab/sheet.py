@@ -15,7 +15,7 @@ from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.lab.checked import RecordingError, count
 from pendulum_env.lab.cycles import SURE, Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
-from pendulum_env.lab.measures import Measurement, crossings, doubt_of_gravity, envelope_rate, period
+from pendulum_env.lab.measures import Measurement, crossings, doubt_of_gravity, doubt_of_length, envelope_rate, period
 from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
@@ -146,8 +146,10 @@ class LabSheet(Plotted):
         read, cycles = min(READ, swings), self.cycles
         drift = f"{Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, 'ms')} over the run"
         error = float(np.degrees(np.median(self.points.error)))
+        places = max(0, -math.floor(math.log10(error))) if error > 0.0 else 4
         rows = [
-            ("amplitude, first and last", f"{size[0]:.4g}°, {size[-1]:.4g}° (± {error:.1g}°)", f"{swings} half swings"),
+            ("amplitude, first and last", f"{size[0]:.{places}f}°, {size[-1]:.{places}f}° (± {error:.1g}°)",
+             f"{swings} half swings"),
             ("period T", str(self.period), f"mean of {self.oscillations} oscillations"),
             ("period at small amplitude T0", str(self.small_period), f"mean of {self.averaged} cycles, each "
              "corrected by K(sin(A/2))"),
@@ -207,6 +209,8 @@ class LabSheet(Plotted):
             without = "" if self.known_length.error else ", without the error of the length (--length-error)"
             lines.append(f"With the given length of {self.known_length.value:g} m, g = {self.gravity}{without}.")
             lines += doubt_of_gravity(self.gravity.value, self.scene.gravity)
+        if self.known_length is None:
+            lines += doubt_of_length(self.small_period.value, self.length.value)
         drift = self.cycles.drift
         if abs(drift.value) > SURE * drift.error:
             lines.append(f"T0 drifts by {Measurement(1e3 * drift.value, 1e3 * drift.error, 'ms')} over the run: angles "
