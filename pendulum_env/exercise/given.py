@@ -21,6 +21,9 @@ GRAVITY = Measurement(SCENES["exercise"].gravity, 0.03, "m/s²")
 """Gravitational acceleration of the exercise; the error covers all places on the Earth, from 9.78 to 9.83 m/s²."""
 SHORTEST, LONGEST = 0.3, 10.0
 """Periods for which the exercise's step of 0.01 s and its run of 10 s make sense [s]."""
+REMEDIES = {"recording": " --read rate=100 or time_unit=ms sets the time base.", "period": "",
+            "length": " Lengths are in m from the pivot to the ball's centre."}
+"""What may be wrong with a period that does not suit, by the measurement that it follows from."""
 OSCILLATIONS = 6
 """Number of oscillations over which the period is averaged, if the recording has so many."""
 
@@ -127,7 +130,7 @@ class Given:
                     f"A period of {frequencies[0].period.value:.4g} s and a length of {length:g} m give g = "
                     f"{gravity:.4g} m/s², which cannot be: the length or the time base is wrong. Periods are in s, "
                     "lengths in m from the pivot to the ball's centre.")
-        reasonable(frequencies[0].period.value, "A pendulum with a period")
+        reasonable(frequencies[0].period.value, "A pendulum with a period", REMEDIES[frequencies[0].how])
         for sentence in other_units(Body(**{**exercise_ball(), **own}), gravity):
             warn(sentence)
         assumed = frozenset(name for name, value in sizes.items() if value is None)
@@ -164,11 +167,11 @@ def half_a_digit(value: float, unit: str) -> Measurement:
     return Measurement(value, 0.5 * 10.0 ** int(exponent), unit)
 
 
-def reasonable(seconds: float, what: str) -> None:
-    """Raise SceneError for a period [s] that the exercise's step and run do not suit."""
+def reasonable(seconds: float, what: str, remedy: str = "") -> None:
+    """Raise SceneError for a period [s] that the exercise's step and run do not suit; ``remedy`` ends its text."""
     if not SHORTEST <= seconds <= LONGEST:
         raise SceneError(f"{what} of {seconds:.4g} s does not suit the exercise, which takes steps of 0.01 s for 10 s; "
-                         f"it must be from {SHORTEST:g} to {LONGEST:g} s.")
+                         f"it must be from {SHORTEST:g} to {LONGEST:g} s.{remedy}")
 
 
 def angular(one: Measurement) -> Measurement:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import json
 import math
 import re
 import signal
@@ -25,7 +26,7 @@ from pendulum_env.exercise import report
 from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES
 from pendulum_env.exercise.given import Given
-from pendulum_env.exercise.values import values
+from pendulum_env.exercise.values import values, with_error
 from pendulum_env.exercise.worked import Worked, work_out
 from pendulum_env.lab import Recording, measure
 
@@ -35,6 +36,41 @@ pytest.importorskip("jinja2")
 @pytest.fixture(scope="module")
 def worked() -> Worked:
     return work_out(Given.of())
+
+
+def test_sizes_in_other_units_are_asked_about() -> None:
+    with pytest.warns(UserWarning, match=r"40 kg is unusual for a pendulum; 40 g would be mass=0\.04"):
+        Given.of(mass=40.0)
+
+
+def test_a_value_has_the_decimals_of_its_error(worked: Worked) -> None:
+    assert with_error(57.74, 0.0039, "°") == "57.7400° ± 0.0039°"
+    assert with_error(57.74, 0.39, "°") == "57.74° ± 0.39°"
+    found = re.findall(r"(\d+\.\d+)° ± (\d+\.\d+)°", rendered(worked, True))
+    assert len(found) == len(worked.recorded.readings.time)
+    assert all(len(value.split(".")[1]) == len(error.split(".")[1]) for value, error in found)
+
+
+@pytest.mark.parametrize("name", ["periods", "envelope"])
+def test_legends_are_in_their_figure(worked: Worked, name: str) -> None:
+    """Also with labels of twice the length, as another language may have; the slow test looks at all figures."""
+    draw = next(one for one in FIGURES if one.__name__ == name)
+    for times in (1, 2):
+        figure = draw(worked, {key: text * times for key, text in LABELS.items()})
+        figure.draw_without_rendering()
+        box = figure.axes[0].get_legend().get_window_extent()
+        assert 0.0 <= box.x0 < box.x1 <= figure.bbox.width
+        assert box.y1 <= figure.bbox.height
+
+
+@pytest.mark.slow
+def test_all_legends_are_in_their_figures(worked: Worked) -> None:
+    for draw in FIGURES:
+        figure = draw(worked, LABELS)
+        figure.draw_without_rendering()
+        for legend in (*figure.legends, *(at.get_legend() for at in figure.axes)):
+            box = None if legend is None else legend.get_window_extent()
+            assert box is None or (box.x0 >= 0.0 and box.x1 <= figure.bbox.width and box.y1 <= figure.bbox.height)
 
 
 def by_hand() -> dict[str, list[float]]:
@@ -83,6 +119,7 @@ def test_errors_periods_and_reynolds_numbers_are_those_of_formulas(worked: Worke
     from scipy.special import ellipk
 
     for one in worked.small.one_step:
+        assert one.error > 0.0  # computed minus exact: forward Euler's orbit grows
         assert one.error / one.leading == pytest.approx(1.0, abs=3e-4)
     for one_period in worked.large.periods:
         true = 4.0 * ellipk(math.sin(0.5 * one_period.amplitude) ** 2) / worked.large.omega
@@ -177,6 +214,7 @@ def test_an_own_step_is_named_by_what_it_does() -> None:
     assert worked.small.runs["own_step"].ratio == pytest.approx(worked.small.forward.ratio, rel=1e-12)
 
 
+LABELS = json.loads((report.TEXTS / report.LANGUAGE / "labels.json").read_text(encoding="utf-8"))
 DRAWINGS = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
 """The figures of a page, without what they draw."""
 FACTS = {"Software": "x", "Python": "y", "Command": "z"}
@@ -235,6 +273,8 @@ BAD = {
     "period 0": (["--period", "0"], "--period must be a finite number above 0"),
     "period in ms": (["--period", "1190"], "it must be from 0.3 to 10 s"),
     "length in cm": (["--period", "1.19", "--length", "35.3"], "lengths in m from the pivot"),
+    "length of 692 m": (["--length", "692"], "from 0.3 to 10 s. Lengths are in m"),
+    "time base": (["--recording", "slow.txt"], "--read rate=100 or time_unit=ms sets the time base"),
     "both": (["--period", "1.19", "--recording", "swing.txt"], "leave one of them out"),
     "error alone": (["--length-error", "0.1"], "--length-error needs --length"),
     "no swing": (["--recording", "still.txt"], "still.txt"),
@@ -254,6 +294,7 @@ def test_bad_input_ends_in_a_sentence_with_files_as_they_were(case: str, tmp_pat
     times = [0.02 * i for i in range(600)]
     (tmp_path / "still.txt").write_text("".join(f"{t:.2f}\t0.0\n" for t in times))
     (tmp_path / "swing.txt").write_text("".join(f"{t:.2f}\t{20 * math.cos(5.27 * t):.3f}\n" for t in times))
+    (tmp_path / "slow.txt").write_text("".join(f"{20 * t:.2f}\t{20 * math.cos(5.27 * t):.3f}\n" for t in times))
     (tmp_path / "still.py").write_text("theta = theta + omega*dt")
     (tmp_path / "wild.py").write_text(WILD)
     (tmp_path / "file").write_text("kept")
@@ -349,8 +390,12 @@ def test_the_report_prints_from_a_browser(kind: str, tmp_path: Path, run_here: H
         wide = seen.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
         small = seen.page.evaluate(SMALLEST_TEXT)
         figures = seen.page.evaluate(WIDTHS)
+        seen.page.set_viewport_size({"width": 390, "height": 800})
+        narrow = seen.page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
+        seen.page.set_viewport_size({"width": 1000, "height": 800})
         printed = seen.page.pdf(format="A4")
     assert wide[0] <= wide[1]
+    assert narrow == [390, 390]
     assert small >= 12.0
     assert min(figures) > 400.0
     assert 12 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 22

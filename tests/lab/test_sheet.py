@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +155,23 @@ def test_a_length_gives_gravity_with_its_error() -> None:
     assert "without the error of the length" in measure(swing(0.3), length=length).text
     with pytest.raises(SceneError, match="length_error needs length"):
         measure(swing(0.3), length_error=0.01)
+
+
+def test_a_length_of_no_bench_is_asked_about() -> None:
+    """Times that are 20 times too long make a pendulum of 265 m; its length, if given, answers the question."""
+    fast = swing(0.3)
+    slow = Recording(20.0 * fast.time, fast.angle, "slow")
+    asked = measure(slow).text
+    assert "is that of a pendulum of 265 m" in asked
+    assert "--read rate=100 or time_unit=ms; if it is, say so by --length 265" in asked
+    assert "is that of a pendulum" not in measure(slow, length=265.0).text
+    assert "is that of a pendulum" not in measure(fast).text
+
+
+def test_amplitudes_have_the_decimals_of_their_error() -> None:
+    (row,) = (row for row in measure(swing(0.3, noise=1e-3)).table.rows if row[0].startswith("amplitude"))
+    first, last, error = re.findall(r"\d+\.(\d+)°?", row[1].replace("(± ", ""))
+    assert len(first) == len(last) == len(error)
 
 
 @pytest.mark.parametrize(("factor", "said"), [(1.3, "30% above"), (0.01, "99% below"), (1.1, ""), (0.9, "")])
