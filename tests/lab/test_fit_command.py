@@ -337,6 +337,13 @@ def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     assert np.abs(readings[:, 1]).max() == pytest.approx(2.0 * math.sqrt(98.1) * math.sin(START / 2.0), rel=0.06)
 
 
+def test_no_two_models_have_the_same_line(found: Fit) -> None:
+    """Colours begin again with the sixth model after the best one; then dash patterns differ."""
+    drawn = figure.recorded(replace(found, comparison=FitComparison.of((found,) * 12)))
+    lines = [line for line in drawn.axes[4].get_lines() if line.get_linestyle() != "None"]
+    assert len({(line.get_color(), str(line._unscaled_dash_pattern)) for line in lines}) == len(lines) == 12
+
+
 def test_slopes_are_those_of_a_cubic() -> None:
     time = np.cumsum(np.random.default_rng(0).uniform(0.01, 0.03, 60))
     where = np.array([0, 1, 20, 58, 59])
