@@ -145,6 +145,9 @@ def test_a_length_gives_gravity_with_its_error() -> None:
     assert sheet.gravity is not None
     assert sheet.gravity.value == pytest.approx(9.81, abs=3.0 * 9.81 * 2.0 * sheet.omega0.error / OMEGA0)
     assert sheet.gravity.error == pytest.approx(0.0981, rel=0.05)
+    bare = measure(swing(0.3, noise=1e-3), length=length)
+    assert bare.gravity is not None
+    assert bare.gravity.error == pytest.approx(2.0 * 9.81 * bare.omega0.error / OMEGA0, rel=1e-2)
     assert "gravity" in [row[0] for row in sheet.table.rows]
     assert "gravity" in [row[0] for row in sheet.numbers.rows]
     assert "wrong" not in sheet.text
