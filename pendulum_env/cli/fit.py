@@ -131,7 +131,8 @@ def fit(
     data = recording_of(place, read, **given)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     print_text(data.text)
-    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above, **known)
+    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above,
+                    length_error=length_error, **known)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
     output_folder(out)
