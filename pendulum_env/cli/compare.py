@@ -22,6 +22,7 @@ from pendulum_env.cli.options import (
     Step,
     Theme,
     Velocity,
+    given_by_user,
     radians,
     recording_of,
     scene_of,
@@ -65,7 +66,7 @@ def compare(
     names = ",".join(integrators)
     if stability:
         given = [name for name in context.params if name not in ("integrators", "stability", "out")]
-        show_stability(names, [name for name in given if _is_given(context, name)], out or Path("out/stability"))
+        show_stability(names, given_by_user(context, *given), out or Path("out/stability"))
         return
 
     from pendulum_env.common.provenance import output_folder
@@ -76,7 +77,7 @@ def compare(
     from pendulum_env.study.compare.drift import LEADING_ERROR
 
     folder, look = out or Path("out/compare"), checked_look(theme, split(panels), ("energy",), "")
-    if not film and (given := [name for name in ("theme", "panels") if _is_given(context, name)]):
+    if not film and (given := given_by_user(context, "theme", "panels")):
         raise SceneError(f"--{given[0]} is for the film, but --no-film makes no film; leave one of them out.")
     place = scene_of(scene, damping, settings)
     measured = recording_of(recording, read) if recording is not None or read else None
@@ -89,12 +90,6 @@ def compare(
     print_text(comparison.text)
     print_table(comparison.table, below=LEADING_ERROR)
     print_files(paths)
-
-
-def _is_given(context: typer.Context, name: str) -> bool:
-    """Return True if an option of ``lab-pendulum compare`` was given on the command line."""
-    source = context.get_parameter_source(name)
-    return source is not None and source.name == "COMMANDLINE"
 
 
 def show_stability(integrators: str, given: Sequence[str], out: Path) -> None:

@@ -42,15 +42,17 @@ def exercise(
 
     The angular frequency comes from --recording, else from --period, else from --length and g. The damping and the
     comparison need a recording; without --recording they use a simulated one, and every page that shows it says so.
-    Each question has a blank for the student's own words; --key fills it in for the teacher.
+    Each question has a blank for the student's own words; --key fills it in for the teacher. The page keeps what is
+    typed into it, and its button Save writes that into the file. A new report in the same folder keeps saved answers.
     """
     from pendulum_env.common.provenance import output_folder
+    from pendulum_env.exercise.answers import earlier
     from pendulum_env.exercise.given import Given
-    from pendulum_env.exercise.report import named, need_jinja, write
+    from pendulum_env.exercise.report import REPORT, named, need_jinja, write
     from pendulum_env.exercise.worked import work_out
 
     need_jinja()
-    named(name)
+    kept = earlier(out / REPORT, named(name), key)
     data = recording_of(recording, read) if recording is not None or read else None
     given = Given.of(recording=data, period=period, period_error=period_error, length=length,
                      length_error=length_error, mass=mass, radius=radius)
@@ -63,6 +65,8 @@ def exercise(
         print_text("Without --recording, the damping and the comparison use the simulated recording of the package.")
     print_text(f"Omega = {given.omega.value}, from the {given.omega.how}. Open {paths[0]} in a browser, and print it "
                "from there.")
+    if kept.number:
+        print_text(f"The {kept.number} answers of the earlier report are in the new one.")
     if own is not None:
         print_text(f"Your step {own.summary}.")
     print_files(paths)

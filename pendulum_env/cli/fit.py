@@ -131,7 +131,8 @@ def fit(
     data = recording_of(place, read, **given)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     print_text(data.text)
-    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above, **known)
+    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above,
+                    length_error=length_error, **known)
     print_table(sheet.table, "the lab sheet")
     print_text(sheet.text)
     output_folder(out)
@@ -148,7 +149,7 @@ def fit(
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
         if found is not None:
             paths[-1:-1] = write_posterior(found, out, svg)
-    tell_of(warned, best.grade.text)
+    tell_of(warned, f"{best.grade.text}\n{sheet.text}")
     if best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
         if best.grade.usable:
@@ -213,9 +214,9 @@ def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) 
 
 
 def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> None:
-    """Print every warning of a fit but the text ``besides``, which is printed elsewhere."""
+    """Print every warning of a fit but those in the text ``besides``, which is printed elsewhere."""
     for warning in warned:
-        if issubclass(warning.category, UserWarning) and str(warning.message) != besides:
+        if issubclass(warning.category, UserWarning) and str(warning.message) not in besides:
             say(f"Warning: {warning.message}")
 
 

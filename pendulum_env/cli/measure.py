@@ -33,22 +33,28 @@ def measure(
 ) -> None:
     """Measure a free swing: period, amplitudes, decay, length and Reynolds number, with errors.
 
-    Files of photogates give the period, the period at small amplitude, the length and, with --length, gravity.
-    measured.csv has value, error and unit of each quantity.
+    Files of photogates give the period, the period at small amplitude and the length. With --length, both kinds of file
+    give gravity, too, and a sentence if that cannot be. measured.csv has value, error and unit of each quantity.
     """
     from pendulum_env.common.provenance import output_folder, provenance, write_csv
+    from pendulum_env.common.warn import warn
     from pendulum_env.lab.gates import is_gate, measure_gate
     from pendulum_env.lab.sheet import measure as run
     from pendulum_env.lab.simulated import FILE
-    from pendulum_env.physics.units import SceneError
+    from pendulum_env.physics.units import SceneError, number, other_units
 
-    if length_error is not None and length is None:
-        raise SceneError("--length-error needs --length; give the measured length.")
+    if length_error is not None:
+        if length is None:
+            raise SceneError("--length-error needs --length; give the measured length.")
+        number(length_error, "--length-error", above=0.0, unit="m")
     given: dict[str, Any] = {name: value for name, value in (("length", length), ("gravity", gravity))
                              if value is not None}
     choice = {"columns": columns, "until": until, "drop": ",".join(drop) if drop else None}
     chosen = bool(read) or above is not None or any(value is not None for value in choice.values())
     if file is not None and not chosen and is_gate(file):
+        for name, value in (("radius", radius), ("oscillations", oscillations)):
+            if value is not None:
+                raise SceneError(f"--{name} is for recordings of a swing, and {file} is of a photogate; leave it out.")
         gate = measure_gate(file, length_error=length_error or 0.0, **given)
         print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
         print_text(gate.text)
@@ -58,7 +64,9 @@ def measure(
         data = recording_of(FILE if file is None else file, read, **choice)
         print_text(data.text)
         given |= {} if radius is None else {"radius": radius}
-        sheet = run(data, n=oscillations, above=above, **given)
+        sheet = run(data, n=oscillations, above=above, length_error=length_error, **given)
+        for sentence in other_units(sheet.scene.body, sheet.scene.gravity):
+            warn(sentence)
         print_table(sheet.table, "the lab sheet")
         print_text(sheet.text)
         path = output_folder(out) / "measured.csv"

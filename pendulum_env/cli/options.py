@@ -105,6 +105,12 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
     return Recording.read(file, **given)
 
 
+def given_by_user(context: typer.Context, *names: str) -> list[str]:
+    """Return those of the options of a command that were given on the command line."""
+    return [name for name in names if (source := context.get_parameter_source(name)) is not None
+            and source.name == "COMMANDLINE"]
+
+
 LISTS = ("columns", "pivot")
 """Keywords of Recording.read that take several values, separated by commas."""
 

@@ -9,10 +9,11 @@ from typing import Annotated
 import typer
 
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
-from pendulum_env.cli.options import Out, Svg
+from pendulum_env.cli.options import Out, Svg, given_by_user
 
 
 def stress(
+    context: typer.Context,
     scene: Annotated[str | None, typer.Option(help="Run only the hard cases of this scene.")] = None,
     integrators: Annotated[str | None, typer.Option(help="Names of methods, with commas; by default all.")] = None,
     cases: Annotated[
@@ -35,9 +36,12 @@ def stress(
     from pendulum_env.common.provenance import output_folder
     from pendulum_env.hard_cases.run import chosen_cases, listing, write
     from pendulum_env.hard_cases.run import stress as run
+    from pendulum_env.physics.units import SceneError
 
     names = _split(integrators)
     if show:
+        if unused := given_by_user(context, "integrators", "svg", "out"):
+            raise SceneError(f"--list runs no method and writes no file; leave out --{unused[0]}.")
         print_text(listing(chosen_cases(cases, scene, long)))
         return
     output_folder(out)

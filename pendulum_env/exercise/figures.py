@@ -47,6 +47,8 @@ ENDS = 8.0
 """Number of swings at the start and at the end that are shown enlarged."""
 WIDEST = 6.0
 """Phase plots at small angles reach up to this multiple of the exact orbit, which would be a dot in larger ones."""
+WIDEST_LEGEND = 0.85
+"""Largest width of a legend above axes, as a share of the figure's; the rest is left for the axis of angles."""
 DOTS = 60.0
 """Largest number of readings drawn per period."""
 SIGN = OKABE_ITO["vermillion"]
@@ -119,8 +121,11 @@ def few(time: Array, part: slice, period: float) -> slice:
 
 
 def above(at: Axes, columns: int = 3) -> None:
-    """Draw a legend above the axes."""
-    at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, fontsize=10)
+    """Draw a legend above the axes, in so many columns at most as fit into the figure."""
+    for number in range(columns, 0, -1):
+        legend = at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=number, fontsize=10)
+        if legend.get_window_extent().width < WIDEST_LEGEND * at.figure.bbox.width:
+            break
 
 
 # --- Part 1 ---------------------------------------------------------------------------------------------------------

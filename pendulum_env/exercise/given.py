@@ -8,20 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from pendulum_env.lab.measures import Measurement, period, small_amplitude_period
+from pendulum_env.common.warn import warn
+from pendulum_env.lab.measures import UNLIKELY, Measurement
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import LabSheet, measure
 from pendulum_env.lab.simulated import SCENE, simulated_recording
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.presets import SCENES
-from pendulum_env.physics.units import SceneError, number
+from pendulum_env.physics.units import SceneError, number, other_units
 
 GRAVITY = Measurement(SCENES["exercise"].gravity, 0.03, "m/s²")
 """Gravitational acceleration of the exercise; the error covers all places on the Earth, from 9.78 to 9.83 m/s²."""
 SHORTEST, LONGEST = 0.3, 10.0
 """Periods for which the exercise's step of 0.01 s and its run of 10 s make sense [s]."""
-UNLIKELY = 1.5
-"""Factor by which g from a period and a length may differ from 9.8 m/s²; beyond, one of the two has a wrong unit."""
+REMEDIES = {"recording": " --read rate=100 or time_unit=ms sets the time base.", "period": "",
+            "length": " Lengths are in m from the pivot to the ball's centre."}
+"""What may be wrong with a period that does not suit, by the measurement that it follows from."""
 OSCILLATIONS = 6
 """Number of oscillations over which the period is averaged, if the recording has so many."""
 
@@ -96,8 +98,8 @@ class Given:
             length, length_error: distance from the pivot to the ball's centre [m].
             mass, radius: mass [kg] and radius [m] of the ball.
 
-        Raises SceneError for values that contradict each other or are out of range, RecordingError for a recording
-        without a swing below half a turn.
+        Warns of sizes that are unusual, but usual in another unit. Raises SceneError for values that contradict each
+        other or are out of range, RecordingError for a recording without a swing below half a turn.
         """
         if recording is not None and period is not None:
             raise SceneError("--period and --recording both give the period; leave one of them out.")
@@ -110,9 +112,8 @@ class Given:
         simulated = recording is None
         swing = simulated_recording() if recording is None else recording
         ball = {"mass": SCENE["mass"], "radius": SCENE["radius"]} if simulated else own
-        sheet, mean, size = oscillations(swing, ball)
-        at_small = small_amplitude_period(mean, size)
-        recorded = Omega("recording", angular(at_small), at_small)
+        sheet = first_oscillations(swing, ball)
+        recorded = Omega("recording", sheet.omega0, sheet.small_period)
         frequencies = [] if simulated else [recorded]
         if lasting is not None:
             frequencies.append(Omega("period", angular(lasting), lasting))
@@ -124,14 +125,17 @@ class Given:
             own["length"] = GRAVITY.value / omega**2
         elif frequencies[0].how != "length":
             gravity = omega**2 * length
-            if not 1.0 / UNLIKELY < gravity / GRAVITY.value < UNLIKELY:
+            if abs(gravity / GRAVITY.value - 1.0) > UNLIKELY:
                 raise SceneError(
                     f"A period of {frequencies[0].period.value:.4g} s and a length of {length:g} m give g = "
-                    f"{gravity:.4g} m/s²; periods are in s, lengths in m from the pivot to the ball's centre.")
-        reasonable(frequencies[0].period.value, "A pendulum with a period")
+                    f"{gravity:.4g} m/s², which cannot be: the length or the time base is wrong. Periods are in s, "
+                    "lengths in m from the pivot to the ball's centre.")
+        reasonable(frequencies[0].period.value, "A pendulum with a period", REMEDIES[frequencies[0].how])
+        for sentence in other_units(Body(**{**exercise_ball(), **own}), gravity):
+            warn(sentence)
         assumed = frozenset(name for name, value in sizes.items() if value is None)
         return cls(Body(**{**exercise_ball(), **own}), assumed, tuple(frequencies), gravity, swing, simulated, sheet,
-                   float(np.mean(size)), recorded)
+                   float(np.mean(sheet.cycles.amplitude[:sheet.averaged])), recorded)
 
 
 def exercise_ball() -> dict[str, Any]:
@@ -163,11 +167,11 @@ def half_a_digit(value: float, unit: str) -> Measurement:
     return Measurement(value, 0.5 * 10.0 ** int(exponent), unit)
 
 
-def reasonable(seconds: float, what: str) -> None:
-    """Raise SceneError for a period [s] that the exercise's step and run do not suit."""
+def reasonable(seconds: float, what: str, remedy: str = "") -> None:
+    """Raise SceneError for a period [s] that the exercise's step and run do not suit; ``remedy`` ends its text."""
     if not SHORTEST <= seconds <= LONGEST:
         raise SceneError(f"{what} of {seconds:.4g} s does not suit the exercise, which takes steps of 0.01 s for 10 s; "
-                         f"it must be from {SHORTEST:g} to {LONGEST:g} s.")
+                         f"it must be from {SHORTEST:g} to {LONGEST:g} s.{remedy}")
 
 
 def angular(one: Measurement) -> Measurement:
@@ -183,9 +187,8 @@ def from_length(length: Measurement) -> Omega:
     return Omega("length", Measurement(value, share * value, "rad/s"), Measurement(seconds, share * seconds, "s"))
 
 
-def oscillations(recording: Recording, own: dict[str, Any]) -> tuple[LabSheet, Measurement, Any]:
-    """Return the measured quantities of a recording, its mean period [s] over the first oscillations, and the array of
-    the amplitudes [rad] of their half swings.
+def first_oscillations(recording: Recording, own: dict[str, Any]) -> LabSheet:
+    """Return the quantities measured on a recording, with the periods of its first OSCILLATIONS.
 
     Raises RecordingError if nothing swings, or if the bob goes over the top, as in a recording in degrees that was read
     as radians.
@@ -197,8 +200,4 @@ def oscillations(recording: Recording, own: dict[str, Any]) -> tuple[LabSheet, M
             f"{recording.source}: the bob swings out to {math.degrees(largest):.4g}°, over the top. If these angles "
             "are in degrees, add --read unit=deg")
     whole = measure(recording, **own)
-    first = min(OSCILLATIONS, whole.oscillations)
-    sheet = measure(recording, n=first, **own)
-    mean, points = period(sheet.recording, first), sheet.points
-    taken = points.amplitude[: 2 * first]
-    return sheet, mean, taken
+    return measure(recording, n=OSCILLATIONS, **own) if whole.oscillations > OSCILLATIONS else whole

@@ -20,9 +20,11 @@ from pendulum_env.common.mathml import mathml
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.replacing import replacing
+from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency
-from pendulum_env.exercise.values import digits, fixed, values
+from pendulum_env.exercise.values import digits, fixed, values, with_error
 from pendulum_env.exercise.worked import Worked
+from pendulum_env.lab.losses import percent
 from pendulum_env.physics.units import SceneError, line
 from pendulum_env.plots import save_all
 
@@ -66,7 +68,8 @@ def write(
 
     ``report.html`` is complete in itself; every figure is also written as PNG and SVG, the numbers as ``numbers.csv``
     and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``. Everything is
-    made in a temporary folder first, so that an error or Ctrl-C leaves earlier files unchanged.
+    made in a temporary folder first, so that an error or Ctrl-C leaves earlier files unchanged. What a student typed
+    into an earlier ``report.html`` of the folder, and saved, is in the new one, too.
 
     Args:
         worked: the exercise worked out.
@@ -76,11 +79,13 @@ def write(
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
             function is called with the fraction done and the present activity.
 
-    Raises SceneError if jinja2 is missing or the name is not one line, OutputError if the folder cannot be written.
+    Raises SceneError if jinja2 is missing, if the name is not one line, or if the folder's report has answers that the
+    key would lose, or that are another student's; OutputError if the folder cannot be written.
     """
     need_jinja()
-    tell, place = told_by(progress), output_folder(folder)
     owner = named(name)
+    tell, place = told_by(progress), output_folder(folder)
+    kept = earlier(place / REPORT, owner, key)
     source = worked.given.recording.source + (" (simulated)" if worked.given.simulated else "")
     facts = provenance(scene="exercise", method=list(worked.small.runs), dt=worked.small.forward.dt,
                        omega=worked.given.omega.value.value, recording=source)
@@ -98,7 +103,7 @@ def write(
             paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
             figures[draw.__name__] = Drawing(i + 1, inlined(paths[-1].read_text(encoding="utf-8"), draw.__name__))
         tell(1.0, "writing the report")
-        paths[0].write_text(page(worked, figures, owner, key, facts), encoding="utf-8")
+        paths[0].write_text(page(worked, figures, owner, key, facts, kept), encoding="utf-8")
         return [moved(path, place / path.name) for path in paths]
 
 
@@ -117,12 +122,15 @@ def moved(made: Path, target: Path) -> Path:
 # --- the page -------------------------------------------------------------------------------------------------------
 
 
-def page(worked: Worked, figures: dict[str, Drawing], name: str, key: bool, facts: dict[str, str]) -> str:
-    """Return the report's HTML."""
-    numbers = count(1)
+def page(
+    worked: Worked, figures: dict[str, Drawing], name: str, key: bool, facts: dict[str, str],
+    answers: Answers | None = None,
+) -> str:
+    """Return the report's HTML, with what was typed into an earlier report in its blanks."""
+    numbers, kept = count(1), Answers() if answers is None else answers
     template = environment().get_template(f"{LANGUAGE}/{REPORT}.j2")
     return template.render(
-        worked=worked, figures=figures, name=name, key=key, facts=facts, language=LANGUAGE,
+        worked=worked, figures=figures, name=name, key=key, kept=kept, facts=facts, language=LANGUAGE,
         next_question=lambda: next(numbers), sqrt=math.sqrt, exp=math.exp, log=math.log, sin=math.sin,
         atan=math.atan, pi=math.pi, whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
     )
@@ -142,6 +150,8 @@ def environment() -> Environment:
         "n": digits,
         "deg": math.degrees,
         "f": fixed,
+        "with_error": with_error,
+        "percent": percent,
         "m": lambda source: Markup(mathml(text_of(source))),
         "equations": lambda source: Markup(mathml(text_of(source), block=True)),
         "css": lambda source: Markup(escape(css_text(source))),

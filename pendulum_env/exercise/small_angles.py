@@ -28,8 +28,8 @@ class OneStep:
     Attributes:
         where: "top" (the angle's error, from rest at the release angle) or "bottom" (the velocity's error, from the
             lowest point).
-        error: exact value minus computed value [rad or rad/s].
-        leading: ``dt²/2`` times the second derivative of the angle or the velocity there [rad or rad/s].
+        error: computed value minus exact value [rad or rad/s], as the errors of ``lab-pendulum compare``.
+        leading: ``-dt²/2`` times the second derivative of the angle or the velocity there [rad or rad/s].
     """
 
     where: str
@@ -106,7 +106,7 @@ def at_top(omega: float) -> OneStep:
     """Return the angle's error in a step from rest at the release angle [rad]."""
     angle, _ = one_step(omega, ANGLE, 0.0)
     true, _ = exact.linear(STEP, ANGLE, 0.0, omega)
-    return OneStep("top", float(true) - angle, -0.5 * (omega * STEP) ** 2 * ANGLE)
+    return OneStep("top", angle - float(true), 0.5 * (omega * STEP) ** 2 * ANGLE)
 
 
 def at_bottom(omega: float) -> OneStep:
@@ -114,7 +114,7 @@ def at_bottom(omega: float) -> OneStep:
     fastest = omega * ANGLE
     _, velocity = one_step(omega, 0.0, fastest)
     _, true = exact.linear(STEP, 0.0, fastest, omega)
-    return OneStep("bottom", float(true) - velocity, -0.5 * (omega * STEP) ** 2 * fastest)
+    return OneStep("bottom", velocity - float(true), 0.5 * (omega * STEP) ** 2 * fastest)
 
 
 def one_step(omega: float, angle: float, velocity: float) -> tuple[float, float]:

@@ -42,6 +42,11 @@ def fixed(value: float, places: int) -> str:
     return f"{round(value, places) + 0.0:.{places}f}".replace("-", "\N{MINUS SIGN}")
 
 
+def with_error(value: float, error: float, unit: str) -> str:
+    """Return a value and its error, both with two figures of the error: 57.7400° ± 0.0039°."""
+    return " ± ".join(f"{part}{unit}" for part in str(Measurement(value, error, "")).strip().split(" ± "))
+
+
 def values(worked: Worked) -> Iterator[Value]:
     """Yield the numbers of the report, in its order."""
     given, small, large, friction = worked.given, worked.small, worked.large, worked.recorded
@@ -55,7 +60,7 @@ def values(worked: Worked) -> Iterator[Value]:
     yield Value("1.2", "step", STEP, "", "s")
     yield Value("1.2", "energy of forward Euler at the end over its start", small.forward.ratio, "", "1")
     for one_step, unit in zip(small.one_step, ("rad", "rad/s"), strict=True):
-        yield Value("1.4", f"error of one step at the {one_step.where}", one_step.error, "", unit)
+        yield Value("1.4", f"error of one step at the {one_step.where}, computed minus exact", one_step.error, "", unit)
         yield Value("1.4", f"its leading term at the {one_step.where}", one_step.leading, "", unit, True)
     yield Value("1.4", "growth of the energy in one step, mean over the run", small.growth, "", "1")
     yield Value("1.4", "predicted growth of the energy in one step", (small.omega * STEP) ** 2, "", "1", True)

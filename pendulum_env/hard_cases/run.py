@@ -32,6 +32,8 @@ def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: boo
         close = isinstance(name, str) and get_close_matches(name[:80], known, 1, 0.5)
         one_of(name, "hard case or group", known if close else groups)
     wanted = {*listed}
+    if long is True and not wanted & {*groups}:
+        raise SceneError("long adds the long cases of groups, and only single cases are named; leave long out.")
     if scene is not None:
         one_of(scene, "hard case with the scene", {case.scene.name for case in CASES})
     include_long = truth(long, "long")

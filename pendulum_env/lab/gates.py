@@ -15,7 +15,7 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_nu
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.fitting.statistics import correlation_time
-from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.measures import Measurement, doubt_of_gravity, doubt_of_length
 from pendulum_env.lab.table import TextTable
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError, file_path
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 FEWEST = 4
 """Fewest periods from which the decay of the amplitude can be found."""
+UNSEEN = math.radians(10.0)
+"""Amplitude [rad] up to which the error of T0 covers periods that show no amplitude."""
 GRAVITY = 9.81
 """Gravity [m/s²] unless it is given."""
 
@@ -81,7 +83,7 @@ def measure_gate(
     ``T = T0 / agm(1, cos(A/2))`` is the period at the amplitude A (Carvalhaes & Suppes 2008, Am. J. Phys. 76, 1150),
     and ``T0 = 2 pi sqrt(L/g)``. T0 is fitted by least squares to all periods. Their amplitudes are those of the file,
     else proportional to 1/(time in the beam), else exponential in time, if the periods show it; otherwise T0 is the
-    mean period.
+    mean period, and its error covers amplitudes up to 10 degrees, ``T A²/16``.
 
     Args:
         path: a text file of one of four kinds: times and gate states (1: blocked); times of passages, one per line;
@@ -187,8 +189,13 @@ def _decaying(
     if given:
         flat = _fitted(name, periods, np.asarray(relative), how)
     else:
-        unknown = (*how, "The periods show no amplitude: T0 is their mean.")
+        unknown = (*how, "The periods show no amplitude: T0 is their mean, and its error covers amplitudes up to "
+                   f"{math.degrees(UNSEEN):g} degrees. If they were larger, give them in a column 'Amplitude (deg)'.")
         flat = _fitted(name, periods, np.zeros(len(periods)), unknown)
+        longer = float(exact.period(UNSEEN, math.tau)) - 1.0
+        small = flat.small_period
+        error = math.hypot(small.error, longer * small.value)
+        flat = replace(flat, amplitudes=np.full(len(periods), math.nan), small_period=replace(small, error=error))
     if len(periods) < FEWEST:
         return flat
     since = (times - times[0]) / max(float(times[-1] - times[0]), 1e-300)
@@ -243,10 +250,12 @@ def _with_size(sheet: GateSheet, gravity: float, length: float | None, length_er
     own = one_number(length_error, "length_error", least=0.0, unit="m")
     small, error = sheet.small_period.value, sheet.small_period.error
     reach = gravity * (small / math.tau) ** 2
-    value = None
+    value, doubt = None, doubt_of_length(small, reach)
     if length is not None:
         known = one_number(length, "length", above=0.0, unit="m")
         result = known * (math.tau / small) ** 2
         value = Measurement(result, result * math.hypot(2.0 * error / small, own / known), "m/s^2")
-    return replace(sheet, length=Measurement(reach, 2.0 * reach * error / small, "m"), gravity=value)
+        doubt = doubt_of_gravity(result, gravity)
+    return replace(sheet, how=(*sheet.how, *doubt), gravity=value,
+                   length=Measurement(reach, 2.0 * reach * error / small, "m"))
 

@@ -17,11 +17,15 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers,
 from pendulum_env.lab.noise import noise_level
 from pendulum_env.lab.turning import CLEAR, AngleSeries, TurningPoints, hidden_in, turning_points
 from pendulum_env.physics import exact
-from pendulum_env.physics.units import shown
+from pendulum_env.physics.units import BENCH, shown
 
 _UNCLEAR = 0.25  # the number of oscillations estimated for a gap may differ from a whole number by less than this
 _SHORT = 1 / 16  # of an oscillation: shorter gaps are interpolated, as they cannot hide an oscillation
 _NEAREST = 4  # number of oscillations near a gap that give the period for counting those inside it
+UNLIKELY = 0.2
+"""Relative difference of a measured g from the expected one from which a length or a time base must be wrong."""
+FINEST = 1e-12
+"""Least error of a crossing, as a share of its time, for readings without noise."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +54,10 @@ def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> Float
     Raises RecordingError unless time and angle are finite arrays of one length, and for a level below 0.
     """
     beyond = one_number(level, "level", least=0.0, unit="rad")
-    return _crossings(*readings(time, angle), beyond)[0]
+    return crossings_with_errors(*readings(time, angle), beyond)[0]
 
 
-def _crossings(time: FloatArray, angle: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+def crossings_with_errors(time: FloatArray, angle: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
     """Return the times [s] of the upward zero crossings of an angle, and their errors [s] per rad of reading noise."""
     side = np.where(angle > level, 1, np.where(angle < -level, -1, 0))
     decided = np.flatnonzero(side)
@@ -85,7 +89,7 @@ def period(series: AngleSeries, n: int | None = None) -> Measurement:
     """
     n, (time, angle) = count(n, "oscillations"), series_of(series)
     sigma = noise_level(time, angle)
-    times, errors = _crossings(time, angle, CLEAR * sigma)
+    times, errors = crossings_with_errors(time, angle, CLEAR * sigma)
     gaps = hidden_in(time, angle, _SHORT * float(np.median(np.diff(times))) if len(times) > 1 else 0.0)
     seen = ~((times[:, None] > time[gaps]) & (times[:, None] < time[gaps + 1])).any(axis=1)
     times, errors = times[seen], errors[seen]
@@ -98,7 +102,7 @@ def period(series: AngleSeries, n: int | None = None) -> Measurement:
     last = int(np.searchsorted(cycles, taken))
     taken = int(cycles[last])
     second = np.diff(times, 2)[np.diff(cycles, 2) == 0]
-    own = np.maximum(sigma * errors, 1e-12 * np.abs(times[-1]))
+    own = np.maximum(sigma * errors, FINEST * np.abs(times[-1]))
     variance = (own[:-2] ** 2 + 4.0 * own[1:-1] ** 2 + own[2:] ** 2)[np.diff(cycles, 2) == 0]
     scatter = math.sqrt(float(np.mean(second**2 / variance))) if len(second) else 0.0
     error = max(1.0, scatter) * math.hypot(own[0], own[last])
@@ -162,6 +166,27 @@ def envelope_rate(points: TurningPoints, which: slice | NDArray[np.intp] = slice
     chi2 = float(weight @ (y - slope * t) ** 2)
     inflate = max(1.0, math.sqrt(chi2 / (len(time) - 2)))
     return Measurement(-2 * slope, 2 * inflate / math.sqrt(spread), "1/s")
+
+
+def doubt_of_gravity(measured: float, expected: float) -> list[str]:
+    """Return a list with a sentence if a gravity measured with a given length differs by UNLIKELY from the ``expected``
+    one, both in m/s²; else an empty list."""
+    off = measured / expected - 1.0
+    if abs(off) < UNLIKELY:
+        return []
+    return [f"This g is {abs(off):.0%} {'above' if off > 0.0 else 'below'} {expected:g} m/s²: the length or the time "
+            "base is wrong. Lengths are in m from the pivot to the bob's centre; --read rate=100 or time_unit=ms sets "
+            "the time base."]
+
+
+def doubt_of_length(period: float, length: float) -> list[str]:
+    """Return a list with a question if a length [m] that follows from a period [s] is none of a bench; else an empty
+    list."""
+    _, long, (short, _), _ = BENCH["length"]
+    if 0.1 * short < length < long:
+        return []
+    return [f"A period of {period:.3g} s is that of a pendulum of {length:.3g} m. If that is not meant, set the time "
+            f"base by --read rate=100 or time_unit=ms; if it is, say so by --length {length:.3g}."]
 
 
 P = TypeVar("P", float, Measurement)

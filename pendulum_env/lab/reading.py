@@ -119,8 +119,8 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     table = TextTable(name, text, options.separator, options.decimal)
     origin += table.choose_run(options.run) if options.columns is None else []
     layout = layout_of(table, options.columns, options.rate is not None)
-    if options.pivot is not None and not layout.track:
-        raise RecordingError(f"{name}: a pivot is for x-y tracks; columns='xy' reads one")
+    if reason := useless(options, layout, table):
+        raise RecordingError(f"{name}: {reason}")
     values, marks = table.values(layout.values, layout.expected)
     time, timing = _times(table, layout, options.rate, options.time_unit, values)
     notes = [*origin, *table.notes, *marks, *layout.notes, *timing]
@@ -175,6 +175,26 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     displaced = bool(layout.length and options.unit is None)
     return FileReadings(time, angle * options.scale, notes, UNITS[unit] * options.scale, displaced=displaced,
                         radius=radius)
+
+
+def useless(options: ReadOptions, layout: ColumnLayout, table: TextTable) -> str:
+    """Return why a setting has no use for the columns of a file, "" if each has one."""
+    track, clock = layout.track, layout.time is not None and table.is_clock(layout.time)
+    reasons = {
+        "a pivot is for x-y tracks; columns='xy' reads one": options.pivot is not None and not track,
+        "y_axis is for x-y tracks; columns='xy' reads one": options.y_axis is not None and not track,
+        "unit is for angles and angular velocities, but x and y of a track are read; columns= names an angle":
+            options.unit is not None and track,
+        "unit is for angles and angular velocities, but an acceleration is read; columns= names an angle":
+            options.unit is not None and bool(layout.force),
+        "time_unit is for a column of times, but times of day are read; leave it out":
+            options.time_unit is not None and clock,
+        "time_unit is for a column of times, but the header gives a rate; rate= replaces it":
+            options.time_unit is not None and layout.time is None and table.rate is not None,
+        "run and columns both choose columns; leave one of them out":
+            options.run is not None and options.columns is not None,
+    }
+    return next((reason for reason, so in reasons.items() if so), "")
 
 
 def _unit_of_track(table: TextTable, layout: ColumnLayout) -> tuple[float, list[str]]:

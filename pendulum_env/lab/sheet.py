@@ -13,9 +13,9 @@ import numpy as np
 
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.lab.checked import RecordingError, count
-from pendulum_env.lab.cycles import Cycles, corrected_periods
+from pendulum_env.lab.cycles import SURE, Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
-from pendulum_env.lab.measures import Measurement, crossings, envelope_rate, period
+from pendulum_env.lab.measures import Measurement, crossings, doubt_of_gravity, doubt_of_length, envelope_rate, period
 from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
@@ -25,7 +25,7 @@ from pendulum_env.physics.flow import regime, reynolds_number
 from pendulum_env.physics.medium import air
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, shown
+from pendulum_env.physics.units import SceneError, naming_keywords, number, shown
 
 if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
@@ -41,6 +41,7 @@ class LabSheet(Plotted):
     Attributes:
         recording: the measured recording, cut at the release and centred on the equilibrium.
         scene: the pendulum with its known parameters.
+        known_length: the length that the caller gave [m], with an error of 0 if that was not given; None without one.
         told: names of the parameters that the caller gave.
         oscillations: number of oscillations that ``period`` is the mean of.
         period: mean period [s].
@@ -53,6 +54,7 @@ class LabSheet(Plotted):
 
     recording: Recording
     scene: Scene
+    known_length: Measurement | None
     told: frozenset[str]
     oscillations: int
     period: Measurement
@@ -67,19 +69,17 @@ class LabSheet(Plotted):
 
     @cached_property
     def small_period(self) -> Measurement:
-        """Period at small amplitude [s], the mean of the cycles' corrected periods.
-
-        The error combines those of the crossing times and of the amplitudes. If the corrected period drifts over the
-        run by more than its error, the drift divided by sqrt(12) is added.
+        """Period at small amplitude [s], the mean of the corrected periods of the oscillations that ``period`` is the
+        mean of, see :meth:`Cycles.mean`.
         """
-        cycles, points = self.cycles, self.points
-        value, number = float(cycles.period.mean()), len(cycles.period)
-        size = points.amplitude
-        amplitude = value * math.sqrt(float(np.sum(np.square(size * points.error / 8.0)))) / len(size)
-        crossing = self.period.error * self.oscillations / number
-        drift = cycles.drift
-        slow = max(drift.value**2 - drift.error**2, 0.0) / 12.0 if math.isfinite(drift.error) else 0.0
-        return Measurement(value, math.sqrt(crossing**2 + amplitude**2 + slow), "s")
+        return self.cycles.mean(self.averaged)
+
+    @property
+    def averaged(self) -> int:
+        """Number of cycles that belong to the oscillations that ``period`` is the mean of: fewer if readings are
+        missing."""
+        time = self.cycles.time
+        return int(np.searchsorted(time, time[0] + (self.oscillations - 0.5) * self.period.value))
 
     @property
     def half_decays(self) -> tuple[Measurement, Measurement] | None:
@@ -101,6 +101,19 @@ class LabSheet(Plotted):
         """Length of the point pendulum with the measured small-amplitude period, ``g T0²/(4 pi²)`` [m]."""
         small, square = self.small_period, self.scene.gravity / math.tau**2
         return Measurement(square * small.value**2, 2.0 * square * small.value * small.error, "m")
+
+    @property
+    def gravity(self) -> Measurement | None:
+        """Gravity that follows from the small-amplitude period and the given length [m/s²]; None without a length.
+
+        ``g = L (2 pi/T0)²`` for a point, and for other bodies in proportion, ``g (omega0/omega)²`` with the scene's g
+        and its angular frequency omega of small swings. Its error is that of T0 and of the given length.
+        """
+        if self.known_length is None:
+            return None
+        own, value = self.omega0, self.scene.gravity * (self.omega0.value / self.scene.omega0) ** 2
+        return Measurement(value, value * math.hypot(2.0 * own.error / own.value,
+                                                     self.known_length.error / self.known_length.value), "m/s²")
 
     @property
     def quality(self) -> Measurement:
@@ -133,14 +146,19 @@ class LabSheet(Plotted):
         read, cycles = min(READ, swings), self.cycles
         drift = f"{Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, 'ms')} over the run"
         error = float(np.degrees(np.median(self.points.error)))
+        places = max(0, -math.floor(math.log10(error))) if error > 0.0 else 4
         rows = [
-            ("amplitude, first and last", f"{size[0]:.4g}°, {size[-1]:.4g}° (± {error:.1g}°)", f"{swings} half swings"),
+            ("amplitude, first and last", f"{size[0]:.{places}f}°, {size[-1]:.{places}f}° (± {error:.1g}°)",
+             f"{swings} half swings"),
             ("period T", str(self.period), f"mean of {self.oscillations} oscillations"),
-            ("period at small amplitude T0", str(self.small_period), "each cycle corrected by K(sin(A/2))"),
+            ("period at small amplitude T0", str(self.small_period), f"mean of {self.averaged} cycles, each "
+             "corrected by K(sin(A/2))"),
             ("T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %",
              f"{len(cycles.time)} cycles" + (f"; {drift}" if math.isfinite(cycles.drift.error) else "")),
             ("omega0", str(self.omega0), "2 pi/T0"),
             ("length of a point pendulum", str(self.length), f"g T0²/(4 pi²) with g = {self.scene.gravity:g} m/s²"),
+            *(() if self.gravity is None or self.known_length is None else (
+                ("gravity", str(self.gravity), f"from T0 and the given length of {self.known_length.value:g} m"),)),
             (f"gamma, {read} readings", str(self.short_decay), f"ln(amplitude) of {read} spread over the run, "
              "A ~ exp(-gamma t/2)"),
             ("gamma, all", str(self.decay), f"ln(amplitude) of all {swings}"),
@@ -166,6 +184,7 @@ class LabSheet(Plotted):
                 *((name, one.value, one.error, one.unit) for name, one in (
                     ("period T", self.period), ("period at small amplitude T0", self.small_period),
                     ("omega0", self.omega0), ("length of a point pendulum", self.length),
+                    *(() if self.gravity is None else (("gravity", self.gravity),)),
                     (f"gamma, {min(READ, len(size))} readings", self.short_decay), ("gamma, all", self.decay),
                     ("quality factor", self.quality)))]
         if self.losses is not None:
@@ -186,8 +205,14 @@ class LabSheet(Plotted):
             f"{self.small_period}, the period of a point pendulum of length {self.length} at "
             f"g = {self.scene.gravity:g} m/s²."
         ]
+        if self.gravity is not None and self.known_length is not None:
+            without = "" if self.known_length.error else ", without the error of the length (--length-error)"
+            lines.append(f"With the given length of {self.known_length.value:g} m, g = {self.gravity}{without}.")
+            lines += doubt_of_gravity(self.gravity.value, self.scene.gravity)
+        if self.known_length is None:
+            lines += doubt_of_length(self.small_period.value, self.length.value)
         drift = self.cycles.drift
-        if abs(drift.value) > 3.0 * drift.error:
+        if abs(drift.value) > SURE * drift.error:
             lines.append(f"T0 drifts by {Measurement(1e3 * drift.value, 1e3 * drift.error, 'ms')} over the run: angles "
                          "look scaled or displaced; try lab-pendulum fit --free length,scale.")
         if self.cycles.left_out:
@@ -213,6 +238,7 @@ def measure(
     until: float | None = None,
     above: float | str | None = None,
     drop: Drop | None = None,
+    length_error: float | None = None,
     **parameters: Any,
 ) -> LabSheet:
     """Measure the quantities of a lab sheet on a recorded free swing, with errors.
@@ -230,8 +256,9 @@ def measure(
         until: time of the recording [s] after which readings are left out.
         above: share of the first amplitude, such as 0.05 or "5%", below which swings are left out.
         drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
-        **parameters: known parameters of the scene, such as ``length=0.65, radius=0.011``. The Reynolds number needs a
-            radius; without a given length, it uses the length from the period.
+        length_error: error of the given length [m], for the error of the gravity that follows from it.
+        **parameters: known parameters of the scene, such as ``length=0.65, radius=0.011``. A length gives the gravity.
+            The Reynolds number needs a radius; without a given length, it uses the length from the period.
 
     Raises RecordingError if the argument is not a Recording, or has no full oscillation or fewer than three amplitudes;
     SceneError for an invalid scene or parameter.
@@ -241,6 +268,9 @@ def measure(
     taken = count(n, "oscillations")
     with naming_keywords(measure):
         known = apparatus(scene, parameters)
+    if length_error is not None and "length" not in parameters:
+        raise SceneError("length_error needs length; give the measured length.")
+    error = 0.0 if length_error is None else number(length_error, "length_error", least=0.0, unit="m")
     if not known.gravity > 0.0:
         raise SceneError("gravity must be above 0 m/s^2, as the length follows from it and the period.")
     swing = recording.kept(until=until, drop=drop).released().kept(above=above).centred()
@@ -250,8 +280,10 @@ def measure(
         taken = round(float(ends[-1] - ends[0]) / mean.value)
     given = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
     spread = np.unique(np.round(np.linspace(0, len(points.time) - 1, READ)).astype(np.intp))
-    return LabSheet(swing, known, given, taken, mean, points, envelope_rate(points), envelope_rate(points, spread),
-                    corrected_periods(swing), losses(points) if len(points.time) >= FEWEST else None)
+    long = Measurement(float(parameters["length"]), error, "m") if "length" in parameters else None
+    return LabSheet(swing, known, long, given, taken, mean, points, envelope_rate(points),
+                    envelope_rate(points, spread), corrected_periods(swing),
+                    losses(points) if len(points.time) >= FEWEST else None)
 
 
 def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, known: Mapping[str, Any]) -> Scene:

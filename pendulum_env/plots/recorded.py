@@ -117,7 +117,8 @@ def _envelope(at: Axes, fit: Fit, points: TurningPoints, fine: FloatArray) -> No
         if np.count_nonzero(known) < 3:
             continue
         turns = turning_points(Recording(fine[known], rows[known], one.damping))
-        colour, (dashes, width) = OTHERS[i % len(OTHERS) - 1] if i else BEST, LINES[i % len(LINES)]
+        again = (i - 1) // len(OTHERS) if i else 0  # each round of the colours takes the next dash patterns
+        colour, (dashes, width) = OTHERS[i % len(OTHERS) - 1] if i else BEST, LINES[(i + again) % len(LINES)]
         at.plot(turns.time, np.degrees(turns.amplitude), color=colour, linestyle=dashes, linewidth=width,
                 label=f"{one.damping} ({one.shown(one.rms):.2g}{one.sign} rms{words.get(one.damping, '')})",
                 zorder=2.5 + 0.05 * i)

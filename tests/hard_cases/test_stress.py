@@ -410,6 +410,19 @@ def test_the_list_of_cases_runs_nothing(tmp_path: Path, type_it: Any) -> None:
     assert words.count("Truth:") == words.count("Source:") == len(near)
 
 
+@pytest.mark.parametrize(("words", "said"), [
+    (["--list", "--svg"], "--list runs no method and writes no file; leave out --svg"),
+    (["--list", "--integrators", "rk4"], "leave out --integrators"),
+    (["--list", "--out", "x"], "leave out --out"),
+    (["--long", "--cases", EASY.name], "long adds the long cases of groups"),
+])
+def test_options_without_a_use_are_refused(words: list[str], said: str, tmp_path: Path, type_it: Any) -> None:
+    code, _, error = type_it(*words)
+    assert code == 2
+    assert said in error
+    assert not (tmp_path / "x").exists()
+
+
 def test_the_figure_has_a_cell_a_mark_and_an_outline_for_each() -> None:
     methods = ("velocity_verlet", "rk4", "heun")
     cases = [made(outcome, Finding(outcome)) for outcome in OUTCOMES]

@@ -50,6 +50,44 @@ def virtual() -> Recording:
     return recorded(time, swing(time, START, length=LENGTH, gamma=GAMMA), noise=NOISE, zero=ZERO, seed=1)
 
 
+def measured_file(folder: Path) -> None:
+    """Write a recording of 0.65 m in degrees, and periods of 1.5 s."""
+    time = np.arange(1000) / 50.0
+    angles = 20.0 * np.cos(math.sqrt(9.81 / 0.65) * time) + 0.05 * np.random.default_rng(0).standard_normal(1000)
+    (folder / "swing.txt").write_text("Time (s)\tAngle (deg)\n" + "".join(
+        f"{t:.3f}\t{x:.3f}\n" for t, x in zip(time, angles, strict=True)))
+    (folder / "periods.txt").write_text("Period (s)\n1.500\n1.501\n1.499\n1.500\n")
+
+
+def test_measure_gives_gravity_with_a_length(tmp_path: Path, run_here: Here) -> None:
+    measured_file(tmp_path)
+    code, printed, said = run_here("measure", "swing.txt", "--length", "0.65", "--length-error", "0.0065", "--out", "x")
+    assert code == 0, said
+    (row,) = (row for row in table(tmp_path / "x" / "measured.csv")[1] if row["quantity"] == "gravity")
+    assert float(row["error"]) == pytest.approx(0.01 * float(row["value"]), rel=0.1)
+    assert "With the given length of 0.65 m, g = " in printed
+    for file in ("swing.txt", "periods.txt"):
+        _, printed, _ = run_here("measure", file, "--length", "6.5", "--out", "x")
+        assert "the length or the time base is wrong" in printed
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["swing.txt", "--length-error", "0.01"], "--length-error needs --length"),
+    (["swing.txt", "--length", "0.65", "--length-error", "0"], "--length-error must be"),
+    (["periods.txt", "--radius", "0.01"], "--radius is for recordings of a swing, and periods.txt is of a photogate"),
+    (["periods.txt", "--oscillations", "2"], "--oscillations is for recordings of a swing"),
+])
+def test_measure_refuses_options_without_a_use(
+    words: list[str], said: str, tmp_path: Path, run_here: Here
+) -> None:
+    measured_file(tmp_path)
+    before = contents(tmp_path)
+    code, _, error = run_here("measure", *words)
+    assert code == 2
+    assert said in error
+    assert contents(tmp_path) == before
+
+
 def at_truth(recording: Recording, damping: str = "linear") -> Fit:
     """Return a Fit with the true parameter values, which a least-squares fit would reach up to its errors."""
     free = recording.released()
@@ -297,6 +335,14 @@ def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     assert phase.get_ylabel() == "velocity [rad/s]"
     readings = phase.get_lines()[0].get_xydata()
     assert np.abs(readings[:, 1]).max() == pytest.approx(2.0 * math.sqrt(98.1) * math.sin(START / 2.0), rel=0.06)
+
+
+def test_no_two_models_have_the_same_line(found: Fit) -> None:
+    """Colours begin again with the sixth model after the best one; then dash patterns differ."""
+    drawn = figure.recorded(replace(found, comparison=FitComparison.of((found,) * 12)))
+    lines = [line for line in drawn.axes[4].get_lines() if line.get_linestyle() != "None"]
+    looks = {(line.get_color(), line.get_linewidth()) for line in lines}  # each pattern has a width of its own
+    assert len(looks) == len(lines) == 12
 
 
 def test_slopes_are_those_of_a_cubic() -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from bench_files import GRAVITY, let_go, written
 from old_workbook import old_workbook
+from scipy.special import ellipk
 
 from pendulum_env.lab import Recording, RecordingError, measure, measure_gate
 from pendulum_env.lab.accelerations import felt
@@ -45,6 +47,35 @@ def test_a_gate_may_be_read_at_a_constant_rate(tmp_path: Path) -> None:
     cycles = sheet.periods
     crossings = time[:-1][np.diff(np.sign(swing.at(time)[0])) != 0]
     assert cycles[:5] == pytest.approx(crossings[2:7] - crossings[:5], abs=1.5e-3)
+
+
+@pytest.mark.parametrize(("format_name", "options", "said"), [
+    ("bare track", {"unit": "deg"}, "unit is for angles and angular velocities, but x and y of a track are read"),
+    ("phyphox acceleration", {"unit": "rad"}, "but an acceleration is read"),
+    ("clock times", {"time_unit": "ms"}, "time_unit is for a column of times, but times of day are read"),
+    ("two runs", {"run": 2, "columns": (1, 2)}, "run and columns both choose columns"),
+])
+def test_settings_without_a_use_are_refused(
+    format_name: str, options: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    path, _ = written(format_name, tmp_path)
+    with pytest.raises(RecordingError, match=said):
+        Recording.read(path, **options)
+
+
+@pytest.mark.parametrize("degrees", [3.0, 6.0, 9.5])
+def test_periods_that_show_no_amplitude_have_an_error_that_covers_it(degrees: float, tmp_path: Path) -> None:
+    """Periods by the complete elliptic integral, timed to a millisecond: their mean is up to 8 errors off."""
+    true, rng = 1.5, np.random.default_rng(2)
+    size = math.radians(degrees) * np.exp(-0.01 * true * np.arange(40))
+    periods = true * 2.0 / math.pi * ellipk(np.sin(size / 2.0) ** 2) + 1e-3 * rng.standard_normal(40)
+    (tmp_path / "periods.txt").write_text("Period (s)\n" + "".join(f"{one:.5f}\n" for one in periods))
+    sheet = measure_gate(tmp_path / "periods.txt")
+    assert sheet.small_period.value == sheet.period.value
+    assert abs(sheet.small_period.value - true) < sheet.small_period.error < 3e-3 * true
+    assert sheet.small_period.error > 1.5 * math.radians(9.9) ** 2 / 16.0
+    assert np.isnan(sheet.amplitudes).all()
+    assert "covers amplitudes up to 10 degrees" in sheet.text
 
 
 def test_the_sheet_of_a_workbook_has_at_least_three_rows_of_numbers(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,52 @@ def test_a_decay_that_is_not_exponential_is_said_half_by_half() -> None:
     assert [first.value, last.value] == pytest.approx(exact_rates, rel=0.02)
     assert "The decay is not exponential" in dry.text
     assert "not exponential" not in measure(swing(0.05, GAMMA, linear=True, noise=5e-4)).text
+
+
+def test_a_length_gives_gravity_with_its_error() -> None:
+    """``g = L omega0²`` of a point; a sphere of radius a on the same pivot has ``1 + 2 a²/(5 L²)`` times as much."""
+    length = 9.81 / OMEGA0**2
+    sheet = measure(swing(0.3, noise=1e-3), length=length, length_error=0.01 * length)
+    assert sheet.gravity is not None
+    assert sheet.gravity.value == pytest.approx(9.81, abs=3.0 * 9.81 * 2.0 * sheet.omega0.error / OMEGA0)
+    assert sheet.gravity.error == pytest.approx(0.0981, rel=0.05)
+    bare = measure(swing(0.3, noise=1e-3), length=length)
+    assert bare.gravity is not None
+    assert bare.gravity.error == pytest.approx(2.0 * 9.81 * bare.omega0.error / OMEGA0, rel=1e-2)
+    assert "gravity" in [row[0] for row in sheet.table.rows]
+    assert "gravity" in [row[0] for row in sheet.numbers.rows]
+    assert "wrong" not in sheet.text
+    sized = measure(swing(0.3, noise=1e-3), length=length, radius=0.2 * length).gravity
+    assert sized is not None
+    assert sized.value / sheet.gravity.value == pytest.approx(1.016, abs=1e-9)
+    assert measure(swing(0.3)).gravity is None
+    assert "without the error of the length" in measure(swing(0.3), length=length).text
+    with pytest.raises(SceneError, match="length_error needs length"):
+        measure(swing(0.3), length_error=0.01)
+
+
+def test_a_length_of_no_bench_is_asked_about() -> None:
+    """Times that are 20 times too long make a pendulum of 265 m; its length, if given, answers the question."""
+    fast = swing(0.3)
+    slow = Recording(20.0 * fast.time, fast.angle, "slow")
+    asked = measure(slow).text
+    assert "is that of a pendulum of 265 m" in asked
+    assert "--read rate=100 or time_unit=ms; if it is, say so by --length 265" in asked
+    assert "is that of a pendulum" not in measure(slow, length=265.0).text
+    assert "is that of a pendulum" not in measure(fast).text
+
+
+def test_amplitudes_have_the_decimals_of_their_error() -> None:
+    (row,) = (row for row in measure(swing(0.3, noise=1e-3)).table.rows if row[0].startswith("amplitude"))
+    first, last, error = re.findall(r"\d+\.(\d+)°?", row[1].replace("(± ", ""))
+    assert len(first) == len(last) == len(error)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.3, "30% above"), (0.01, "99% below"), (1.1, ""), (0.9, "")])
+def test_a_gravity_that_cannot_be_is_said(factor: float, said: str) -> None:
+    text = measure(swing(0.3), length=factor * 9.81 / OMEGA0**2).text
+    assert ("the length or the time base is wrong" in text) == bool(said)
+    assert said in text
 
 
 def test_errors_cover_the_truth_of_the_small_period() -> None:

@@ -162,6 +162,8 @@ def test_a_track_that_shows_no_angle_is_refused(tmp_path: Path, case: str) -> No
 
 def test_a_pivot_belongs_to_a_track(tmp_path: Path) -> None:
     path = film(tmp_path / "swing.csv", "", TIME, SWING)
+    with pytest.raises(RecordingError, match="y_axis is for x-y tracks; columns='xy' reads one"):
+        Recording.read(path, y_axis="up")
     with pytest.raises(RecordingError, match="a pivot is for x-y tracks; columns='xy' reads one"):
         Recording.read(path, pivot=(0, 0))
     with pytest.raises(RecordingError, match=r"expected three columns, t, x and y .* found 2"):

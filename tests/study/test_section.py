@@ -145,6 +145,7 @@ def test_basins_of_a_motion_with_one_attractor_are_one() -> None:
     ({"event": "botom"}, "There is no event 'botom'; did you mean bottom"),
     ({"phase": 0.1}, "phase must be below 2 pi and a whole number of steps of 2 pi/200 rad"),
     ({"phase": 7.0}, "phase must be below 2 pi"),
+    ({"phase": 0.5 * math.pi, "event": "bottom"}, "phase is for event 'period', but points are recorded at 'bottom'"),
     ({"over": {"drive_torque": []}}, "The values of drive_torque in over= must be one or more finite numbers"),
     ({"over": {"drive_torque": [1.0], "gamma": [1.0]}}, "over must be a dict of one parameter and its values"),
     ({"over": {"drive_torqe": [1.0, 1.1]}}, "drive_torqe"),

@@ -20,6 +20,7 @@ from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.robust import pulled, released
 from pendulum_env.lab.fitting.shooting import solve_all
 from pendulum_env.lab.fitting.start import Measured
+from pendulum_env.lab.measures import doubt_of_length
 from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording, RecordingError, part_of
 from pendulum_env.lab.sheet import apparatus
@@ -123,6 +124,9 @@ def fit(
         warn(best.grade.text)
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)
+    if LENGTH in names and LENGTH not in parameters:
+        for sentence in doubt_of_length(math.tau / best.scene.omega0, best.parameters[LENGTH].value):
+            warn(sentence)
     if scene is None and LENGTH not in parameters and LENGTH not in names:
         warn(f"the length is taken to be {place.body.reach:g} m, as it is neither given nor fitted; give length=.")
     return replace(best, comparison=comparison) if len(fits) > 1 else best

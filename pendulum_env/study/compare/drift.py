@@ -58,7 +58,7 @@ class Drift:
             change less work plus heat; without drives and dissipation it is the energy error.
         energy_most: largest size of the energy residual during the run, over the initial energy.
         amplitude: relative error of the last turning point, see :func:`amplitude_and_phase`.
-        phase: error of the phase at the last zero crossing [rad]; positive if the run is ahead.
+        phase: error of the phase, computed minus exact, at the last zero crossing [rad]; positive if the run is ahead.
         recording: root mean square distance of the angle from the recording [rad].
         leading_error: leading error term of the method on the small-angle scene, "" if it is unknown.
         steps, rejected, evaluations: for adaptive runs, steps taken and rejected, and force evaluations of both.

@@ -205,6 +205,8 @@ def section(
         usual = LONG_TRANSIENT if name else TRANSIENT
         transient = whole_number(usual if transient is None else transient, "transient", MOST, least=0)
         steps = whole_number(steps, "steps", MOST)
+        if kind != "period" and number(phase, "phase", unit="rad"):
+            raise SceneError(f"phase is for event 'period', but points are recorded at '{kind}'; leave one out.")
         shift, tell = _whole_steps(phase, steps) if kind == "period" else 0, told_by(progress)
         first = number(place.run.angle if angle is None else angle, "angle", unit="rad")
         speed = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
