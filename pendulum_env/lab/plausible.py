@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pendulum_env.lab.checked import FloatArray, RecordingError
-from pendulum_env.lab.quantities import ANGLE, COUNTS, FORCE, STANDARD
+from pendulum_env.lab.quantities import ANGLE, COUNTS, FORCE, GATE, STANDARD
 
 _TURN = 360.0
 _WIDE = 3
@@ -32,6 +32,9 @@ def refuse_other_numbers(name: str, values: FloatArray, column: int, unit: str) 
         column: number of their column, from 1.
         unit: unit that was inferred, "deg" or "rad".
     """
+    if set(np.unique(values).tolist()) == {0.0, 1.0}:
+        raise RecordingError(f"{name}: column {column} holds nothing but 0 and 1, as {GATE.name} does: {GATE.remedy}; "
+                             f"for an angle give unit={unit}".replace("`", ""))
     low, high = float(values.min()), float(values.max())
     degrees = np.degrees(values * ANGLE.units[unit].size)
     far = float(np.abs(degrees).min()) > _TURN

@@ -134,7 +134,7 @@ REFUSALS = {
             "m/s², not that of gravity"),
     "columns": ("n,time,KE,GateState\n" + "".join(f"{i},{i / 100},{i % 7},{i % 2}\n" for i in range(60)),
                 "1 (n) begins with 0, 1, 2 (a counter of readings, or a time); 2 (time) begins with 0.0, 0.01, 0.02 "
-                "(a time); 3 (KE) begins with 0, 1, 2 (no angle); 4 (GateState) begins with 0, 1, 0 (no angle)"),
+                "(a time); 3 (KE) begins with 0, 1, 2 (no angle); 4 (GateState) begins with 0, 1, 0 (a gate state)"),
 }
 
 
