@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ FloatArray = NDArray[np.float64]
 
 GAP = 5.0
 """Time steps longer than this many median steps count as gaps in a recording."""
+
+
+T = TypeVar("T")
 
 
 class RecordingError(ValueError):
@@ -77,6 +80,21 @@ def count(n: Any, what: str, name: str = "n") -> int | None:
         return None if n is None else whole_number(n, name)
     except SceneError:
         raise RecordingError(f"{name} must be a whole number of {what} from 1, got {shown(n)}") from None
+
+
+def side(what: str, make: Callable[[], T]) -> tuple[T | None, str]:
+    """Return a side quantity of a measurement or fit and "", or None and a sentence that it is left out, and why.
+
+    A result must not be lost because something beside it cannot be calculated or drawn. SceneError is raised, as the
+    caller's values are then wrong.
+    """
+    try:
+        return make(), ""
+    except SceneError:
+        raise
+    except (ValueError, ArithmeticError, LookupError, RuntimeError) as error:
+        reason = str(error).strip().removesuffix(".") or type(error).__name__
+        return None, f"Left out: {what}, because {reason}."
 
 
 def known(value: Any, name: str, allowed: Iterable[str]) -> str:

@@ -118,7 +118,7 @@ def measure_gate(
     elif any(map(PERIOD.names, titles)):
         sheet = _of_table(table, titles)
     elif any(map(GATE.names, titles)) or _two_states(table):
-        sheet = _of_states(name, *_columns(table, *_state_columns(titles)).T, states)
+        sheet = _of_states(name, _columns(table, *_state_columns(titles)), states)
     else:
         raise RecordingError(f"{name}: expected gate states, passages or periods of a photogate; "
                              f"{described(table, titles)}")
@@ -184,9 +184,9 @@ def _of_list(name: str, values: FloatArray, header: str) -> GateSheet:
                                                   "Each line is one period.",))
 
 
-def _of_states(name: str, time: FloatArray, state: FloatArray, states: str | None) -> GateSheet:
+def _of_states(name: str, rows: FloatArray, states: str | None) -> GateSheet:
     """Return the sheet of times and states of the beam, blocked (1) or free (0); see :func:`measure_gate`."""
-    blocked = state > 0.5
+    time, blocked = rows[:, 0], rows[:, 1] > 0.5
     begins, ends = (np.flatnonzero(change) + 1 for change in (~blocked[:-1] & blocked[1:], blocked[:-1] & ~blocked[1:]))
     kind = states or _kind_of_states(name, time, blocked)
     if kind == "changes":  # the row before the one that frees the beam is that which blocked it
@@ -222,7 +222,7 @@ def _of_passages(name: str, times: FloatArray, spans: FloatArray | None) -> Gate
     usual, crossed = float(np.median(times[2:] - times[:-2])), None
     if spans is not None and (spans > 0.0).all():
         crossed = np.sin(np.minimum(math.pi / usual * spans, 0.5 * math.pi))  # half the width over the amplitude
-        # Drag makes the second half of a span longer, so that the middle is late by gamma span²/8, with gamma = 2 decay.
+        # Drag makes the second half of a span longer, so that its middle is late by gamma span²/8; gamma = 2 decay.
         times = times - 0.25 * _decay(times, 1.0 / crossed) * spans**2
     periods, middle = times[2:] - times[:-2], times[1:-1]
     whole = np.abs(periods / usual - 1.0) < 0.2

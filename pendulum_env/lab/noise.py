@@ -61,8 +61,10 @@ def changes_only(angle: FloatArray) -> NDArray[np.bool_]:
     if not quantum:
         return np.zeros(max(len(angle) - 1, 0), dtype=np.bool_)
     counts = np.round(np.abs(np.diff(angle)) / quantum)
-    one = counts == 1.0
-    return one & (float(one.mean()) >= CHANGES and float(np.mean(counts <= 1.0)) >= STEPS)
+    one: NDArray[np.bool_] = counts == 1.0
+    if float(one.mean()) >= CHANGES and float(np.mean(counts <= 1.0)) >= STEPS:
+        return one
+    return np.zeros(len(one), dtype=np.bool_)
 
 
 def scatter_level(time: ArrayLike, angle: ArrayLike) -> float:

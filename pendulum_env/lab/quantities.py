@@ -131,7 +131,7 @@ RATE_OF_CHANGE = Quantity(
     "a rate of change",
     ("*veloc*", "*speed*", "*accel*", "*gyro*", "*omega*", "*ω*", "wx", "wy", "wz", "*geschw*", "*dot", "*\u0307*",
      "rate", "dtheta*", "dphi*", "dθ*", "dφ*", "*rad/s*", "*deg*/s*", "*°/s*", "*m/s*", "*1/s*", "*s-1*", "*s-2*",
-     "*s^-1*", "*s^-2*", "*'", "*′"),
+     "*s^-1*", "*s^-2*", "*'", "*\u2032"),
     remedy="choose it by columns='time=1,rate=2' if it is an angular velocity, or by columns='time=1,angle=2' if it is "
            "an angle",
 )

@@ -262,7 +262,7 @@ def _times(
             days = np.cumsum(np.diff(time, prepend=time[0]) < -0.5 * DAY)
             return time + DAY * days, ["time: times of day, counted from the first"]
         title = " ".join(table.titles[layout.time])
-        named = next((name for name, unit in reversed(TIME.units.items()) if unit.form.search(title)), None)
+        named = next((name for name, unit in reversed(list(TIME.units.items())) if unit.form.search(title)), None)
         likely, seconds = ("s", "") if unit or named else _likely_unit(time[:, 0], values)
         guessed = f"as {seconds or 'the header names no unit'} (time_unit= overrides)"
         inferred = "as the header says" if named else guessed

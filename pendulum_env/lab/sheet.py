@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.lab.checked import RecordingError, count
+from pendulum_env.lab.checked import RecordingError, count, side
 from pendulum_env.lab.cycles import Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
-from pendulum_env.lab.measures import Measurement, crossings, envelope_rate, period
+from pendulum_env.lab.measures import Measurement, crossings, envelope_rate, period, small_amplitude_period
 from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
@@ -47,8 +47,9 @@ class LabSheet(Plotted):
         points: turning points, one amplitude per half swing.
         decay: damping rate gamma of theta ~ exp(-gamma t/2) from all amplitudes [1/s].
         short_decay: the damping rate from 6 (READ) amplitudes spread evenly over the run, as read by hand [1/s].
-        cycles: the period of every cycle, corrected to small amplitude.
+        cycles: the period of every cycle, corrected to small amplitude; None if it cannot be calculated.
         losses: constant, linear and quadratic parts of the loss per half swing; None for too few amplitudes.
+        left_out: sentences on quantities that could not be calculated, and why.
     """
 
     recording: Recording
@@ -59,8 +60,9 @@ class LabSheet(Plotted):
     points: TurningPoints
     decay: Measurement
     short_decay: Measurement
-    cycles: Cycles
+    cycles: Cycles | None
     losses: Losses | None
+    left_out: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.recording.source}, T = {self.period}")
@@ -70,9 +72,12 @@ class LabSheet(Plotted):
         """Period at small amplitude [s], the mean of the cycles' corrected periods.
 
         The error combines those of the crossing times and of the amplitudes. If the corrected period drifts over the
-        run by more than its error, the drift divided by sqrt(12) is added.
+        run by more than its error, the drift divided by sqrt(12) is added. Without ``cycles`` it is the mean period,
+        corrected for the amplitudes.
         """
         cycles, points = self.cycles, self.points
+        if cycles is None:
+            return small_amplitude_period(self.period, points.amplitude)
         value, number = float(cycles.period.mean()), len(cycles.period)
         size = points.amplitude
         amplitude = value * math.sqrt(float(np.sum(np.square(size * points.error / 8.0)))) / len(size)
@@ -131,14 +136,13 @@ class LabSheet(Plotted):
 
         size, swings = np.degrees(self.points.amplitude), len(self.points.amplitude)
         read, cycles = min(READ, swings), self.cycles
-        drift = f"{Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, 'ms')} over the run"
         error = float(np.degrees(np.median(self.points.error)))
         rows = [
             ("amplitude, first and last", f"{size[0]:.4g}°, {size[-1]:.4g}° (± {error:.1g}°)", f"{swings} half swings"),
             ("period T", str(self.period), f"mean of {self.oscillations} oscillations"),
-            ("period at small amplitude T0", str(self.small_period), "each cycle corrected by K(sin(A/2))"),
-            ("T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %",
-             f"{len(cycles.time)} cycles" + (f"; {drift}" if math.isfinite(cycles.drift.error) else "")),
+            ("period at small amplitude T0", str(self.small_period), f"{'mean' if cycles is None else 'each cycle'} "
+             "corrected by K(sin(A/2))"),
+            *([] if cycles is None else [_cycle_by_cycle(cycles)]),
             ("omega0", str(self.omega0), "2 pi/T0"),
             ("length of a point pendulum", str(self.length), f"g T0²/(4 pi²) with g = {self.scene.gravity:g} m/s²"),
             (f"gamma, {read} readings", str(self.short_decay), f"ln(amplitude) of {read} spread over the run, "
@@ -186,11 +190,11 @@ class LabSheet(Plotted):
             f"{self.small_period}, the period of a point pendulum of length {self.length} at "
             f"g = {self.scene.gravity:g} m/s²."
         ]
-        drift = self.cycles.drift
-        if abs(drift.value) > 3.0 * drift.error:
+        drift = None if self.cycles is None else self.cycles.drift
+        if drift is not None and abs(drift.value) > 3.0 * drift.error:
             lines.append(f"T0 drifts by {Measurement(1e3 * drift.value, 1e3 * drift.error, 'ms')} over the run: angles "
                          "look scaled or displaced; try lab-pendulum fit --free length,scale.")
-        if self.cycles.left_out:
+        if self.cycles is not None and self.cycles.left_out:
             lines.append(f"T0 leaves out {self.cycles.left_out} of the cycles, because readings are missing in them.")
         if self.losses is not None:
             lines.append(f"From the envelope, {self.losses.text}.")
@@ -202,7 +206,7 @@ class LabSheet(Plotted):
         if self.reynolds is not None:
             lines.append(f"Reynolds number {self.reynolds[0]:.0f} of the bob in the first half swing: "
                          f"{regime(self.reynolds[0])}.")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.left_out])
 
 
 def measure(
@@ -250,8 +254,18 @@ def measure(
         taken = round(float(ends[-1] - ends[0]) / mean.value)
     given = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
     spread = np.unique(np.round(np.linspace(0, len(points.time) - 1, READ)).astype(np.intp))
+    cycles, no_cycles = side("the periods of single cycles", lambda: corrected_periods(swing))
+    parts, no_parts = side("the loss per half swing",
+                           lambda: losses(points) if len(points.time) >= FEWEST else None)
     return LabSheet(swing, known, given, taken, mean, points, envelope_rate(points), envelope_rate(points, spread),
-                    corrected_periods(swing), losses(points) if len(points.time) >= FEWEST else None)
+                    cycles, parts, tuple(filter(None, (no_cycles, no_parts))))
+
+
+def _cycle_by_cycle(cycles: Cycles) -> tuple[str, str, str]:
+    """Return the row of the lab sheet's table for the periods of single cycles."""
+    drift = Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, "ms")
+    over = f"; {drift} over the run" if math.isfinite(cycles.drift.error) else ""
+    return "T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %", f"{len(cycles.time)} cycles{over}"
 
 
 def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, known: Mapping[str, Any]) -> Scene:
