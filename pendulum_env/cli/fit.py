@@ -46,7 +46,7 @@ def fit(
     ] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of the angles: deg or rad; by default inferred.")] = None,
     rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,
-    scale: Annotated[float | None, typer.Option(help="Factor for the file's angles, as 0.99.")] = None,
+    scale: Annotated[str | None, typer.Option(help="Factor for the file's angles, as 0.99 or 360/4096.")] = None,
     oscillations: Annotated[
         int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
     ] = None,

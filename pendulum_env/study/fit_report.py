@@ -18,7 +18,6 @@ from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
 from pendulum_env.lab.fitting.posterior import Posterior
 from pendulum_env.lab.fitting.result import Fit, against, measured
-from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
 
@@ -40,18 +39,13 @@ def parameter_table(found: Fit) -> Table:
     names = [name.rpartition(".")[2] for name in found.names]
     models = found.comparison
     rows = tuple(
-        (name, *_number(found.parameters[name]), *(() if models is None else (f"{models.spread(name):.2g}",)),
+        (name, found.parameter_text(name, unit=False), found.parameters[name].unit,
+         *(() if models is None else (f"{models.spread(name):.2g}",)),
          *(f"{x:+.2f}" for x in found.correlations[i]))
         for i, name in enumerate(found.names)
     )
     others = () if models is None else ("other models",)
     return Table(("parameter", "value", "unit", *others, *(f"r {name}" for name in names)), rows)
-
-
-def _number(one: Measurement) -> tuple[str, str]:
-    """Return a measured value with its error as text, and its unit."""
-    unit, text = one.unit, str(one)
-    return (text.removesuffix(unit).strip() if unit else text), unit
 
 
 def goodness(found: Fit) -> str:

@@ -64,6 +64,8 @@ _TORQUES = {"nm": 1.0, "mnm": 1e-3, "ncm": 1e-2, "nmm": 1e-3, "µnm": 1e-6, "unm
 _CURRENTS = {"a": 1.0, "ma": 1e-3}
 _SHARES = {"1": 1.0, "": 1.0, "-": 1.0, "%": 0.01, "percent": 0.01}
 _SIZES = {"torque": _TORQUES, "current": _CURRENTS, "action": _SHARES}
+_COARSE = 0.05
+"""Coarser steps are not radians, since no sensor reads in steps of 3 degrees."""
 _CLEAR = 2.0
 """A unit of the angle is chosen if the other one fits the motion worse by this factor."""
 
@@ -353,8 +355,8 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
     If both units fit about equally well, angles within ±2 pi are read as radians, because few logs stay within 6.3
     degrees.
     """
-    if float(np.abs(log.angle).max()) > 200.0 or quantum_level(log.angle) > 0.05:
-        return "deg", "inferred from the size of the angles and of their steps (unit= overrides)"
+    if quantum_level(log.angle) > _COARSE:
+        return "deg", "inferred from the size of the steps of the angle (unit= overrides)"
     off = {unit: misfit(replace(log, angle=log.angle * size)) for unit, size in _UNITS.items()}
     for unit, other in (("rad", "deg"), ("deg", "rad")):
         if off[unit] * _CLEAR < off[other]:
@@ -364,4 +366,5 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
     largest = float(np.abs(log.angle).max())
     if largest <= math.tau:
         return "rad", f"inferred: the largest |angle|, {largest:.4g}, is not above 2 pi (unit= overrides)"
-    raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians or in degrees; give unit=")
+    raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians, of a bob that rotates, or in "
+                         'degrees; give unit="rad" or unit="deg"')

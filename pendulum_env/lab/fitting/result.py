@@ -17,7 +17,7 @@ from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.lab.checked import RecordingError, side
 from pendulum_env.lab.fitting.candidates import shapes
-from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
+from pendulum_env.lab.fitting.errors import Errors, at_bound, errors_of, noise_beside
 from pendulum_env.lab.fitting.grade import Fault, Grade, as_fault, graded, of_lost, of_misfit
 from pendulum_env.lab.fitting.intervals import (
     Bootstrap,
@@ -42,7 +42,7 @@ from pendulum_env.lab.fitting.statistics import (
     reading_error,
     runs_test,
 )
-from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.measures import Measurement, bounded_text
 from pendulum_env.lab.recording import Recording, in_words
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.scene import Scene
@@ -361,6 +361,19 @@ class Fit(Plotted):
         errors = np.sqrt(np.diag(self.covariance))
         return {name: Measurement(float(value), float(error), self._unit(name))
                 for name, value, error in zip(self.names, self.values, errors, strict=True)}
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the fitted parameters whose best value is 0, at the bound that physics sets, such as a drag that a
+        recording does not show."""
+        return tuple(name for name in at_bound(self.solution) if self.parameters[name].value == 0.0)
+
+    def parameter_text(self, name: str, unit: bool = True) -> str:
+        """Return a fitted parameter as text: its value with error, or the limit below which a parameter at its bound
+        is with 95 %; without its unit if ``unit`` is False."""
+        one = self.parameters[name] if unit else replace(self.parameters[name], unit="")
+        bounded = name in self.at_bound and math.isfinite(one.error)
+        return bounded_text(one, self.errors.freedom) if bounded else str(one).strip()
 
     @cached_property
     def scene(self) -> Scene:
