@@ -108,8 +108,8 @@ def known(value: Any, name: str, allowed: Iterable[str]) -> str:
     raise RecordingError(f"{name} must be {' or '.join(map(repr, words))}, got {shown(value)}{hint}")
 
 
-def chosen(name: str, what: str, parts: Sequence[str], part: str | None) -> str:
-    """Return the part of a file to read: the given one, or the only one.
+def chosen(name: str, what: str, parts: Sequence[str], part: str | None, best: Sequence[str] = ()) -> str:
+    """Return the part of a file to read: the given one, the only one, or the only one of the ``best``.
 
     ``what`` names the parts, as "sheet". Raises RecordingError if there is none, or several and none is given.
     """
@@ -117,8 +117,8 @@ def chosen(name: str, what: str, parts: Sequence[str], part: str | None) -> str:
         if part not in parts:
             raise RecordingError(f"{name}: there is no {what} {shown(part)}; there are {', '.join(parts) or 'none'}")
         return part
-    if len(parts) == 1:
-        return parts[0]
+    if len(parts) == 1 or len(best) == 1:
+        return (parts if len(parts) == 1 else best)[0]
     if not parts:
         raise RecordingError(f"{name}: expected a {what} with numbers, found none")
     raise RecordingError(f"{name}: expected one {what} with numbers, found {', '.join(parts)}; choose one by part=")

@@ -34,7 +34,7 @@ def refuse_other_numbers(name: str, values: FloatArray, column: int, unit: str) 
     """
     if set(np.unique(values).tolist()) == {0.0, 1.0}:
         raise RecordingError(f"{name}: column {column} holds nothing but 0 and 1, as {GATE.name} does: {GATE.remedy}; "
-                             f"for an angle give unit={unit}".replace("`", ""))
+                             f"for an angle give unit={unit}")
     low, high = float(values.min()), float(values.max())
     degrees = np.degrees(values * ANGLE.units[unit].size)
     far = float(np.abs(degrees).min()) > _TURN

@@ -82,12 +82,12 @@ class Quantity:
 
     def refusal(self, title: str) -> str:
         """Return a sentence that refuses a column with a title, and gives the remedy."""
-        return f"{title!r} is {self.name}: {self.remedy}".replace("`", "")
+        return f"{title!r} is {self.name}: {self.remedy}"
 
     @property
     def cells(self) -> tuple[str, str, str, str]:
         """Row of the table of formats: the quantity, words, units, and how it is read or refused."""
-        words = ", ".join(dict.fromkeys(f"`{word.strip('*')}`" for word in self.words if word.strip("*").isascii()))
+        words = ", ".join(dict.fromkeys(word.replace("*", "") for word in self.words if word.isascii()))
         read = self.reading if self.reading else f"refused: {self.remedy}"
         read = f"{read}; {self.remedy}" if self.reading and self.remedy else read
         bare = self.name.removeprefix("an ").removeprefix("a ")
@@ -104,7 +104,7 @@ TIME = Quantity(
      "min": Unit(60.0, ("min", "minute", "minutes", "minuten")),
      "h": Unit(3600.0, ("h", "hr", "hrs", "hour", "hours", "stunden"))},
     "the unit that the title names, else the one in which a swing lasts 0.2 to 20 s; times of day and dates count from "
-    "the first", "`rate=` replaces it",
+    "the first", "rate= replaces it",
 )
 COUNT = Quantity(
     "a count of readings", ("frame", "frames", "slice", "slices", "index", "idx", "sample", "samples", "no", "nr", "n"),
@@ -115,7 +115,7 @@ ANGLE = Quantity(
     ("*angle*", "*winkel*", "*theta*", "*θ*", "*phi*", "*φ*", "*ϕ*", "*°*", "deg", "degree", "degrees", "rad", "radian",
      "radians"),
     {"deg": Unit(math.pi / 180.0, ("deg", "degree", "degrees", "*°")), "rad": Unit(1.0, ("rad", "radian", "radians"))},
-    "fitted as it is; rows at every change of an encoder's count are read, too", "`unit=` gives its unit",
+    "fitted as it is; rows at every change of an encoder's count are read, too", "unit= gives its unit",
     "rotary sensors, encoders, Capstone, LabQuest, Arduino",
 )
 RATE = Quantity(
@@ -125,7 +125,7 @@ RATE = Quantity(
     {"deg": Unit(math.pi / 180.0, ("*deg*/s*", "*°/s*", "dps")),
      "rad": Unit(1.0, ("*rad*/s*", "wx", "wy", "wz", "*gyro*"))},
     "fitted as angular velocity; the axis and the bias are found, and the sign of an absolute value",
-    "`columns='time=1,rate=2'` chooses it", "phyphox csv, zip, xls, xlsx; Physics Toolbox, Smart Cart",
+    "columns='time=1,rate=2' chooses it", "phyphox csv, zip, xls, xlsx; Physics Toolbox, Smart Cart",
 )
 RATE_OF_CHANGE = Quantity(
     "a rate of change",
@@ -145,7 +145,7 @@ FORCE = Quantity(
      "mg": Unit(1e-3 * STANDARD, ("(mg)", "*milli g*"))},
     "fitted as specific force, with the sensor's distance from the pivot and the tilt; without a unit, the mean "
     "decides between m/s², g and mg",
-    "`sensor=` gives the distance, `columns='time=1,acceleration=2'` chooses it",
+    "sensor= gives the distance, columns='time=1,acceleration=2' chooses it",
     "phyphox, Physics Toolbox, MPU-6050",
 )
 NO_FORCE = Quantity(
@@ -156,26 +156,28 @@ NO_FORCE = Quantity(
 DISTANCE = Quantity(
     "a displacement", ("*distance*", "*position*", "*displacement*", "*abstand*", "*weg*", "pos"),
     {"mm": Unit(1e-3, ("mm",)), "cm": Unit(1e-2, ("cm",)), "m": Unit(1.0, ("m",))},
-    "`asin(x/L)`, L from the period; a fit has scale and zero free", "",
+    "asin(x/L), L from the period; a fit has scale and zero free", "",
     "ultrasonic sensors, one coordinate of a track",
 )
 TRACK = Quantity(
     "x and y of a track", ("x", "y"), DISTANCE.units,
-    "the angle about the centre of the fitted circle, or about `pivot=`", "`columns='time=1,x=2,y=3'` chooses it",
+    "the angle about the centre of the fitted circle, or about pivot=", "columns='time=1,x=2,y=3' chooses it",
     "Tracker, also its projects (.trk); ImageJ and untitled tracks on an arc",
 )
 GATE = Quantity(
     "a gate state", ("*state*", "*gate*", "block*"),
-    reading="`measure`: period, T0, length and g, from changes or from readings of the beam",
-    remedy="lab-pendulum measure reads photogates; `--states` says what a row is", files="photogates",
+    reading="period, T0, length and g, from changes or from readings of the beam",
+    remedy="lab-pendulum measure reads photogates; --states says what a row is",
 )
 PERIOD = Quantity(
     "a period", ("*period*", "schwingungsdauer*"), {"s": TIME.units["s"]},
-    "`measure`: T0 by the decay of the periods, or by the amplitudes beside them",
+    "T0 by the decay of the periods, or by the amplitudes beside them",
     "lab-pendulum measure reads periods of one pendulum, one per line or beside their amplitudes",
     "photogates, stopwatches",
 )
-AMPLITUDE = Quantity("an amplitude", ("*amplitud*", *ANGLE.words), ANGLE.units, "`measure`, beside periods")
+AMPLITUDE = Quantity(
+    "an amplitude", ("*amplitud*", *ANGLE.words), ANGLE.units, "beside periods, by lab-pendulum measure",
+)
 LENGTH = Quantity(
     "a length", ("*length*", "*länge*", "*laenge*", "l"),
     remedy="periods of several lengths belong to several pendulums; put the periods of one length into a file, one per "
@@ -208,20 +210,19 @@ OTHER_UNIT = Quantity(
     remedy="if it is proportional to the angle, give its size, as scale=30, unit=deg for 30 degrees per volt",
 )
 
-_DRIVEN = "`fit`: motor, friction, delay and sensor, from the angle beside it"
+_DRIVEN = "motor, friction, delay and sensor, with the angle beside it, by lab-pendulum fit"
 TORQUE = Quantity(
     "a torque", ("*torque*", "tau", "*drehmoment*", "*couple", "*moment"),
     {"N m": Unit(1.0, ("nm",)), "mN m": Unit(1e-3, ("mnm", "nmm")), "N cm": Unit(1e-2, ("ncm",)),
-     "µN m": Unit(1e-6, ("µnm", "unm"))}, _DRIVEN, "`--torque` chooses it", "logs of driven runs",
+     "µN m": Unit(1e-6, ("µnm", "unm"))}, _DRIVEN, "--torque chooses it",
 )
 CURRENT = Quantity(
     "a motor's current", ("*current*", "iq", "amp", "amps", "*strom"),
-    {"A": Unit(1.0, ("a",)), "mA": Unit(1e-3, ("ma",))}, _DRIVEN, "`--current` chooses it", "logs of driven runs",
+    {"A": Unit(1.0, ("a",)), "mA": Unit(1e-3, ("ma",))}, _DRIVEN, "--current chooses it",
 )
 ACTION = Quantity(
     "an action", ("action", "control", "command", "duty", "pwm", "u", "*stellgr*"),
-    {"1": Unit(1.0, ("1", "", "-")), "%": Unit(0.01, ("%", "percent"))}, _DRIVEN, "`--action` chooses it",
-    "logs of driven runs",
+    {"1": Unit(1.0, ("1", "", "-")), "%": Unit(0.01, ("%", "percent"))}, _DRIVEN, "--action chooses it",
 )
 
 QUANTITIES: Sequence[Quantity] = (
