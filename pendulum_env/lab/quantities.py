@@ -34,7 +34,7 @@ def pattern(words: Iterable[str]) -> re.Pattern[str]:
     return re.compile("|".join(forms), re.IGNORECASE)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Unit:
     """A unit of a quantity: its size in SI units, and the words that name it in a title."""
 
@@ -47,7 +47,7 @@ class Unit:
         return pattern(self.words)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Quantity:
     """A quantity that a column may hold.
 
@@ -184,7 +184,7 @@ LENGTH = Quantity(
            "line, and run lab-pendulum measure with --length",
 )
 CORRELATION = Quantity(
-    "calculated from a swing, and no reading of it",
+    "a result calculated from a swing",
     ("*correlation*", "*korrelation*", "time shift*", "*frequenc*", "*frequenz*", "*spectr*", "*spektr*", "fft*"),
     remedy="export the readings of the sensor; in an archive or a workbook, part= names their table",
 )
@@ -204,7 +204,7 @@ OTHER = Quantity(
     remedy="choose another column",
 )
 OTHER_UNIT = Quantity(
-    "no angle by its unit",
+    "a quantity in another unit",
     ("volt", "volts", *(f"({unit})" for unit in ("V", "mV", "m", "cm", "mm", "px", "pixel", "pixels", "N", "A", "g",
                                                  "%"))),
     remedy="if it is proportional to the angle, give its size, as scale=30, unit=deg for 30 degrees per volt",

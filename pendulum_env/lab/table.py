@@ -118,6 +118,7 @@ class TextTable:
         own = [fields for line in self.header if len(fields := split(line, self.separator)) == self.width > 1]
         lines = own or [fields for fields in map(self._fields_of, self.header) if fields]
         lines = lines or [fields for fields in map(self._fields_of, self.comments) if fields][-1:]
+        lines = lines or self._short_titles()
         return [[fields[column] for fields in lines] for column in range(self.width)]
 
     def choose_run(self, run: int | None) -> list[str]:
@@ -225,6 +226,19 @@ class TextTable:
         lines = {line for line, _ in words}
         self.rows = [row for row in self.rows if row[0] not in lines]
         return sorted(lines)
+
+    def _short_titles(self) -> list[list[str]]:
+        """Return the last header line with a few titles, one of a time, as titles of the first columns; of the last
+        ones if only one is missing and the first column numbers the rows, as programs write row names without a title.
+        """
+        lines = [] if self.separator == " " else [split(line, self.separator) for line in self.header]
+        short = [fields for fields in lines if 1 < len(fields) < self.width and any(map(TIME.names, fields))]
+        if not short:
+            return []
+        rows = [self.number(fields[0]) for _, fields in self.rows]
+        missing = [""] * (self.width - len(short[-1]))
+        counted = len(missing) == 1 and rows[0] in (0.0, 1.0) and rows == [rows[0] + i for i in range(len(rows))]
+        return [[*missing, *short[-1]] if counted else [*short[-1], *missing]]
 
     def _width_with_titles(self, width: int) -> int:
         """Return the number of columns by the rows and the titles: ``width`` by the rows, or more if a header line
