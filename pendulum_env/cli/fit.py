@@ -167,6 +167,8 @@ def fit(
     scene_line = f"Scene: {best.scene.equation()}"
     beside = [text or left_out for text, left_out in (side("the goodness of the fit", lambda: goodness(best)),
                                                       side("the radius of the track", lambda: against_track(best)))]
+    if beside[0].startswith("Left out:"):
+        beside[0] += f"\n{best.grade.text}"  # which the goodness would have ended with
     usable = [beside[0], verdict, beside[1], assumed, scene_line]
     lines = [*(usable if best.grade.usable else [scene_line, best.grade.text]), no_sheet]
     print_text("\n".join(line for line in lines if line))

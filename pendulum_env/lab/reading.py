@@ -350,7 +350,10 @@ def _steady_rate(time: FloatArray) -> str:
     slope, start = np.polyfit(order, time, 1)
     if float(np.abs(time - start - slope * order).max()) > _ROUNDED * size:
         return ""
-    return f"they look rounded to {size:.3g} s: if readings come at a constant rate, give rate={1.0 / slope:.4g}"
+    rate, error = 1.0 / slope, 3.0 * size / (slope * slope * len(time) ** 1.5)  # three errors of the slope
+    short = next((text for text in (f"{rate:.{digits}g}" for digits in range(1, 9)) if abs(float(text) - rate) < error),
+                 f"{rate:.8g}")
+    return f"they look rounded to {size:.3g} s: if readings come at a constant rate, give rate={float(short):g}"
 
 
 def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str | None) -> tuple[str, str]:

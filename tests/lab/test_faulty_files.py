@@ -174,7 +174,7 @@ def test_a_gate_is_read_whichever_state_is_first(amplitude: float, first: int, w
     assert state[0] == 1 - first
     noisy = time + 1e-5 * np.random.default_rng(3).standard_normal(len(time))
     sheet = measure_gate(table(tmp_path, "Time (s),Gate State", noisy, state, digits=".6f"))
-    assert sheet.small_period.value == pytest.approx(period(swing), rel=1.5e-5)
+    assert sheet.small_period.value == pytest.approx(period(swing), rel=6e-5)
     assert abs(sheet.small_period.value - period(swing)) < 4.0 * sheet.small_period.error
 
 
@@ -189,7 +189,9 @@ def test_readings_of_a_gate_may_begin_blocked(header: str, tmp_path: Path) -> No
     path = tmp_path / "gate.csv"
     path.write_text((f"{header}\n" if header else "") + "".join(
         ",".join(f"{x:g}" for x in row) + "\n" for row in zip(*columns, strict=True)))
-    assert measure_gate(path).small_period.value == pytest.approx(period(swing), rel=3e-4)
+    small = measure_gate(path).small_period
+    assert abs(small.value - period(swing)) < 3.0 * small.error
+    assert small.value == pytest.approx(period(swing), rel=6e-4)
 
 
 def test_states_that_may_be_changes_or_readings_are_refused(tmp_path: Path, run_here: Here) -> None:
@@ -353,9 +355,9 @@ def test_times_that_are_rounded_give_the_rate_to_ask_for(decimals: int, rate: fl
 def test_a_quotient_is_a_scale_on_the_command_line(tmp_path: Path, run_here: Here) -> None:
     path = table(tmp_path, "millis,raw", 1e3 * TIME, np.round(2048.0 + np.degrees(ANGLE) * 4096 / 360), digits="g")
     read = ("--read", "scale=360/4096", "--read", "unit=deg")
-    code, out, _ = run_here("measure", str(path), *read, "--out", str(tmp_path / "out"))
-    assert code == 0
-    assert f"{period(SWING):.3f}" in out
+    assert run_here("measure", str(path), *read, "--out", str(tmp_path / "out"))[0] == 0
+    (row,) = re.findall("^period at small amplitude T0,([^,]*),", (tmp_path / "out" / "measured.csv").read_text(), re.M)
+    assert float(row) == pytest.approx(period(SWING), rel=1e-3)
     code, _, said = run_here("fit", str(path), "--scale", "360/0", "--unit", "deg", "--out", str(tmp_path / "out"))
     assert code == 2
     assert "scale must be a finite number other than 0, got '360/0'" in said
@@ -369,7 +371,8 @@ def pendulum_export() -> list[tuple[str, list[tuple[Any, ...]]]]:
     zero = 0.0 * TIME
     raw = zip(TIME.tolist(), zero.tolist(), (SPEED + 0.01).tolist(), zero.tolist(), strict=True)
     lags = (0.02 * np.arange(250)).tolist()
-    return [("Autocorrelation", [("Time shift (s)", "Autocorrelation of sum"), *((t, math.cos(4.0 * t)) for t in lags)]),
+    shifted = [("Time shift (s)", "Autocorrelation of sum"), *((t, math.cos(4.0 * t)) for t in lags)]
+    return [("Autocorrelation", shifted),
             ("Raw Data", [("Time (s)", *(f"Rotation {axis} (rad/s)" for axis in "xyz")), *raw]),
             ("Resonance", [("Frequency (Hz)", "Rel. amplitude (a.u.)"), *((0.6 + t, 1.0 - t) for t in lags[:9])])]
 
@@ -400,7 +403,7 @@ TITLES = {
     declared.NO_FORCE: ("Linear Acceleration x (m/s^2)", "User acceleration y"),
     declared.LENGTH: ("length (m)", "L"), declared.CORRELATION: ("Autocorrelation", "Spectrum", "Frequency (Hz)"),
     declared.COUNTS: ("counts", "ticks"), declared.OTHER_ANGLE: ("A (mrad)", "turns"),
-    declared.OTHER_UNIT: ("Potential (V)", "x pos A (px)"), declared.PERIOD: ("Period (s)",),
+    declared.OTHER_UNIT: ("Potential (V)", "A (px)"), declared.PERIOD: ("Period (s)",),
     declared.GATE: ("Gate State",),
 }
 """Quantities that are refused -> titles that name them."""
@@ -445,12 +448,11 @@ SIDE = {
 
 
 ERRORS = (ValueError, ZeroDivisionError, np.linalg.LinAlgError)
-QUICK = ("of_swings", "reading_error")
+"""Errors of a check of values, of a division and of linear algebra."""
 
 
-@pytest.mark.parametrize(("name", "error"), [
-    pytest.param(name, ERRORS[i % 3], marks=[] if name.endswith(QUICK) else pytest.mark.slow)
-    for i, name in enumerate(SIDE)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "error"), [(name, ERRORS[i % 3]) for i, name in enumerate(SIDE)])
 def test_no_side_quantity_ends_a_fit(
     name: str, error: type[Exception], tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -468,6 +470,20 @@ def test_no_side_quantity_ends_a_fit(
     assert SIDE[name] in text
     scene = json.loads((tmp_path / "out" / "scene.json").read_text())
     assert scene["body"]["length"] == pytest.approx(0.6, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", ["fit.of_swings", "result.of_misfit", "result.reading_error"])
+@pytest.mark.filterwarnings("ignore:The fit")
+def test_a_check_that_fails_is_an_exception_of_the_grade(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    time = np.arange(0.0, 9.0, 0.1)
+    angle = SWING.at(time)[0] + 1e-3 * np.random.default_rng(1).standard_normal(len(time))
+
+    def fails(*_: Any) -> Any:
+        raise ZeroDivisionError("it fails here")
+
+    monkeypatch.setattr(f"pendulum_env.lab.fitting.{name}", fails)
+    found = fit(Recording(time, angle, "swing"), "linear", mass=1.0)
+    assert re.search("usable, except that left out: the .*, because it fails here", found.grade.text)
 
 
 def test_a_measurement_goes_on_without_the_periods_of_cycles(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -516,7 +532,7 @@ def check_at_bound(found: Any) -> None:
     limit = found.to_dict()["parameters"]["bearing_viscosity"]["below"]
     assert 1.6 * one.error < limit < 2.0 * one.error * (1.0 + 5.0 / found.solution.freedom)
     assert found.interval("bearing_viscosity").low == 0.0
-    assert found.scene.parameters()["bearing.bearing_viscosity"] == 0.0
+    assert [value for name, value in found.scene.parameters().items() if name.endswith("bearing_viscosity")] == [0.0]
     assert found.environment["scene"] == found.scene
     assert len(found.sample(5)["length"]) == 5
 
