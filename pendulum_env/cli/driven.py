@@ -37,7 +37,7 @@ def fit_logs(
     from pendulum_env.physics.damping import parse_settings, typed_values
     from pendulum_env.physics.units import SceneError, nearest, shown
     from pendulum_env.plots.driven import driven
-    from pendulum_env.plots.style import save_all
+    from pendulum_env.study.fit_report import drawn
 
     if not files:
         raise SceneError("A drive's column needs a log of a driven run; give its file.")
@@ -82,4 +82,4 @@ def fit_logs(
         temporary.write_text(json.dumps({**found.to_dict(), "provenance": origin}, indent=2) + "\n", encoding="utf-8")
     found.scene.save(paths[3], provenance=origin)
     title = {**origin, "Title": f"fit of {', '.join(log.source for log in logs)}"}
-    print_files([*paths, *save_all(driven(found), folder / "fit", title, svg)])
+    print_files([*paths, *drawn(lambda: driven(found), folder / "fit", title, svg)])

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pendulum_env.common.progress import Progress
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
+    from pendulum_env.lab.sheet import LabSheet
 
 
 def fit(
@@ -45,7 +46,7 @@ def fit(
     ] = None,
     unit: Annotated[str | None, typer.Option(help="Unit of the angles: deg or rad; by default inferred.")] = None,
     rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,
-    scale: Annotated[float | None, typer.Option(help="Factor for the file's angles, as 0.99.")] = None,
+    scale: Annotated[str | None, typer.Option(help="Factor for the file's angles, as 0.99 or 360/4096.")] = None,
     oscillations: Annotated[
         int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
     ] = None,
@@ -86,6 +87,7 @@ def fit(
     """
     from pendulum_env.cli.driven import fit_logs, is_driven_fit
     from pendulum_env.common.provenance import output_folder
+    from pendulum_env.lab.checked import side
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.robust import calmed
     from pendulum_env.lab.recording import RecordingError
@@ -131,10 +133,16 @@ def fit(
     data = recording_of(place, read, **given)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     print_text(data.text)
-    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above,
-                    length_error=length_error, **known)
-    print_table(sheet.table, "the lab sheet")
-    print_text(sheet.text)
+
+    def measured() -> LabSheet:
+        return measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above,
+                       length_error=length_error, **known)
+
+    data.released()  # without a swing, there is nothing to fit either
+    sheet, no_sheet = side("the lab sheet", measured) if oscillations is None else (measured(), "")
+    if sheet is not None:
+        print_table(sheet.table, "the lab sheet")
+        print_text(sheet.text)
     output_folder(out)
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
@@ -149,7 +157,7 @@ def fit(
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
         if found is not None:
             paths[-1:-1] = write_posterior(found, out, svg)
-    tell_of(warned, f"{best.grade.text}\n{sheet.text}")
+    tell_of(warned, best.grade.text if sheet is None else f"{best.grade.text}\n{sheet.text}")
     if best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
         if best.grade.usable:
@@ -158,8 +166,12 @@ def fit(
     assumed = "" if scene or "radius" in known else (
         f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
     scene_line = f"Scene: {best.scene.equation()}"
-    usable = [goodness(best), verdict, against_track(best), assumed, scene_line]
-    lines = usable if best.grade.usable else [scene_line, best.grade.text]
+    beside = [text or left_out for text, left_out in (side("the goodness of the fit", lambda: goodness(best)),
+                                                      side("the radius of the track", lambda: against_track(best)))]
+    if beside[0].startswith("Left out:"):
+        beside[0] += f"\n{best.grade.text}"  # which the goodness would have ended with
+    usable = [beside[0], verdict, beside[1], assumed, scene_line]
+    lines = [*(usable if best.grade.usable else [scene_line, best.grade.text]), no_sheet]
     print_text("\n".join(line for line in lines if line))
     if found is not None:
         print_table(found.table, f"posterior, {best.damping} damping")
@@ -202,15 +214,14 @@ def _sampling(
 def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) -> Posterior | None:
     """Return the posterior of a fit; None if it is not wanted or not possible, with a warning that says why."""
     from pendulum_env.common.warn import warn
-    from pendulum_env.lab.recording import RecordingError
+    from pendulum_env.lab.checked import side
 
     if sampling is None:
         return None
-    try:
-        return best.posterior(**sampling, progress=progress)
-    except RecordingError as error:
-        warn(f"No posterior: {error}")
-        return None
+    found, left_out = side("the posterior", lambda: best.posterior(**sampling, progress=progress))
+    if found is None:
+        warn(left_out)
+    return found
 
 
 def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> None:

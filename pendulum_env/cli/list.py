@@ -1,4 +1,4 @@
-"""The command ``lab-pendulum list``: scenes, integrators, effects, bodies, tasks and events."""
+"""The command ``lab-pendulum list``: scenes, integrators, effects, bodies, tasks, events and formats."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def list_(
     what: Annotated[
-        str | None, typer.Argument(help="scenes, integrators, effects, bodies, tasks or events; all by default.")
+        str | None, typer.Argument(help="scenes, integrators, effects, bodies, tasks, events, formats; all by default.")
     ] = None,
     scene: Annotated[
         str | None, typer.Option(help="Describe this scene or, after integrators, list those suitable for it.")
@@ -24,7 +24,7 @@ def list_(
     csv: Annotated[bool, typer.Option(help="Print CSV, with all columns.")] = False,
     markdown: Annotated[bool, typer.Option(help="Print tables in Markdown.")] = False,
 ) -> None:
-    """List scenes, integrators, effects, bodies, tasks and events.
+    """List scenes, integrators, effects, bodies, tasks, events, and formats of recordings.
 
     --scene describes one scene or shows which integrators suit it.
     """

@@ -24,6 +24,10 @@ def measure(
     oscillations: Annotated[
         int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
     ] = None,
+    states: Annotated[
+        str | None, typer.Option(help="Rows of a file with gate states: changes of the beam, or readings of it; by "
+                                 "default inferred.")
+    ] = None,
     columns: Columns = None,
     until: Until = None,
     above: Above = None,
@@ -55,11 +59,13 @@ def measure(
         for name, value in (("radius", radius), ("oscillations", oscillations)):
             if value is not None:
                 raise SceneError(f"--{name} is for recordings of a swing, and {file} is of a photogate; leave it out.")
-        gate = measure_gate(file, length_error=length_error or 0.0, **given)
+        gate = measure_gate(file, length_error=length_error or 0.0, states=states, **given)
         print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
         print_text(gate.text)
         path = output_folder(out) / "measured.csv"
         write_csv(path, gate.table.head, gate.table.rows, provenance())
+    elif states is not None:
+        raise SceneError("--states is for files with the states of a photogate; leave it out.")
     else:
         data = recording_of(FILE if file is None else file, read, **choice)
         print_text(data.text)

@@ -99,6 +99,8 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
         if name in given:
             raise SceneError(f"{name} is given twice, by --{name} and by --read.")
         given[name] = _marks().get(value, value)
+    if isinstance(given.get("scale"), str):
+        given["scale"] = quotient(given["scale"])
     given |= {name: _parts(given[name]) for name in LISTS if isinstance(given.get(name), str)}
     if file is None:
         raise SceneError("--read needs a recording; give a file.")
@@ -109,6 +111,15 @@ def given_by_user(context: typer.Context, *names: str) -> list[str]:
     """Return those of the options of a command that were given on the command line."""
     return [name for name in names if (source := context.get_parameter_source(name)) is not None
             and source.name == "COMMANDLINE"]
+
+
+def quotient(text: str) -> float | str:
+    """Return the number that a text such as "360/4096" or "0.99" stands for; any other text unchanged."""
+    try:
+        above, _, below = text.partition("/")
+        return float(above) / float(below or 1.0)
+    except (ValueError, ZeroDivisionError):
+        return text
 
 
 LISTS = ("columns", "pivot")

@@ -135,7 +135,7 @@ class Given:
             warn(sentence)
         assumed = frozenset(name for name, value in sizes.items() if value is None)
         return cls(Body(**{**exercise_ball(), **own}), assumed, tuple(frequencies), gravity, swing, simulated, sheet,
-                   float(np.mean(sheet.cycles.amplitude[:sheet.averaged])), recorded)
+                   sheet.mean_amplitude, recorded)
 
 
 def exercise_ball() -> dict[str, Any]:

@@ -19,8 +19,6 @@ from pendulum_env.lab.turning import Angles, all_turning_points, extremes
 
 GRAVITY = 9.81
 """Gravity with which the first estimates are made [m/s²]; a fit takes that of its scene."""
-STANDARD = 9.80665
-"""The unit g of accelerometers [m/s²]."""
 _NEAR_G = 0.25
 """The mean specific force differs from gravity by less than this share, if the readings are in its unit."""
 _RESTING = 0.1

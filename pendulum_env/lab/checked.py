@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ FloatArray = NDArray[np.float64]
 
 GAP = 5.0
 """Time steps longer than this many median steps count as gaps in a recording."""
+
+
+T = TypeVar("T")
 
 
 class RecordingError(ValueError):
@@ -79,6 +82,21 @@ def count(n: Any, what: str, name: str = "n") -> int | None:
         raise RecordingError(f"{name} must be a whole number of {what} from 1, got {shown(n)}") from None
 
 
+def side(what: str, make: Callable[[], T]) -> tuple[T | None, str]:
+    """Return a side quantity of a measurement or fit and "", or None and a sentence that it is left out, and why.
+
+    A result must not be lost because something beside it cannot be calculated or drawn. SceneError is raised, as the
+    caller's values are then wrong.
+    """
+    try:
+        return make(), ""
+    except SceneError:
+        raise
+    except (ValueError, ArithmeticError, LookupError, RuntimeError) as error:
+        reason = str(error).strip().removesuffix(".") or type(error).__name__
+        return None, f"Left out: {what}, because {reason}."
+
+
 def known(value: Any, name: str, allowed: Iterable[str]) -> str:
     """Return a word if it is one of the allowed ones; RecordingError, which suggests the nearest word, for any other.
     """
@@ -90,8 +108,8 @@ def known(value: Any, name: str, allowed: Iterable[str]) -> str:
     raise RecordingError(f"{name} must be {' or '.join(map(repr, words))}, got {shown(value)}{hint}")
 
 
-def chosen(name: str, what: str, parts: Sequence[str], part: str | None) -> str:
-    """Return the part of a file to read: the given one, or the only one.
+def chosen(name: str, what: str, parts: Sequence[str], part: str | None, best: Sequence[str] = ()) -> str:
+    """Return the part of a file to read: the given one, the only one, or the only one of the ``best``.
 
     ``what`` names the parts, as "sheet". Raises RecordingError if there is none, or several and none is given.
     """
@@ -99,8 +117,8 @@ def chosen(name: str, what: str, parts: Sequence[str], part: str | None) -> str:
         if part not in parts:
             raise RecordingError(f"{name}: there is no {what} {shown(part)}; there are {', '.join(parts) or 'none'}")
         return part
-    if len(parts) == 1:
-        return parts[0]
+    if len(parts) == 1 or len(best) == 1:
+        return (parts if len(parts) == 1 else best)[0]
     if not parts:
         raise RecordingError(f"{name}: expected a {what} with numbers, found none")
     raise RecordingError(f"{name}: expected one {what} with numbers, found {', '.join(parts)}; choose one by part=")

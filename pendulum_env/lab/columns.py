@@ -11,44 +11,38 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pendulum_env.lab.accelerations import STANDARD
-from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.checked import FloatArray, RecordingError
+from pendulum_env.lab.quantities import (
+    ACTION,
+    ANGLE,
+    CORRELATION,
+    COUNT,
+    CURRENT,
+    DISTANCE,
+    FORCE,
+    GATE,
+    LENGTH,
+    NO_FORCE,
+    OTHER,
+    PERIOD,
+    RATE,
+    RATE_OF_CHANGE,
+    TIME,
+    TORQUE,
+    Quantity,
+)
 from pendulum_env.lab.table import TextTable
 from pendulum_env.lab.tracks import fit_circle
 from pendulum_env.physics.units import nearest, shown
 
-_TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|temps|tiempo|t|seconds?|sec|s|[mµu]s|milli\w*|micro\w*)(?![a-z])",
-                   re.IGNORECASE)
-_COUNT = re.compile(r"(?<![a-z])(?:frames?|slices?|index|idx|samples?|no|nr|n)(?![a-z])", re.IGNORECASE)
-_ANGLE = re.compile(r"angle|winkel|theta|θ|phi|φ|ϕ|°|(?<![a-z])(?:deg|degrees?|rad|radians?)(?![a-z])", re.IGNORECASE)
-_RATE_OF_CHANGE = re.compile(
-    r"veloc|speed|accel|gyro|omega|ω|(?<![a-z])w[xyz](?![a-z])|geschw|dot(?![a-z])|\u0307|(?<![a-z])(?:rate(?![a-z])|d(?:theta|phi|θ|φ))"
-    r"|(?:rad|deg\w*|°|m|1)\s*/\s*s|s\^?-\d", re.IGNORECASE)
-_OTHER = re.compile(
-    r"counter|state|gate|energy|voltage|force|temp|humid|press|battery|mass|marker|(?<![a-z])(?:ke|pe|te)(?![a-z])",
-    re.IGNORECASE)
-"""Columns that are never an angle."""
-_DISTANCE = re.compile(r"distance|position|displacement|abstand|weg|(?<![a-z])pos(?![a-z])", re.IGNORECASE)
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-"""Unit of length -> its size [m]."""
-_LENGTH_UNIT = re.compile(r"[(\[,]?\s*(?<![a-z])(mm|cm|m)\s*(?:[)\]]|$)")
-_RATE = re.compile(
-    r"gyro|rotation|(?<![a-z])w[xyz](?![a-z])|angular[ _]*(?:velocity|speed|rate)|winkelgeschw|omega|ω"
-    r"|(?:rad\w*|deg\w*|°)\s*/\s*s|(?<![a-z])dps(?![a-z])", re.IGNORECASE)
-"""Columns of an angular velocity."""
-_RATE_UNITS = {"deg": re.compile(r"(?:deg\w*|°)\s*/\s*s|(?<![a-z])dps(?![a-z])", re.IGNORECASE),
-               "rad": re.compile(r"rad\w*\s*/\s*s|(?<![a-z])w[xyz](?![a-z])|gyro", re.IGNORECASE)}
-"""Unit of an angular velocity, per s; those of gyroscopes of phones are in rad/s if their titles have no unit."""
 _ABSOLUTE = re.compile(r"absolut|magnitude|norm|total|betrag|(?<![a-z])(?:tg?f|at)(?![a-z])", re.IGNORECASE)
-RATE = "rate"
-_FORCE = re.compile(r"accel|beschleun|(?<![a-z])(?:g?f|a|acc)[ _-]?[xyz](?![a-z])|g[ -]?force", re.IGNORECASE)
-"""Columns of an acceleration."""
-_NO_FORCE = re.compile(r"linear|without g|ohne g|user|angular", re.IGNORECASE)
-"""Titles of accelerations from which a phone has subtracted gravity, and of angular accelerations."""
-_FORCE_UNITS = {1.0: re.compile(r"m\s*/?\s*s\s*(?:\^?-?2|²|⁻²|/s)", re.IGNORECASE),
-                STANDARD: re.compile(r"[(\[]\s*g\s*[)\]]|(?<![a-z])gf|g[ -]?force", re.IGNORECASE)}
-"""Size of the unit of an acceleration [m/s²] -> how a title names it."""
-FORCE = "acceleration"
+RATED = "rate"
+FORCED = "acceleration"
+NEVER: tuple[Quantity, ...] = (CORRELATION, GATE, LENGTH, PERIOD, OTHER)
+"""Quantities that are never an angle; a column with any but the last is a sign of another kind of file."""
+DRIVES = (TORQUE, CURRENT, ACTION)
+_ALIKE = 4
+"""Most ways in which one number is written, as 0, -0 and 0.0."""
 _FEW = 3
 """Number of values of each column that a refusal prints."""
 _ON_CIRCLE = 0.02
@@ -114,14 +108,16 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
         forces = _forces(table, titles, layout)
         if forces is not None:
             return forces
-        wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
+        wrong = [titles[i] for i in layout.values if RATE_OF_CHANGE.names(titles[i])]
         if wrong:
             raise RecordingError(f"{table.name}: expected an angle, the header names {wrong[0]!r}; "
                                  f"{described(table, titles)}")
+        for place in (*layout.values, *([] if layout.time is None else [layout.time])):
+            _refuse_others(table, titles, [place])
         across, along = ([i for i in range(len(titles)) if form.search(titles[i])] for form in (_X, _Y))
         first = layout.values[0]
-        axis = not layout.track and first in (*across, *along) and not _ANGLE.search(titles[first])
-        if axis and across and along:
+        axis = not layout.track and first in (*across, *along) and not ANGLE.names(titles[first])
+        if axis and across and along and layout.time not in across:
             problem = "the header names several columns x and y (give columns=(time, x, y))"
             raise RecordingError(f"{table.name}: expected an angle, or one track, {problem}")
         if layout.time is not None and (_counts(titles[layout.time]) or _numbered(table, titles, layout)):
@@ -131,13 +127,12 @@ def layout_of(table: TextTable, columns: Any, timed: bool) -> ColumnLayout:
             raise RecordingError(f"{table.name}: expected times, {problem}")
         return layout
     if isinstance(columns, str) and columns == TRACK:
-        layout = _track(titles, timed) or _first_of_track(table, timed)
+        layout = _track(table, titles, timed) or _first_of_track(table, timed)
     else:
         layout = _selected(table, titles, columns, timed)
-        wrong = [titles[i] for i in layout.values if _RATE_OF_CHANGE.search(titles[i])]
+        wrong = [titles[i] for i in layout.values if RATE_OF_CHANGE.names(titles[i])]
         if wrong and not layout.rate and not layout.force and not (isinstance(columns, str) and "angle" in columns):
-            raise RecordingError(f"{table.name}: {wrong[0]!r} is the name of an angular velocity; choose it by "
-                                 f"columns='time=1,{RATE}=2', or by columns='time=1,angle=2' if it is an angle")
+            raise RecordingError(f"{table.name}: {RATE_OF_CHANGE.refusal(wrong[0])}")
     places = [*([] if layout.time is None else [layout.time]), *layout.values]
     note = f"columns: {_list(places, titles)}, as given"
     return ColumnLayout(layout.time, layout.values, [note], layout.length, layout.rate, layout.force)
@@ -148,12 +143,12 @@ def _rates(titles: list[str], layout: ColumnLayout) -> ColumnLayout | None:
 
     Those of all axes are taken, and an absolute value only if there is nothing else.
     """
-    if layout.track or layout.time is None or not _RATE_OF_CHANGE.search(titles[layout.values[0]]):
+    if layout.track or layout.time is None or not RATE_OF_CHANGE.names(titles[layout.values[0]]):
         return None
-    places = [i for i, title in enumerate(titles) if _RATE.search(title) and i != layout.time and "accel" not in
+    places = [i for i, title in enumerate(titles) if RATE.names(title) and i != layout.time and "accel" not in
               title.lower()]
     places = [i for i in places if not _ABSOLUTE.search(titles[i])] or places[:1]
-    units = {unit for i in places for unit, form in _RATE_UNITS.items() if form.search(titles[i])}
+    units = RATE.units_in(titles[i] for i in places)
     if not places or len(units) != 1:
         return None
     note = f"columns: {_list([layout.time, *places], titles)}, an angular velocity in {min(units)}/s"
@@ -166,18 +161,15 @@ def _forces(table: TextTable, titles: list[str], layout: ColumnLayout) -> Column
     Those of all axes are taken, and the absolute value only if there is nothing else. Raises RecordingError for an
     acceleration from which a phone has subtracted gravity.
     """
-    if layout.time is None or _ANGLE.search(titles[layout.values[0]]):
+    if layout.time is None or ANGLE.names(titles[layout.values[0]]):
         return None
-    places = [i for i, title in enumerate(titles) if _FORCE.search(title) and i != layout.time
-              and not _RATE.search(title)]
+    places = [i for i, title in enumerate(titles) if FORCE.names(title) and i != layout.time
+              and not RATE.names(title)]
     if not places or (layout.values[0] not in places and not layout.track):
         return None
-    without = [i for i in places if _NO_FORCE.search(titles[i])]
+    without = [i for i in places if NO_FORCE.names(titles[i])]
     if len(without) == len(places):
-        raise RecordingError(
-            f"{table.name}: {titles[places[0]]!r} is an acceleration without gravity, which shows only the product of "
-            "the amplitude and the distance of the phone from the pivot: a small swing far from it or a large one near "
-            f"it; record the acceleration with g, or the gyroscope; {described(table, titles)}")
+        raise RecordingError(f"{table.name}: {NO_FORCE.refusal(titles[places[0]])}; {described(table, titles)}")
     places = [i for i in places if i not in without]
     places = [i for i in places if not _ABSOLUTE.search(titles[i])] or places[:1]
     return _with_force(titles, layout.time, places[:3])
@@ -185,11 +177,11 @@ def _forces(table: TextTable, titles: list[str], layout: ColumnLayout) -> Column
 
 def _with_force(titles: list[str], time: int, places: Sequence[int]) -> ColumnLayout:
     """Return the layout of a file with a time and accelerations, whose unit is that in their titles."""
-    units = {unit for i in places for unit, form in _FORCE_UNITS.items() if form.search(titles[i])}
-    unit = units.pop() if len(units) == 1 else -1.0
-    said = {1.0: " in m/s²", STANDARD: " in g"}.get(unit, "")
+    units = FORCE.units_in(titles[i] for i in places)
+    name = units.pop() if len(units) == 1 else ""
+    said = f" in {name}" if name else ""
     return ColumnLayout(time, tuple(places), [f"columns: {_list([time, *places], titles)}, an acceleration{said}"],
-                        force=unit)
+                        force=FORCE.units[name].size if name else -1.0)
 
 
 def is_absolute(titles: Sequence[str]) -> bool:
@@ -204,8 +196,8 @@ def described(table: TextTable, titles: list[str]) -> str:
         values = [fields[i] for _, fields in table.rows[:_FEW] if len(fields) > i]
         name = f"{i + 1}{f' ({title})' if title else ''}"
         columns.append(f"{name} begins with {', '.join(values)} ({_could_be(table, i)})")
-    return (f"column {'; '.join(columns)}; choose by columns='time=1,angle=2', with rate, {FORCE}, or x and y in place "
-            "of angle")
+    return (f"column {'; '.join(columns)}; choose by columns='time=1,angle=2', with rate, {FORCED}, or x and y in "
+            "place of angle")
 
 
 def _could_be(table: TextTable, column: int) -> str:
@@ -221,13 +213,12 @@ def _could_be(table: TextTable, column: int) -> str:
     if (steps > 0.0).all():
         even = bool((steps == steps[0]).all()) and float(steps[0]).is_integer()
         return "a counter of readings, or a time" if even or _counts(title) else "a time"
-    named = [what for what, form in (("an acceleration", _FORCE), ("an angular velocity", _RATE), ("an angle", _ANGLE),
-                                     ("a displacement", _DISTANCE), ("no angle", _OTHER)) if form.search(title)]
-    if named:
-        return named[0]
+    named = next((quantity for quantity in (FORCE, RATE, ANGLE, DISTANCE, *NEVER) if quantity.names(title)), None)
+    if named is not None:
+        return "no angle" if named is OTHER else named.name
     if len(np.unique(values)) == 2:
         return "a state"
-    if _RATE_OF_CHANGE.search(title):
+    if RATE_OF_CHANGE.names(title):
         return "a rate of change"
     most = float(np.abs(values).max())
     size = "an angle in degrees" if most > 2.0 * np.pi else "an angle in radians or degrees"
@@ -237,9 +228,9 @@ def _could_be(table: TextTable, column: int) -> str:
 def _refuse_axes(table: TextTable, titles: list[str]) -> None:
     """Raise RecordingError if the header names three axes x, y and z, but not the quantity that they belong to."""
     axes = [[i for i, title in enumerate(titles) if form.fullmatch(title)] for form in (_X, _Y, _Z)]
-    if all(axes) and not any(form.search(title) for title in titles for form in (_ANGLE, _FORCE, _RATE)):
+    if all(axes) and not any(quantity.names(title) for title in titles for quantity in (ANGLE, FORCE, RATE)):
         raise RecordingError(f"{table.name}: the axes x, y and z may be an angular velocity or an acceleration, the "
-                             f"header does not say; choose by columns='time=1,rate=2' or 'time=1,{FORCE}=2'; "
+                             f"header does not say; choose by columns='time=1,rate=2' or 'time=1,{FORCED}=2'; "
                              f"{described(table, titles)}")
 
 
@@ -281,49 +272,76 @@ def _named(table: TextTable, titles: list[str], timed: bool) -> ColumnLayout:
     width = len(titles)
     if width == 1:
         return ColumnLayout(None, (0,), [])
-    is_angle = [bool(_ANGLE.search(title)) and not _RATE_OF_CHANGE.search(title) for title in titles]
-    track = None if any(is_angle) else _track(titles, timed)
+    dead = {i for i in range(width) if _constant(table, i)}
+    named = [i for i, title in enumerate(titles) if ANGLE.names(title) and not RATE_OF_CHANGE.names(title)]
+    angles = [i for i in named if i not in dead]
+    times = [i for i, title in enumerate(titles) if TIME.names(title) and i not in named
+             and not RATE_OF_CHANGE.names(title)]
+    time = next((i for i in times if i not in dead), 1 if named[:1] == [0] else 0)
+    still = [i for i in named if i in dead and i != time]
+    notes = [f"columns: {_list(still, titles)} left out, as {'they do' if len(still) > 1 else 'it does'} not change"
+             ] if still else []
+    track = None if angles else _track(table, titles, timed)
     if track is not None:
-        return track
-    times = [i for i, title in enumerate(titles) if _TIME.search(title) and not is_angle[i]
-             and not _RATE_OF_CHANGE.search(title)]
-    angles = [i for i in range(width) if is_angle[i]]
-    time = times[0] if times else 1 if angles[:1] == [0] else 0
-    still = [i for i in angles if i != time and len(angles) > 1 and _constant(table, i)]
-    notes = [f"columns: {_list(still, titles)} left out, as it does not change"] if len(still) == 1 else []
-    angles = [i for i in angles if i not in still] or angles
+        return track._replace(notes=[*notes, *track.notes])
     angle = next((i for i in angles if i != time), None)
     if angle is None:
-        others = [i for i in range(width) if i != time and not _OTHER.search(titles[i]) and i not in times
+        others = [i for i in range(width) if i not in (time, *still, *times) and not _never(titles[i])
                   and not _counts(titles[i])]
-        lengths = [i for i in others if (_DISTANCE.search(titles[i]) or _X.search(titles[i]))
-                   and not _RATE_OF_CHANGE.search(titles[i])]
+        others = [i for i in others if i not in dead] or ([] if still else others)
+        lengths = [i for i in others if (DISTANCE.names(titles[i]) or _X.search(titles[i]))
+                   and not RATE_OF_CHANGE.names(titles[i])]
         if len(lengths) == 1 and not any(_Y.search(titles[i]) for i in others):
-            unit = _LENGTH_UNIT.search(titles[lengths[0]])
-            size = LENGTHS[unit[1]] if unit else 1.0
-            return ColumnLayout(time, (lengths[0],), [f"columns: {_list([time, *lengths], titles)}, a displacement in "
-                                                      f"{unit[1] if unit else 'm'}"], size)
-        if not others:
+            units = DISTANCE.units_in([titles[lengths[0]]])
+            if not units and (drives := [title for title in titles if any(one.names(title) for one in DRIVES)]):
+                raise RecordingError(f"{table.name}: {drives[0]!r} beside {titles[lengths[0]]!r} is a log of a driven "
+                                     "run; lab-pendulum fit reads it, in Python DrivenLog.read")
+            unit = units.pop() if len(units) == 1 else "m"
+            return ColumnLayout(time, (lengths[0],), [*notes, f"columns: {_list([time, *lengths], titles)}, a "
+                                                              f"displacement in {unit}"], DISTANCE.units[unit].size)
+        if not others and not still:
+            _refuse_others(table, titles, [i for i in range(width) if i != time or PERIOD.names(titles[i])])
             raise RecordingError(f"{table.name}: expected an angle, found none; {described(table, titles)}")
-        angle = 1 if 1 in others else others[0]
+        angle = 1 if 1 in others else [*others, *still][0]
+        notes = [] if angle in still else notes
     if timed and _counts(titles[time]):
         return ColumnLayout(None, (angle,), [*notes, f"columns: {_list([angle], titles)}, as the header names them"])
     if (time, angle) == (0, 1):
-        return ColumnLayout(0, (1,), [f"columns: the first two of {width} are read"] if width > 2 else [])
+        return ColumnLayout(0, (1,), [*notes, *([f"columns: the first two of {width} are read"] if width > 2 else [])])
     return ColumnLayout(time, (angle,), [*notes, f"columns: {_list([time, angle], titles)}, as the header names them"])
 
 
-def _track(titles: list[str], timed: bool) -> ColumnLayout | None:
-    """Return the columns that the header's titles name time, x and y; None if the titles do not."""
-    xs, ys = ([i for i, title in enumerate(titles) if form.search(title) and not _RATE_OF_CHANGE.search(title)]
+def _never(title: str) -> bool:
+    """Return True if a title names a quantity that is never an angle."""
+    return any(quantity.names(title) for quantity in NEVER) and not FORCE.names(title)
+
+
+def _refuse_others(table: TextTable, titles: list[str], places: Sequence[int]) -> None:
+    """Raise RecordingError if titles of columns name nothing but quantities of another kind of file."""
+    named = [(titles[i], quantity) for quantity in NEVER[:-1] for i in reversed(places)
+             if quantity.names(titles[i]) and not ANGLE.names(titles[i])]
+    if named and len({title for title, _ in named}) == len({titles[i] for i in places}):
+        title, quantity = named[0]
+        raise RecordingError(f"{table.name}: {quantity.refusal(title)}; columns='time=1,angle=2' reads it as an angle")
+
+
+def _track(table: TextTable, titles: list[str], timed: bool) -> ColumnLayout | None:
+    """Return the columns that the header's titles name time, x and y; None if the titles do not.
+
+    An x that increases in every row is no coordinate of a swing but the time of a plot over x. Raises RecordingError
+    for a track without times.
+    """
+    xs, ys = ([i for i, title in enumerate(titles) if form.search(title) and not RATE_OF_CHANGE.names(title)]
               for form in (_X, _Y))
     if len(xs) != 1 or len(ys) != 1 or xs == ys:
         return None
-    others = [i for i in range(len(titles)) if i not in (*xs, *ys)]
-    times = [i for i in others if _TIME.search(titles[i])] or others
+    others = [i for i in range(len(titles)) if i not in (*xs, *ys) and not RATE_OF_CHANGE.names(titles[i])]
+    times = [i for i in others if TIME.names(titles[i])] or others
     times = [i for i in times if not (timed and _counts(titles[i]))]
-    if not times and not timed:
+    if not times and _increases(table, xs[0]):
         return None
+    if not times and not timed:
+        raise RecordingError(f"{table.name}: expected times beside x and y, found none; {COUNT.remedy}")
     places = [*times[:1], *xs, *ys]
     note = f"columns: an x-y track, {_list(places, titles)}, as the header names them"
     return ColumnLayout(times[0] if times else None, (xs[0], ys[0]), [note])
@@ -341,8 +359,8 @@ def _first_of_track(table: TextTable, timed: bool) -> ColumnLayout:
 
 def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) -> ColumnLayout:
     """Return the columns of a recording's file that the caller selects by name, or by number from 1."""
-    forced = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{FORCE}\s*=", columns) is not None
-    rated = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{RATE}\s*=", columns) is not None
+    forced = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{FORCED}\s*=", columns) is not None
+    rated = isinstance(columns, str) and re.search(rf"(?:^|,)\s*{RATED}\s*=", columns) is not None
     if isinstance(columns, str) and "=" in columns:
         columns = _by_kind(table, columns)
     given = list(columns) if isinstance(columns, Sequence) and not isinstance(columns, (str, bytes)) else []
@@ -355,7 +373,7 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
     if len(places) == 1 and not timed and table.rate is None:
         raise RecordingError(f"columns must include the time unless rate= is given, got {shown(columns)}")
     if rated:
-        units = {unit for unit, form in _RATE_UNITS.items() if form.search(titles[places[1]])}
+        units = RATE.units_in([titles[places[1]]])
         return ColumnLayout(places[0], tuple(places[1:]), [], rate=min(units) if len(units) == 1 else "rad")
     if forced:
         return _with_force(titles, places[0], places[1:])
@@ -365,10 +383,10 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
 def _by_kind(table: TextTable, columns: str) -> tuple[str | int, ...]:
     """Return the columns that a text such as "time=2,angle=5" or "time=1,x=2,y=3" names, in the usual order."""
     parts = {kind.strip(): place.strip() for kind, _, place in (part.partition("=") for part in columns.split(","))}
-    choices = ("time", "angle"), ("time", "x", "y"), ("time", RATE), ("time", FORCE), ("angle",), ("x", "y")
+    choices = ("time", "angle"), ("time", "x", "y"), ("time", RATED), ("time", FORCED), ("angle",), ("x", "y")
     kinds = next((kinds for kinds in choices if set(kinds) == parts.keys()), None)
     if kinds is None:
-        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate, {FORCE} or x and y, "
+        raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate, {FORCED} or x and y, "
                              "as in columns='time=2,angle=5'")
     return tuple(int(parts[kind]) if parts[kind].isdigit() else parts[kind] for kind in kinds)
 
@@ -388,13 +406,21 @@ def _place(table: TextTable, titles: list[str], entry: Any) -> int:
 
 
 def _constant(table: TextTable, column: int) -> bool:
-    """Return True if all readings of a column are equal."""
-    return len({fields[column] for _, fields in table.rows if len(fields) > column}) == 1
+    """Return True if a column has no two different numbers."""
+    texts = {fields[column] for _, fields in table.rows if len(fields) > column}
+    return len(texts) <= _ALIKE and len({x for x in map(table.number, texts) if x is None or not np.isnan(x)}) <= 1
+
+
+def _increases(table: TextTable, column: int) -> bool:
+    """Return True if the numbers of a column increase in every row."""
+    values: FloatArray = np.array([table.number(fields[column]) if len(fields) > column else np.nan
+                                   for _, fields in table.rows], dtype=np.float64)
+    return bool((np.diff(values) > 0.0).all())
 
 
 def _counts(title: str) -> bool:
     """Return True if a column's title says that it holds frame or sample numbers instead of times."""
-    return bool(_COUNT.search(title)) and not _TIME.search(title)
+    return bool(COUNT.names(title)) and not TIME.names(title)
 
 
 def _list(places: Sequence[int], titles: list[str]) -> str:

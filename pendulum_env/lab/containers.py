@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pendulum_env.lab.checked import RecordingError, chosen
+from pendulum_env.lab.quantities import ANGLE, CORRELATION, DISTANCE, FORCE, GATE, PERIOD, RATE, TRACK
 from pendulum_env.physics.units import shown
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
@@ -19,6 +20,8 @@ _OLD_WORKBOOK = b"\xd0\xcf\x11\xe0"
 _TABLES = (".csv", ".txt", ".tsv", ".dat")
 _META = re.compile(r"(?:^|/)(?:meta|__MACOSX)/|(?:^|/)\.", re.IGNORECASE)
 """Names in archives of files that describe the device, such as those of phyphox."""
+SENSED = (ANGLE, RATE, FORCE, DISTANCE, TRACK, GATE, PERIOD)
+"""Quantities of which a sensor gives readings."""
 _LEAST = 3
 """Fewest rows of numbers of a sheet that holds a recording."""
 
@@ -28,11 +31,13 @@ def text_of(name: str, part: str | None = None) -> tuple[str, list[str]]:
 
     A text may be UTF-16 with a byte-order mark, UTF-8, or else Latin-1 (older sensor software). Of a zip archive the
     table of numbers is read, as phyphox exports it; of a workbook (.xlsx, .xls) the sheet; of a Tracker project (.trk)
-    the track of a point mass, in metres.
+    the track of a point mass, in metres. Of several tables, such as phyphox's Raw Data, Autocorrelation and Resonance,
+    it is the one whose titles name the readings of a sensor.
 
     Args:
         name: the file's name.
-        part: name of the file in an archive, of the sheet, or of the track; None: the only one with numbers.
+        part: name of the file in an archive, of the sheet, or of the track; None: the only one with numbers, or with
+            the readings of a sensor.
 
     Raises RecordingError for a file that cannot be read, is empty, holds other binary data or several tables, and if
     python-calamine, which reads workbooks, is not installed.
@@ -78,8 +83,11 @@ def _unpacked(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]
         if "xl/workbook.xml" in names or "content.xml" in names:
             return _sheet(name, data, part)
         tables = [entry for entry in names if entry.lower().endswith(_TABLES) and not _META.search(entry)]
-        entry = chosen(name, "table", tables, part)
-        return decoded(f"{name}/{entry}", archive.read(entry)), [f"archive: {entry} is read"]
+        heads = {entry: archive.read(entry).partition(b"\n")[0].decode("utf-8-sig", "replace") for entry in tables}
+        readings = [entry for entry, head in heads.items() if _of_a_sensor(re.split(r"[\t;,]", head))]
+        entry = chosen(name, "table", tables, part, readings)
+        note = f"archive: {entry} is read{_besides(entry, tables, part)}"
+        return decoded(f"{name}/{entry}", archive.read(entry)), [note]
     except zipfile.BadZipFile as error:
         raise RecordingError(f"{name}: expected a text file, found binary data, or a broken archive: {error}") from None
 
@@ -96,10 +104,27 @@ def _sheet(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
         sheets = {title: book.get_sheet_by_name(title).to_python() for title in book.sheet_names}
     except CalamineError as error:
         raise RecordingError(f"{name}: expected a workbook that can be read: {error}") from None
-    entry = chosen(name, "sheet", [title for title, rows in sheets.items() if _numeric(rows) >= _LEAST], part)
+    tables = [title for title, rows in sheets.items() if _numeric(rows) >= _LEAST]
+    readings = [title for title in tables if _of_a_sensor(map(_cell, sheets[title][0]))]
+    entry = chosen(name, "sheet", tables, part, readings)
     lines = io.StringIO()
     csv.writer(lines, delimiter="\t", lineterminator="\n").writerows([map(_cell, row) for row in sheets[entry]])
-    return lines.getvalue(), [f"workbook: sheet {entry} is read"]
+    return lines.getvalue(), [f"workbook: sheet {entry} is read{_besides(entry, tables, part)}"]
+
+
+def _of_a_sensor(titles: Iterable[str]) -> bool:
+    """Return True if the titles of a table name readings of a sensor, and nothing that was calculated from them."""
+    names = list(titles)
+    return any(quantity.names(title) for title in names for quantity in SENSED) and not any(
+        map(CORRELATION.names, names))
+
+
+def _besides(entry: str, tables: Sequence[str], part: str | None) -> str:
+    """Return why one of several tables was read without being given, "" for a given or an only one."""
+    others = [table for table in tables if table != entry]
+    if part is not None or not others:
+        return ""
+    return f", which has the sensor's readings (part= chooses {' or '.join(others)})"
 
 
 def _numeric(rows: Iterable[Sequence[Any]]) -> int:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pendulum_env.lab.checked import FloatArray, RecordingError, gaps_of, series_of
+from pendulum_env.lab.checked import FloatArray, RecordingError, series_of
 from pendulum_env.lab.measures import FINEST, Measurement, crossings_with_errors, envelope_rate
 from pendulum_env.lab.noise import noise_level
-from pendulum_env.lab.turning import CLEAR, AngleSeries, turning_points
+from pendulum_env.lab.turning import CLEAR, AngleSeries, hidden_in, turning_points
 from pendulum_env.physics import exact
 
 SURE = 3.0
@@ -111,7 +111,7 @@ def corrected_periods(series: AngleSeries) -> Cycles:
     time, angle = series_of(series)
     points, sigma = turning_points(series), noise_level(time, angle)
     ends, errors = crossings_with_errors(time, angle, CLEAR * sigma)
-    places, gaps = np.searchsorted(points.time, ends), np.searchsorted(time[gaps_of(time)], ends)
+    places, gaps = np.searchsorted(points.time, ends), np.searchsorted(time[hidden_in(time, angle)], ends)
     complete = np.diff(places) > 0
     kept = np.flatnonzero(complete & (np.diff(gaps) == 0))
     if not len(kept):

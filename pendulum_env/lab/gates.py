@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pendulum_env.common.shown import Displayed, one_line
-from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
+from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.fitting.statistics import correlation_time
 from pendulum_env.lab.measures import Measurement, doubt_of_gravity, doubt_of_length
+from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, GATE, LENGTH, PERIOD, TIME
 from pendulum_env.lab.table import TextTable
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError, file_path
@@ -27,6 +30,11 @@ FEWEST = 4
 """Fewest periods from which the decay of the amplitude can be found."""
 UNSEEN = math.radians(10.0)
 """Amplitude [rad] up to which the error of T0 covers periods that show no amplitude."""
+_ANGLES = re.compile("angle|winkel", re.IGNORECASE)
+STATES = ("changes", "readings")
+"""Meanings of the rows of a file with gate states."""
+REPEATED, EVEN = 0.1, 0.05
+"""Largest share of repeated states among changes, and largest relative spread of the time steps of readings."""
 GRAVITY = 9.81
 """Gravity [m/s²] unless it is given."""
 
@@ -76,7 +84,8 @@ class GateSheet(Displayed):
 
 
 def measure_gate(
-    path: str | os.PathLike[str], *, gravity: float = GRAVITY, length: float | None = None, length_error: float = 0.0
+    path: str | os.PathLike[str], *, gravity: float = GRAVITY, length: float | None = None, length_error: float = 0.0,
+    states: str | None = None,
 ) -> GateSheet:
     """Measure the period of a pendulum from the file of a photogate at the bottom of its swing.
 
@@ -90,9 +99,15 @@ def measure_gate(
             periods, one per line; or amplitudes [degrees, or rad by its title] and periods.
         gravity: gravity [m/s²], for the length.
         length, length_error: measured length and its error [m], for the gravity.
+        states: the meaning of a row of a file with gate states: "changes", the beam was blocked or freed at this time,
+            or "readings", the beam was read at this time; None: changes if the states alternate, readings if most rows
+            repeat the state before.
 
-    Raises RecordingError for another file, for less than two periods, and for invalid numbers.
+    Raises RecordingError for another file, for less than two periods, for invalid numbers, and for states that may be
+    changes or readings.
     """
+    if states is not None:
+        known(states, "states", STATES)
     try:
         name = str(file_path(path, "path"))
     except SceneError as error:
@@ -100,19 +115,12 @@ def measure_gate(
     text, notes = text_of(name)
     table = TextTable(name, text)
     titles = [" ".join(title).lower() for title in table.titles]
-    places = tuple(range(min(table.width, 2)))
-    values, _ = table.values(places, "numbers")
-    values = values[np.isfinite(values).all(axis=1)]
     if table.width == 1:
-        sheet = _of_list(name, values[:, 0], " ".join(table.header).lower())
-    elif any(word in title for word in ("state", "gate", "block") for title in titles) or set(values[:, 1]) == {0, 1}:
-        sheet = _of_states(name, *values.T)
-    elif any("period" in title for title in titles):
-        at = next(i for i, title in enumerate(titles) if "period" in title)
-        degrees = "rad" not in titles[1 - at]
-        sizes = np.radians(values[:, 1 - at]) if degrees else values[:, 1 - at]
-        how = f"Amplitudes are those of the file, in {'degrees' if degrees else 'rad'}."
-        sheet = _decaying(name, values[:, at], np.arange(float(len(values))), sizes, (how,), given=True)
+        sheet = _of_list(name, _columns(table, 0)[:, 0], " ".join(table.header).lower())
+    elif any(map(PERIOD.names, titles)):
+        sheet = _of_table(table, titles)
+    elif any(map(GATE.names, titles)) or _two_states(table):
+        sheet = _of_states(name, _columns(table, *_state_columns(titles)), states)
     else:
         raise RecordingError(f"{name}: expected gate states, passages or periods of a photogate; "
                              f"{described(table, titles)}")
@@ -125,11 +133,45 @@ def is_gate(path: str | os.PathLike[str]) -> bool:
         table = TextTable(str(path), text_of(str(path))[0])
     except RecordingError:
         return False
-    titles = " ".join(" ".join(title) for title in table.titles).lower()
+    titles = [" ".join(title) for title in table.titles]
     if table.width == 1:
         return table.rate is None and "angle" not in " ".join(table.header).lower()
-    words = "gatestate" in titles.replace(" ", "") or ("period" in titles and "amplitude" in titles)
-    return words and "angle" not in titles and "winkel" not in titles
+    if any(map(ANGLE.names, titles)):
+        amplitudes = [title for title in titles if "amplitud" in title.lower()]
+        return bool(amplitudes) and any(map(PERIOD.names, titles)) and not _ANGLES.search(" ".join(titles))
+    return any("state" in title.lower() for title in titles) or (not any(titles) and _two_states(table))
+
+
+def _columns(table: TextTable, *places: int) -> FloatArray:
+    """Return the rows of a table with numbers in some columns."""
+    values, _ = table.values(places, "numbers")
+    return values[np.isfinite(values).all(axis=1)]
+
+
+def _state_columns(titles: list[str]) -> tuple[int, int]:
+    """Return the numbers of the columns of the times and the states of the beam."""
+    state = next((i for i, title in enumerate(titles) if GATE.names(title) and not TIME.names(title)), 1)
+    return next((i for i, title in enumerate(titles) if TIME.names(title) and i != state), 0), state
+
+
+def _two_states(table: TextTable) -> bool:
+    """Return True if the second column of a table with two columns holds nothing but 0 and 1."""
+    return table.width == 2 and {fields[1] for _, fields in table.rows if len(fields) > 1} == {"0", "1"}
+
+
+def _of_table(table: TextTable, titles: list[str]) -> GateSheet:
+    """Return the sheet of a table with amplitudes and periods."""
+    at = next(i for i, title in enumerate(titles) if PERIOD.names(title))
+    sized = [i for i, title in enumerate(titles) if AMPLITUDE.names(title) and i != at]
+    other = next((title for title in titles if LENGTH.names(title)), "")
+    if other or not sized:
+        wrong = LENGTH if other else PERIOD
+        raise RecordingError(f"{table.name}: {wrong.refusal(other or titles[at])}")
+    values = _columns(table, sized[0], at)
+    degrees = "rad" not in titles[sized[0]]
+    sizes = np.radians(values[:, 0]) if degrees else values[:, 0]
+    how = f"Amplitudes are those of the file, in {'degrees' if degrees else 'rad'}."
+    return _decaying(table.name, values[:, 1], np.arange(float(len(values))), sizes, (how,), given=True)
 
 
 def _of_list(name: str, values: FloatArray, header: str) -> GateSheet:
@@ -144,16 +186,32 @@ def _of_list(name: str, values: FloatArray, header: str) -> GateSheet:
                                                   "Each line is one period.",))
 
 
-def _of_states(name: str, time: FloatArray, state: FloatArray) -> GateSheet:
-    """Return the sheet of times at which the beam is blocked (1) and free again (0)."""
-    blocked = state > 0.5
-    starts = np.flatnonzero(blocked[:-1] & ~blocked[1:])
-    middles, spans = 0.5 * (time[starts] + time[starts + 1]), time[starts + 1] - time[starts]
-    first = np.flatnonzero(~blocked[:-1] & blocked[1:]) + 1
-    if len(first) != len(starts) or not (first == starts).all():  # a row for each reading, not for each change
-        begins = np.array([time[max(first[first <= end], default=end)] for end in starts])
-        middles, spans = 0.5 * (begins + time[starts]), time[starts + 1] - begins
-    return _of_passages(name, middles, spans)
+def _of_states(name: str, rows: FloatArray, states: str | None) -> GateSheet:
+    """Return the sheet of times and states of the beam, blocked (1) or free (0); see :func:`measure_gate`."""
+    time, blocked = rows[:, 0], rows[:, 1] > 0.5
+    begins, ends = (np.flatnonzero(change) + 1 for change in (~blocked[:-1] & blocked[1:], blocked[:-1] & ~blocked[1:]))
+    kind = states or _kind_of_states(name, time, blocked)
+    if kind == "changes":  # the row before the one that frees the beam is that which blocked it
+        return _of_passages(name, 0.5 * (time[ends - 1] + time[ends]), time[ends] - time[ends - 1])
+    ends = ends[ends > min(begins, default=len(time))]  # a block that lasts from before the first reading has no begin
+    begins = begins[: len(ends)]
+    return _of_passages(name, 0.5 * (time[begins] + time[ends - 1]), time[ends] - time[begins])
+
+
+def _kind_of_states(name: str, time: FloatArray, blocked: NDArray[np.bool_]) -> str:
+    """Return "changes" or "readings", whichever the rows of a file with gate states are.
+
+    Changes alternate, in all rows but a few (REPEATED) that were lost. Most readings repeat the state before, or come
+    at a constant rate (EVEN). Raises RecordingError where both or neither can be.
+    """
+    repeated, steps = float(np.mean(blocked[1:] == blocked[:-1])), np.diff(time)
+    even = float(np.ptp(steps)) <= EVEN * float(np.median(steps))
+    changes, readings = repeated <= REPEATED, repeated >= 0.5 or even
+    if changes != readings:
+        return "changes" if changes else "readings"
+    raise RecordingError(f"{name}: the rows may be changes of the beam or readings of it, as {repeated:.0%} of them "
+                         f"repeat the state before{' at a constant rate' if even else ''}; give states=changes or "
+                         "states=readings (--states)")
 
 
 def _of_passages(name: str, times: FloatArray, spans: FloatArray | None) -> GateSheet:
@@ -163,10 +221,14 @@ def _of_passages(name: str, times: FloatArray, spans: FloatArray | None) -> Gate
     """
     if len(times) < 5:
         raise RecordingError(f"{name}: expected at least 5 passages of the gate, found {len(times)}")
+    usual, crossed = float(np.median(times[2:] - times[:-2])), None
+    if spans is not None and (spans > 0.0).all():
+        crossed = np.sin(np.minimum(math.pi / usual * spans, 0.5 * math.pi))  # half the width over the amplitude
+        # Drag makes the second half of a span longer, so that its middle is late by gamma span²/8; gamma = 2 decay.
+        times = times - 0.25 * _decay(times, 1.0 / crossed) * spans**2
     periods, middle = times[2:] - times[:-2], times[1:-1]
-    usual = float(np.median(periods))
     whole = np.abs(periods / usual - 1.0) < 0.2
-    relative = None if spans is None or not (spans > 0.0).all() else np.median(spans) / spans[1:-1][whole]
+    relative = None if crossed is None else np.median(crossed) / crossed[1:-1][whole]
     lost = np.count_nonzero(~whole)
     how = ["Each period lasts from one passage to the next but one."]
     how += [f"{lost} periods left out, as passages are missing or double."] if lost else []
@@ -226,7 +288,14 @@ def _decaying(
     if given:
         size = f"The mean amplitudes of the cycles are {found.x[1]:.3g} times these, as the periods show."
     small = Measurement(float(found.x[0]), math.sqrt(float(covariance[0, 0])), "s")
+    if not given:  # drag lengthens the period of a harmonic oscillator by sqrt(1 + (d/omega0)²)
+        small = small / math.hypot(1.0, _decay(times, sizes(found.x)) * small.value / math.tau)
     return replace(flat, amplitudes=sizes(found.x), small_period=small, how=(*how, size))
+
+
+def _decay(times: FloatArray, sizes: FloatArray) -> float:
+    """Return the rate d [1/s] of amplitudes that decay as exp(-d t), by a straight line through their logarithms."""
+    return -float(np.polyfit(times - times.mean(), np.log(np.maximum(sizes, 1e-12)), 1)[0])
 
 
 def _fitted(name: str, periods: FloatArray, sizes: FloatArray, how: tuple[str, ...]) -> GateSheet:

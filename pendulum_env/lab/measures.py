@@ -45,6 +45,22 @@ class Measurement:
         return f"{self.value:.{digits}f} ± {self.error:.{digits}f} {self.unit}"
 
 
+def bounded_text(one: Measurement, freedom: float) -> str:
+    """Return the text of a quantity that cannot be negative and whose best value is 0, at this bound.
+
+    With 95 % it is below ``t error``, with Student's one-sided quantile t for the degrees of freedom.
+    """
+    limit = upper_limit(one, freedom)
+    return f"0 (at its bound), below {limit:.2g}{' ' * bool(one.unit)}{one.unit} with 95 %"
+
+
+def upper_limit(one: Measurement, freedom: float) -> float:
+    """Return the value below which a quantity is with 95 %, from its error and the degrees of freedom."""
+    from scipy.special import stdtrit
+
+    return one.value + float(stdtrit(freedom, 0.95)) * one.error
+
+
 def crossings(time: ArrayLike, angle: ArrayLike, *, level: float = 0.0) -> FloatArray:
     """Return the times [s] of the upward zero crossings of an angle, an interpolated array.
 

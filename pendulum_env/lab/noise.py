@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from pendulum_env.lab.checked import FloatArray, numbers, readings
 
@@ -14,6 +14,9 @@ _ON_GRID = 0.15  # quanta by which a step may differ from a whole number of quan
 _MOST_QUANTA = 5.5  # steps of more quanta are not used to estimate the quantum
 _SHARE = 0.9  # minimum share of the steps that must be whole numbers of quanta
 _FEW = 8  # with fewer steps between levels than this, there must be three readings per level on average
+
+CHANGES, STEPS = 0.6, 0.95
+"""Smallest shares of the steps of one count, and of one count or none, in a file with a row for each change."""
 
 
 def quantum_level(angle: ArrayLike) -> float:
@@ -46,6 +49,22 @@ def _grid(steps: FloatArray, quantum: float) -> float:
     multiples = steps / quantum
     even = (np.abs(multiples - np.round(multiples)) < _ON_GRID) & (multiples > 0.5)
     return quantum if float(even.mean()) >= _SHARE else 0.0
+
+
+def changes_only(angle: FloatArray) -> NDArray[np.bool_]:
+    """Return a mask of the steps between readings that are one count of an encoder which writes a row whenever its
+    count changes; all False for other sensors, whose readings repeat or skip counts.
+
+    Nearly all steps of such an encoder (STEPS) are of one count, apart from a few repeated rows (CHANGES).
+    """
+    quantum = quantum_level(angle)
+    if not quantum:
+        return np.zeros(max(len(angle) - 1, 0), dtype=np.bool_)
+    counts = np.round(np.abs(np.diff(angle)) / quantum)
+    one: NDArray[np.bool_] = counts == 1.0
+    if float(one.mean()) >= CHANGES and float(np.mean(counts <= 1.0)) >= STEPS:
+        return one
+    return np.zeros(len(one), dtype=np.bool_)
 
 
 def scatter_level(time: ArrayLike, angle: ArrayLike) -> float:

@@ -10,30 +10,34 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.accelerations import STANDARD, Mount, felt
+from pendulum_env.lab.accelerations import Mount, felt
 from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, count, gaps_of, known, one_number
-from pendulum_env.lab.columns import LENGTHS, ColumnLayout, is_absolute, layout_of
+from pendulum_env.lab.columns import ColumnLayout, is_absolute, layout_of
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.displacement import displacement_angle
 from pendulum_env.lab.jumps import without_jumps
 from pendulum_env.lab.measures import Measurement
-from pendulum_env.lab.noise import quantum_level
+from pendulum_env.lab.noise import changes_only, quantum_level
 from pendulum_env.lab.parts import Drop, kept
+from pendulum_env.lab.plausible import refuse_axes_of_gravity, refuse_other_numbers
+from pendulum_env.lab.quantities import (
+    ANGLE,
+    COUNTS,
+    FORCE,
+    OTHER_ANGLE,
+    OTHER_UNIT,
+    STANDARD,
+    TIME,
+    TRACK,
+)
 from pendulum_env.lab.rates import along_axis, integrated, with_sign
 from pendulum_env.lab.table import DAY, DECIMALS, SEPARATORS, TextTable
 from pendulum_env.lab.tracks import Y_AXES, about_pivot
+from pendulum_env.lab.turning import hidden_in
 from pendulum_env.physics.units import SceneError, number, shown
 
-UNITS = {"deg": math.pi / 180, "rad": 1.0}
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
-_TIME_WORDS = {unit: re.compile(rf"(?<![a-z])(?:{words})(?![a-z])", re.IGNORECASE) for unit, words in {
-    "ms": r"ms|msecs?|milli(?:s|sec\w*)", "us": r"[uµμ]s|usecs?|micro(?:s|sec\w*)",
-    "ns": r"ns|nsecs?|nano(?:s|sec\w*)", "min": r"min|minutes?|minuten", "h": r"h|hrs?|hours?|stunden",
-    "s": r"s|secs?|seconds?|sekunden"}.items()}
-_OTHER_UNIT = re.compile(
-    r"(?<![a-z])(?:mrad|milliradians?|gon|rev|revolutions?|turns?|counts?|ticks|pulses|arcmin|arcsec|volts?)(?![a-z])"
-    r"|[(\[]\s*(?:m?V|[cm]?m|px|pixels?|N|A|g|%)\s*[)\]]", re.IGNORECASE)
-_LENGTH_UNIT = re.compile(r"[(\[]\s*(mm|cm|m)\s*[)\]]", re.IGNORECASE)
+UNITS = {name: unit.size for name, unit in ANGLE.units.items()}
+TIME_UNITS = {name: unit.size for name, unit in TIME.units.items()}
 _PIXELS = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:px|pixels?)\s*(?:per|/|a)\s*(mm|cm|m)(?:et(?:re|er)s?)?(?![a-z])",
                      re.IGNORECASE)
 """Scale of a track in a header line, such as "480 pixels per metre"."""
@@ -43,6 +47,8 @@ _BACK, _LEAST = 3, 300  # times that go back so often or less, once in so many r
 _LATE = 0.05  # largest share of the readings that are dropped as their time goes back
 _LOST = 3  # number of successive readings of exactly 0 that show that the sensor lost its signal
 _COARSE = 0.05  # coarser steps are not radians, since no sensor reads in steps of 3 degrees
+_ROUNDED = 0.75  # steps of rounded times by which they differ from a straight line at most
+COMMAS = "decimal commas need tab or ; between columns"
 _SHOWN = 3  # number of gaps that are listed one by one
 _WORDS: dict[str, Iterable[str]] = {
     "unit": UNITS, "time_unit": TIME_UNITS, "separator": SEPARATORS, "decimal": DECIMALS, "y_axis": Y_AXES}
@@ -128,7 +134,8 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     notes += dropped
     keep, left_out = kept(name, time, options.until, options.drop)
     time, values, notes = time[keep], values[keep], notes + left_out
-    gaps = gaps_of(time)
+    direct = len(layout.values) == 1 and not (layout.rate or layout.force)
+    gaps = hidden_in(time, values[:, 0]) if direct else gaps_of(time)
     notes += _gap_notes(time, gaps)
     if layout.rate:
         return _rates(table, layout, options, time, values, notes)
@@ -159,14 +166,19 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
         notes.append(how)
     else:
         unit, why = _unit(table, layout, values[:, 0], options.unit)
+        if options.columns is None and why.startswith("inferred") and len(values):
+            _refuse_other_numbers(table, layout, values[:, 0], unit)
         notes.append(f"unit: {unit}, {why}")
         angle = values[:, 0] * UNITS[unit]
     if not layout.track and not layout.length:
         time, angle, lost = _without_lost(time, angle)
         notes += lost
-        gaps = gaps_of(time) if lost else gaps
+        gaps = hidden_in(time, angle) if lost else gaps
     angle, turns = _unwrapped(angle, gaps, by_track=layout.track)
     notes += turns
+    if direct:
+        angle, changed = _at_changes(angle)
+        notes += changed
     if not layout.track:
         angle, jumps = without_jumps(time, angle)
         notes += jumps
@@ -200,13 +212,13 @@ def useless(options: ReadOptions, layout: ColumnLayout, table: TextTable) -> str
 def _unit_of_track(table: TextTable, layout: ColumnLayout) -> tuple[float, list[str]]:
     """Return the unit of a track's coordinates [m], 0 if it is not known, and a list with a note on a scale in pixels.
     """
-    unit = _LENGTH_UNIT.search(" ".join(table.titles[layout.values[0]]))
-    if unit is not None:
-        return LENGTHS[unit[1].lower()], []
+    units = TRACK.units_in(table.titles[layout.values[0]])
+    if len(units) == 1:
+        return TRACK.units[units.pop()].size, []
     for line in (*table.header, *table.comments):
         scale = _PIXELS.search(line)
         if scale is not None:
-            size = LENGTHS[scale[2].lower()] / float(scale[1].replace(",", "."))
+            size = TRACK.units[scale[2].lower()].size / float(scale[1].replace(",", "."))
             return size, [f"scale: {scale[0].strip()}, as the header says"]
     return 0.0, []
 
@@ -236,7 +248,7 @@ def _forces(
     titles = [" ".join(table.titles[i]) for i in layout.values]
     unit = layout.force if layout.force > 0.0 else _unit_of_force(values)
     if unit != 1.0:
-        notes.append(f"acceleration: in g of {STANDARD:g} m/s²")
+        notes.append(f"acceleration: in {'mg' if unit < 1.0 else 'g'} of {unit:g} m/s²")
     try:
         found = felt(time, values * unit * options.scale, titles, is_absolute(titles), options.sensor)
     except RecordingError as error:
@@ -248,8 +260,10 @@ def _forces(
 
 
 def _unit_of_force(values: FloatArray) -> float:
-    """Return the unit [m/s²] of accelerations whose titles name none: g if their mean is nearer to 1 than to 9.81."""
-    return STANDARD if 0.5 < float(np.linalg.norm(values.mean(axis=0))) < 2.0 else 1.0
+    """Return the unit [m/s²] of accelerations whose titles name none: g or mg if their mean is about one of them."""
+    mean = float(np.linalg.norm(values.mean(axis=0)))
+    return next((unit.size for unit in FORCE.units.values() if unit.size != 1.0 and
+                 0.5 < mean * unit.size / STANDARD < 2.0), 1.0)
 
 
 def _times(
@@ -268,7 +282,7 @@ def _times(
             days = np.cumsum(np.diff(time, prepend=time[0]) < -0.5 * DAY)
             return time + DAY * days, ["time: times of day, counted from the first"]
         title = " ".join(table.titles[layout.time])
-        named = next((unit for unit, form in _TIME_WORDS.items() if form.search(title)), None)
+        named = next((name for name, unit in reversed(list(TIME.units.items())) if unit.form.search(title)), None)
         likely, seconds = ("s", "") if unit or named else _likely_unit(time[:, 0], values)
         guessed = f"as {seconds or 'the header names no unit'} (time_unit= overrides)"
         inferred = "as the header says" if named else guessed
@@ -338,10 +352,28 @@ def _increasing(table: TextTable, time: FloatArray, values: FloatArray) -> tuple
         raise RecordingError(f"{table.name}: line {lines[at + 1]}: {problem}")
     again = np.flatnonzero(np.diff(time) == 0) + 1
     if 2 * len(again) > len(time):
-        problem = f"{len(again)} of {len(time)} repeat one (decimal commas need tab or ; between columns)"
+        problem = f"{len(again)} of {len(time)} repeat one"
+        split = table.separator == "," and table.width > 3  # as 0,5,12,3 with commas in both numbers
+        problem += f" ({(not split and _steady_rate(time)) or COMMAS})"
         raise RecordingError(f"{table.name}: line {lines[again[0]]}: expected times that increase, {problem}")
-    notes += _dropped(lines[again], "that repeat a time")
+    notes += [f"{note}; {steady}" if (steady := _steady_rate(time)) else note
+              for note in _dropped(lines[again], "that repeat a time")]
     return np.delete(time, again), np.delete(values, again, axis=0), notes
+
+
+def _steady_rate(time: FloatArray) -> str:
+    """Return a clause on times that are those of a constant rate, rounded to few decimals; "" if they are not."""
+    size = float(np.min(np.diff(np.unique(time)), initial=math.inf))
+    order = np.arange(float(len(time)))
+    if not math.isfinite(size) or not time[-1] > time[0]:
+        return ""
+    slope, start = np.polyfit(order, time, 1)
+    if float(np.abs(time - start - slope * order).max()) > _ROUNDED * size:
+        return ""
+    rate, error = 1.0 / slope, 3.0 * size / (slope * slope * len(time) ** 1.5)  # three errors of the slope
+    short = next((text for text in (f"{rate:.{digits}g}" for digits in range(1, 9)) if abs(float(text) - rate) < error),
+                 f"{rate:.8g}")
+    return f"they look rounded to {size:.3g} s: if readings come at a constant rate, give rate={float(short):g}"
 
 
 def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str | None) -> tuple[str, str]:
@@ -352,14 +384,25 @@ def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str 
     if written is not None:
         return written, "as the header says"
     title = " ".join(table.titles[layout.values[0]] if table.width > 1 else table.header)
-    if _OTHER_UNIT.search(title):
-        raise RecordingError(f"{table.name}: expected an angle in degrees or radians, the header names {title!r} "
-                             "(unit= and scale= override)")
+    for other in (COUNTS, OTHER_ANGLE, OTHER_UNIT):
+        if other.names(title):
+            raise RecordingError(f"{table.name}: expected an angle in degrees or radians, the header names {title!r}, "
+                                 f"{other.name}; {other.remedy}")
     largest, quantum = float(np.abs(angle).max(initial=0.0)), quantum_level(angle)
     if largest <= 2 * math.pi and quantum > _COARSE:
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"
     unit, side = ("deg", "above") if largest > 2 * math.pi else ("rad", "not above")
     return unit, f"inferred: the largest |angle|, {largest:g}, is {side} 2 pi (unit= overrides)"
+
+
+def _refuse_other_numbers(table: TextTable, layout: ColumnLayout, values: FloatArray, unit: str) -> None:
+    """Raise RecordingError if readings that no title calls an angle cannot be one."""
+    titles = [" ".join(title) for title in table.titles]
+    if not any(titles) and table.width > 3:
+        axes = table.values((1, 2, 3), layout.expected)[0]
+        refuse_axes_of_gravity(table.name, axes[np.isfinite(axes).all(axis=1)])
+    if not ANGLE.names(titles[layout.values[0]]):
+        refuse_other_numbers(table.name, values, layout.values[0] + 1, unit)
 
 
 def _without_lost(time: FloatArray, angle: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
@@ -381,6 +424,18 @@ def _without_lost(time: FloatArray, angle: FloatArray) -> tuple[FloatArray, Floa
         return time, angle, []
     note = f"lost: {np.count_nonzero(lost)} readings of exactly 0 between others that are far from it, left out"
     return time[~lost], angle[~lost], [note]
+
+
+def _at_changes(angle: FloatArray) -> tuple[FloatArray, list[str]]:
+    """Return the angles at which an encoder that writes a row for each change of its count changed it, and a note.
+
+    They are midway between both counts: the count itself is half a step ahead of the bob in both directions.
+    """
+    one = np.concatenate([[False], changes_only(angle)])
+    if not one.any():
+        return angle, []
+    midway = np.where(one, 0.5 * (angle + np.concatenate([angle[:1], angle[:-1]])), angle)
+    return midway, ["encoder: a row for each change of its count, at which the angle is midway between both counts"]
 
 
 def _gap_notes(time: FloatArray, gaps: NDArray[np.intp]) -> list[str]:

@@ -12,10 +12,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.lab.checked import RecordingError, count
+from pendulum_env.lab.checked import RecordingError, count, side
 from pendulum_env.lab.cycles import SURE, Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
-from pendulum_env.lab.measures import Measurement, crossings, doubt_of_gravity, doubt_of_length, envelope_rate, period
+from pendulum_env.lab.measures import (
+    Measurement,
+    crossings,
+    doubt_of_gravity,
+    doubt_of_length,
+    envelope_rate,
+    period,
+    small_amplitude_period,
+)
 from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
@@ -48,8 +56,9 @@ class LabSheet(Plotted):
         points: turning points, one amplitude per half swing.
         decay: damping rate gamma of theta ~ exp(-gamma t/2) from all amplitudes [1/s].
         short_decay: the damping rate from 6 (READ) amplitudes spread evenly over the run, as read by hand [1/s].
-        cycles: the period of every cycle, corrected to small amplitude.
+        cycles: the period of every cycle, corrected to small amplitude; None if it cannot be calculated.
         losses: constant, linear and quadratic parts of the loss per half swing; None for too few amplitudes.
+        left_out: sentences on quantities that could not be calculated, and why.
     """
 
     recording: Recording
@@ -61,8 +70,9 @@ class LabSheet(Plotted):
     points: TurningPoints
     decay: Measurement
     short_decay: Measurement
-    cycles: Cycles
+    cycles: Cycles | None
     losses: Losses | None
+    left_out: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.recording.source}, T = {self.period}")
@@ -70,16 +80,24 @@ class LabSheet(Plotted):
     @cached_property
     def small_period(self) -> Measurement:
         """Period at small amplitude [s], the mean of the corrected periods of the oscillations that ``period`` is the
-        mean of, see :meth:`Cycles.mean`.
+        mean of, see :meth:`Cycles.mean`; without ``cycles`` the mean period, corrected for the amplitudes.
         """
-        return self.cycles.mean(self.averaged)
+        if self.cycles is None:
+            return small_amplitude_period(self.period, self.points.amplitude)
+        return self.cycles.mean(self._averaged(self.cycles))
 
     @property
-    def averaged(self) -> int:
-        """Number of cycles that belong to the oscillations that ``period`` is the mean of: fewer if readings are
-        missing."""
-        time = self.cycles.time
-        return int(np.searchsorted(time, time[0] + (self.oscillations - 0.5) * self.period.value))
+    def mean_amplitude(self) -> float:
+        """Mean amplitude [rad] of the oscillations that ``period`` is the mean of; of all without ``cycles``."""
+        if self.cycles is None:
+            return float(np.mean(self.points.amplitude))
+        return float(np.mean(self.cycles.amplitude[:self._averaged(self.cycles)]))
+
+    def _averaged(self, cycles: Cycles) -> int:
+        """Return the number of cycles that belong to the oscillations that ``period`` is the mean of: fewer if readings
+        are missing.
+        """
+        return int(np.searchsorted(cycles.time, cycles.time[0] + (self.oscillations - 0.5) * self.period.value))
 
     @property
     def half_decays(self) -> tuple[Measurement, Measurement] | None:
@@ -144,17 +162,16 @@ class LabSheet(Plotted):
 
         size, swings = np.degrees(self.points.amplitude), len(self.points.amplitude)
         read, cycles = min(READ, swings), self.cycles
-        drift = f"{Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, 'ms')} over the run"
         error = float(np.degrees(np.median(self.points.error)))
         places = max(0, -math.floor(math.log10(error))) if error > 0.0 else 4
         rows = [
             ("amplitude, first and last", f"{size[0]:.{places}f}°, {size[-1]:.{places}f}° (± {error:.1g}°)",
              f"{swings} half swings"),
             ("period T", str(self.period), f"mean of {self.oscillations} oscillations"),
-            ("period at small amplitude T0", str(self.small_period), f"mean of {self.averaged} cycles, each "
-             "corrected by K(sin(A/2))"),
-            ("T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %",
-             f"{len(cycles.time)} cycles" + (f"; {drift}" if math.isfinite(cycles.drift.error) else "")),
+            ("period at small amplitude T0", str(self.small_period),
+             f"mean of {self.oscillations if cycles is None else self._averaged(cycles)} cycles, "
+             f"{'' if cycles is None else 'each '}corrected by K(sin(A/2))"),
+            *([] if cycles is None else [_cycle_by_cycle(cycles)]),
             ("omega0", str(self.omega0), "2 pi/T0"),
             ("length of a point pendulum", str(self.length), f"g T0²/(4 pi²) with g = {self.scene.gravity:g} m/s²"),
             *(() if self.gravity is None or self.known_length is None else (
@@ -211,11 +228,11 @@ class LabSheet(Plotted):
             lines += doubt_of_gravity(self.gravity.value, self.scene.gravity)
         if self.known_length is None:
             lines += doubt_of_length(self.small_period.value, self.length.value)
-        drift = self.cycles.drift
-        if abs(drift.value) > SURE * drift.error:
+        drift = None if self.cycles is None else self.cycles.drift
+        if drift is not None and abs(drift.value) > SURE * drift.error:
             lines.append(f"T0 drifts by {Measurement(1e3 * drift.value, 1e3 * drift.error, 'ms')} over the run: angles "
                          "look scaled or displaced; try lab-pendulum fit --free length,scale.")
-        if self.cycles.left_out:
+        if self.cycles is not None and self.cycles.left_out:
             lines.append(f"T0 leaves out {self.cycles.left_out} of the cycles, because readings are missing in them.")
         if self.losses is not None:
             lines.append(f"From the envelope, {self.losses.text}.")
@@ -227,7 +244,7 @@ class LabSheet(Plotted):
         if self.reynolds is not None:
             lines.append(f"Reynolds number {self.reynolds[0]:.0f} of the bob in the first half swing: "
                          f"{regime(self.reynolds[0])}.")
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.left_out])
 
 
 def measure(
@@ -281,9 +298,18 @@ def measure(
     given = frozenset(parameters) | frozenset(known.parameters() if scene is not None else ())
     spread = np.unique(np.round(np.linspace(0, len(points.time) - 1, READ)).astype(np.intp))
     long = Measurement(float(parameters["length"]), error, "m") if "length" in parameters else None
+    cycles, no_cycles = side("the periods of single cycles", lambda: corrected_periods(swing))
+    parts, no_parts = side("the loss per half swing",
+                           lambda: losses(points) if len(points.time) >= FEWEST else None)
     return LabSheet(swing, known, long, given, taken, mean, points, envelope_rate(points),
-                    envelope_rate(points, spread), corrected_periods(swing),
-                    losses(points) if len(points.time) >= FEWEST else None)
+                    envelope_rate(points, spread), cycles, parts, tuple(filter(None, (no_cycles, no_parts))))
+
+
+def _cycle_by_cycle(cycles: Cycles) -> tuple[str, str, str]:
+    """Return the row of the lab sheet's table for the periods of single cycles."""
+    drift = Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, "ms")
+    over = f"; {drift} over the run" if math.isfinite(cycles.drift.error) else ""
+    return "T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %", f"{len(cycles.time)} cycles{over}"
 
 
 def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, known: Mapping[str, Any]) -> Scene:

@@ -11,6 +11,7 @@ from statistics import mode
 import numpy as np
 
 from pendulum_env.lab.checked import FloatArray, RecordingError
+from pendulum_env.lab.quantities import ANGLE, TIME
 from pendulum_env.physics.units import shown
 
 SEPARATORS: dict[str, str] = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "white space"}
@@ -32,7 +33,6 @@ _NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
 }
 """Regular expressions of a number, by the decimal marks that are allowed in it."""
-_UNIT = re.compile(r"(?<![a-z])deg(?:rees?)?(?![a-z])|°(?!c)|(?<![a-z])rad(?:ians?)?(?![a-z])", re.IGNORECASE)
 _THOUSANDS = r"[1-9]\d{0,2}(?:,\d{3})+(?![\d,])"
 _GIVEN = rf"(?<![\d.,])({_THOUSANDS}|\d+(?:[.,]\d*)?(?:e[+-]?\d+)?)(?!\d)"
 _OF_SAMPLES = r"(?<!baud)(?<!baud[ _-])rate|sampl\w*[ _-]*freq\w*"
@@ -88,7 +88,7 @@ class TextTable:
                     raise self.error(number, f"numbers after at most {_HEADER_LINES} header lines", line)
         if not self.rows:
             raise RecordingError(f"{name}: expected lines with a time [s] and an angle, found no numbers")
-        self.width = mode(len(trimmed(fields)) for _, fields in self.rows[1:12] or self.rows)
+        self.width = self._width_with_titles(mode(len(trimmed(fields)) for _, fields in self.rows[1:12] or self.rows))
         cut = self._cut_end()
         between = self._text_between()
         self._thousands = self.separator != "," and self._has_thousands()
@@ -118,6 +118,7 @@ class TextTable:
         own = [fields for line in self.header if len(fields := split(line, self.separator)) == self.width > 1]
         lines = own or [fields for fields in map(self._fields_of, self.header) if fields]
         lines = lines or [fields for fields in map(self._fields_of, self.comments) if fields][-1:]
+        lines = lines or self._short_titles()
         return [[fields[column] for fields in lines] for column in range(self.width)]
 
     def choose_run(self, run: int | None) -> list[str]:
@@ -168,7 +169,7 @@ class TextTable:
         """
         spread = {line for line in self.header if self._fields_of(line)}
         for lines in (self.titles[column], [line for line in self.header if line not in spread], self.comments):
-            units = {"rad" if word.lower().startswith("rad") else "deg" for word in _UNIT.findall(" ; ".join(lines))}
+            units = ANGLE.units_in(lines)
             if len(units) == 1:
                 return units.pop()
         fields = [fields[column] for _, fields in self.rows[:12] if len(fields) > column]
@@ -225,6 +226,32 @@ class TextTable:
         lines = {line for line, _ in words}
         self.rows = [row for row in self.rows if row[0] not in lines]
         return sorted(lines)
+
+    def _short_titles(self) -> list[list[str]]:
+        """Return the last header line with a few titles, one of a time, as titles of the first columns; of the last
+        ones if only one is missing and the first column numbers the rows, as programs write row names without a title.
+        """
+        lines = [] if self.separator == " " else [split(line, self.separator) for line in self.header]
+        short = [fields for fields in lines if 1 < len(fields) < self.width and any(map(TIME.names, fields))]
+        if not short:
+            return []
+        rows = [self.number(fields[0]) for _, fields in self.rows]
+        missing = [""] * (self.width - len(short[-1]))
+        counted = len(missing) == 1 and rows[0] in (0.0, 1.0) and rows == [rows[0] + i for i in range(len(rows))]
+        return [[*missing, *short[-1]] if counted else [*short[-1], *missing]]
+
+    def _width_with_titles(self, width: int) -> int:
+        """Return the number of columns by the rows and the titles: ``width`` by the rows, or more if a header line
+        with the separator of the rows names more columns and no other line names just ``width``.
+
+        Rows have no number in a column at the end of which a logger exports the title alone. Of free text with commas
+        in it, no field names a time.
+        """
+        lines = [split(line, self.separator) for line in self.header]
+        if width == 1 or self.separator == " " or any(len(fields) == width for fields in lines):
+            return width
+        wider = [len(fields) for fields in lines if len(fields) > width and any(map(TIME.names, fields))]
+        return wider[-1] if wider else width
 
     def _has_thousands(self) -> bool:
         """Return True if all commas separate thousands: there are decimal points, too, and three digits after each."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import FloatArray, RecordingError, gaps_of, series_of
-from pendulum_env.lab.noise import noise_level, quantum_level
+from pendulum_env.lab.noise import changes_only, noise_level, quantum_level
 
 CLEAR = 5.0
 """A swing counts if it rises above zero by more than this many noise levels."""
@@ -71,14 +71,16 @@ def extremes(time: FloatArray, angle: FloatArray) -> NDArray[np.intp]:
     return np.array(indices, dtype=np.intp)
 
 
-def hidden_in(time: FloatArray, angle: FloatArray, least: float) -> NDArray[np.intp]:
+def hidden_in(time: FloatArray, angle: FloatArray, least: float = 0.0) -> NDArray[np.intp]:
     """Return the indices of the readings before a gap longer than ``least`` [s] that hides motion.
 
-    If no two successive readings are equal, the sensor may log only changes of its reading. Such a sensor is silent
-    around a turning point and continues one resolution step away; a gap of this kind hides no motion and is left out.
+    An encoder that writes a row whenever its count changes is silent around a turning point and continues at most one
+    count away. Such a gap hides no motion and is left out.
     """
-    gaps, steps = gaps_of(time, least), np.abs(np.diff(angle))
-    return gaps[steps[gaps] > 1.5 * quantum_level(angle)] if len(gaps) and steps.all() else gaps
+    gaps = gaps_of(time, least)
+    if not len(gaps) or not changes_only(angle).any():
+        return gaps
+    return gaps[np.abs(np.diff(angle))[gaps] > 1.5 * quantum_level(angle)]
 
 
 def turning_points(series: AngleSeries) -> TurningPoints:

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.tables import Table
+from pendulum_env.common.warn import warn
+from pendulum_env.lab.checked import side
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
 from pendulum_env.lab.fitting.posterior import Posterior
 from pendulum_env.lab.fitting.result import Fit, against, measured
-from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SMALLEST = 1e-6
 """Smallest probability p that is shown as a number."""
@@ -35,18 +39,13 @@ def parameter_table(found: Fit) -> Table:
     names = [name.rpartition(".")[2] for name in found.names]
     models = found.comparison
     rows = tuple(
-        (name, *_number(found.parameters[name]), *(() if models is None else (f"{models.spread(name):.2g}",)),
+        (name, found.parameter_text(name, unit=False), found.parameters[name].unit,
+         *(() if models is None else (f"{models.spread(name):.2g}",)),
          *(f"{x:+.2f}" for x in found.correlations[i]))
         for i, name in enumerate(found.names)
     )
     others = () if models is None else ("other models",)
     return Table(("parameter", "value", "unit", *others, *(f"r {name}" for name in names)), rows)
-
-
-def _number(one: Measurement) -> tuple[str, str]:
-    """Return a measured value with its error as text, and its unit."""
-    unit, text = one.unit, str(one)
-    return (text.removesuffix(unit).strip() if unit else text), unit
 
 
 def goodness(found: Fit) -> str:
@@ -138,7 +137,7 @@ def facts(found: Fit, **more: Any) -> dict[str, str]:
 
 
 def write(
-    found: Fit, sheet: LabSheet, folder: str | Path, svg: bool = False, *, progress: Progress | None = None
+    found: Fit, sheet: LabSheet | None, folder: str | Path, svg: bool = False, *, progress: Progress | None = None
 ) -> list[Path]:
     """Write ``fit.png`` (with ``svg`` also as SVG), CSV tables and ``scene.json`` of a fit, and return the paths.
 
@@ -147,37 +146,54 @@ def write(
     with error and correlations, ``residuals.csv`` time [s], reading, model and residual, in the unit of the readings;
     ``scene.json`` is a scene for ``gym.make("LabPendulum-v0", scene=...)``. Other files in the folder stay unchanged.
 
-    Raises OutputError where the folder cannot be written.
+    Without a lab sheet (None), its two tables are not written. A figure that cannot be drawn is left out, with a
+    warning. Raises OutputError where the folder cannot be written.
     """
-    from pendulum_env import plots
     from pendulum_env.plots.recorded import recorded
 
-    if not isinstance(sheet, LabSheet):
+    if not isinstance(sheet, (LabSheet, type(None))):
         raise SceneError(f"sheet must be a LabSheet, the result of measure, not {shown(sheet)}.")
     tell, place, origin = told_by(progress), output_folder(folder), facts(found)
-    paths = [place / name for name in ("measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv")]
-    points = sheet.points
-    _table(paths[0], sheet.numbers, origin)
-    write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
-              _rows(points.time, points.amplitude, points.error), origin)
+    paths = []
+    if sheet is not None:
+        paths = [place / "measured.csv", place / "amplitudes.csv"]
+        _table(paths[0], sheet.numbers, origin)
+        points = sheet.points
+        write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
+                  _rows(points.time, points.amplitude, points.error), origin)
+    paths += [place / "parameters.csv", place / "residuals.csv"]
     models = found.comparison
     names = ("parameter", "value", "error", "unit", "other_models", *(f"correlation_{name}" for name in found.names))
-    write_csv(paths[2], names, (
+    write_csv(paths[-2], names, (
         (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
         for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
     swing = found.recording
     unit = swing.unit.replace("/", "_per_").replace("^", "")
-    write_csv(paths[3], ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))),
+    write_csv(paths[-1], ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))),
               _rows(swing.time, swing.readings, swing.readings - found.residual, found.residual), origin)
     if models is not None:
         paths.append(place / "models.csv")
         _table(paths[-1], models.table, origin)
     tell(0.2, "drawing")
-    paths += plots.save_all(recorded(found), place / "fit", {**origin, "Title": f"fit of {swing.source}"}, svg)
+    paths += drawn(lambda: recorded(found), place / "fit", {**origin, "Title": f"fit of {swing.source}"}, svg)
     paths.append(place / "scene.json")
     found.scene.save(paths[-1], origin)
     tell(1.0, "written")
     return paths
+
+
+def drawn(figure: Callable[[], Figure], path: Path, origin: dict[str, str], svg: bool) -> list[Path]:
+    """Draw and save a figure of a fit and return the paths; a figure that cannot be drawn is left out, with a warning.
+
+    Raises OutputError where the folder cannot be written.
+    """
+    from pendulum_env import plots
+
+    made, left_out = side(f"the figure {path.name}.png", figure)
+    if made is None:
+        warn(left_out)
+        return []
+    return plots.save_all(made, path, origin, svg)
 
 
 def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> list[Path]:
@@ -186,13 +202,12 @@ def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> 
     See :meth:`pendulum_env.lab.fitting.posterior.Posterior.save`. Raises OutputError where the folder cannot be
     written.
     """
-    from pendulum_env import plots
     from pendulum_env.plots.corner import corner
 
     place, origin = output_folder(folder), facts(found.fit, seed=found.seed)  # type: ignore[arg-type]
     paths = [found.save(place / f"posterior.{ending}") for ending in ("csv", "npz")]
     title = {**origin, "Title": f"posterior of {found.fit.recording.source}"}
-    return [*paths, *plots.save_all(corner(found), place / "corner", title, svg)]
+    return [*paths, *drawn(lambda: corner(found), place / "corner", title, svg)]
 
 
 def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:

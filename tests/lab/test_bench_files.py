@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from bench_files import BENCH_FILES, written
+from readme_code import check_listed
 
-import pendulum_env
 from pendulum_env.lab import Recording, RecordingError, fit, measure, measure_gate
+from pendulum_env.lab.quantities import ANGLE, DISTANCE, FORCE, GATE, PERIOD, QUANTITIES, RATE, TRACK
+from pendulum_env.study.lists.tables import find_table
 
 FORMATS = {one.name: one for one in BENCH_FILES}
 REFUSED = {
@@ -22,7 +24,6 @@ REFUSED = {
 """Ambiguous formats -> how they are refused."""
 GATES = ("gate", "periods")
 SWINGS = [name for name, one in FORMATS.items() if one.kind not in GATES and name not in REFUSED]
-README = Path(pendulum_env.__file__).parent / "lab" / "README.md"
 
 
 @pytest.mark.filterwarnings("ignore:The fit is", "ignore:The fitted gamma holds")
@@ -50,17 +51,24 @@ def test_a_photogate_gives_the_period_at_small_amplitude(name: str, seed: int, t
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_an_ambiguous_format_is_refused_and_the_table_says_so(name: str, tmp_path: Path) -> None:
+def test_an_ambiguous_format_is_refused(name: str, tmp_path: Path) -> None:
     path, _ = written(name, tmp_path)
     assert FORMATS[name].ambiguous
     with pytest.raises(RecordingError, match=re.escape(REFUSED[name])):
         Recording.read(path)
-    assert re.search(rf"^\| \d+ \| {name} \|.* \| refused: .* or ", README.read_text(encoding="utf-8"), re.MULTILINE)
 
 
-def test_the_table_of_formats_has_a_row_for_each() -> None:
-    rows = re.findall(r"^\| (\d+) \| ([^|]+?) \|", README.read_text(encoding="utf-8"), re.MULTILINE)
-    assert rows == [(str(i), name) for i, name in enumerate(FORMATS, 1)]
+KINDS = {"angle": ANGLE, "rate": RATE, "acceleration": FORCE, "track": TRACK, "distance": DISTANCE, "gate": GATE,
+         "periods": PERIOD}
+"""Kind of a format -> the quantity that its row in the table of formats has."""
+
+
+def test_the_table_of_formats_is_made_from_the_declaration() -> None:
+    check_listed("formats")
+    rows = find_table("formats").rows
+    assert rows == tuple(quantity.cells for quantity in QUANTITIES)
+    assert {one.kind for one in BENCH_FILES} == set(KINDS)
+    assert all(quantity.reading and quantity.cells in rows for quantity in KINDS.values())
 
 
 # --- what a reader says, and what a person chooses -------------------------------------------------------------------
@@ -134,7 +142,7 @@ REFUSALS = {
             "m/s², not that of gravity"),
     "columns": ("n,time,KE,GateState\n" + "".join(f"{i},{i / 100},{i % 7},{i % 2}\n" for i in range(60)),
                 "1 (n) begins with 0, 1, 2 (a counter of readings, or a time); 2 (time) begins with 0.0, 0.01, 0.02 "
-                "(a time); 3 (KE) begins with 0, 1, 2 (no angle); 4 (GateState) begins with 0, 1, 0 (no angle)"),
+                "(a time); 3 (KE) begins with 0, 1, 2 (no angle); 4 (GateState) begins with 0, 1, 0 (a gate state)"),
 }
 
 

@@ -303,7 +303,8 @@ def test_an_angle_without_a_unit_must_fit_one(tmp_path: Path, monkeypatch: pytes
     log["angle"] *= 9.0 / np.abs(log["angle"]).max()
     monkeypatch.setattr("pendulum_env.lab.driven.log.misfit", lambda log: 1.0)
     path.write_text(text_of(log, "t, action, angle", "action"), encoding="utf-8")
-    with pytest.raises(RecordingError, match=r"may be in radians or in degrees; give unit="):
+    words = 'may be in radians, of a bob that rotates, or in degrees; give unit="rad"'
+    with pytest.raises(RecordingError, match=words):
         DrivenLog.read(path)
 
 

@@ -65,7 +65,7 @@ def test_a_rate_of_change_is_no_angle(tmp_path: Path, name: str) -> None:
     sentence = re.escape(f"expected an angle, the header names {name!r}; column 1 (t) begins with")
     with pytest.raises(RecordingError, match=sentence):
         read(tmp_path, table(f"t,{name}\n", TIME, OTHER))
-    with pytest.raises(RecordingError, match="is the name of an angular velocity; choose it by columns='time=1,rate"):
+    with pytest.raises(RecordingError, match="is a rate of change: choose it by columns='time=1,rate"):
         read(tmp_path, table(f"t,{name}\n", TIME, OTHER), columns=(1, 2))
     found = read(tmp_path, table(f"t,{name}\n", TIME, DEGREES), columns="time=1,angle=2", unit="deg")
     np.testing.assert_allclose(np.degrees(found.angle), DEGREES, atol=1e-9)

@@ -90,7 +90,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
     for kind, names in {
         "mapping": "sensor scene scenes options values parameters damping",
         "word": "observation integrator language method task render_mode render_theme theme backend autoreset_mode unit"
-                " separator decimal y_axis time_unit zero form event",
+                " separator decimal y_axis time_unit states zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
         "least": "observation_delay action_delay level tau friction_ratio speed_penalty",
         "count": "history substeps every num_envs max_episode_steps num_threads repeats in_flight per_task steps n"

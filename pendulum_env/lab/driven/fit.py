@@ -82,7 +82,10 @@ def fit_driven(
     delays = (fixed[DELAY],) if DELAY in fixed else (*EARLY, *TRIES) if measured else TRIES
     lags = (fixed[LAG],) if LAG in fixed else LAGS
     with telling_of(progress, "fit") as telling:
-        solution = solve(several_logs, places, fixed, delays, lags, telling)
+        try:
+            solution = solve(several_logs, places, fixed, delays, lags, telling)
+        except RecordingError as error:
+            raise RecordingError(f"{error}{_other_unit(several_logs)}") from None
     result = DrivenFit(several_logs, solution, g, known, value, peak)
     if not result.grade.usable:
         warn(result.grade.text)
@@ -90,3 +93,11 @@ def fit_driven(
         warn("A mass of 1 kg is assumed, as the motion shows torques only per moment of inertia; give mass=, inertia= "
              "or moment=.")
     return result
+
+
+def _other_unit(logs: Sequence[DrivenLog]) -> str:
+    """Return a clause that names the other unit of the angles if the unit of a log was inferred from them, else ""."""
+    for unit, other in (("deg", "rad"), ("rad", "deg")):
+        if any(note.startswith(f"unit: {unit}, inferred") for log in logs for note in log.notes):
+            return f'; the angle is read in {unit}, which was inferred: give unit="{other}" if it is in {other}'
+    return ""

@@ -59,6 +59,11 @@ DEGENERATE = 1e-9
 """
 
 
+def lower_bounds(kind: str, places: Sequence[int]) -> Array:
+    """Return the lower bounds of numbers, by their places in RATES, for a kind of drive; -inf for none."""
+    return np.array([BOUNDS[kind].get(place, -math.inf) for place in places])
+
+
 @dataclass(frozen=True, eq=False)
 class DrivenSolution:
     """Result of a fit of driven logs in the numbers of the equation of motion.
@@ -207,7 +212,7 @@ def _search(
     from scipy.optimize import lsq_linear
 
     places = list(free)
-    least = np.array([BOUNDS[windows.logs[0].kind].get(place, -math.inf) for place in places])
+    least = lower_bounds(windows.logs[0].kind, free)
     begin = windows.starts if starts is None else starts
     point = _point(windows, rates, begin, free, fine)
     for _ in range(SETTLE if starts is None else 1):
@@ -319,7 +324,7 @@ def _solution(
 
     Noise of a measured torque also makes the derivative by the drive noisy, which biases least squares towards a
     smaller drive. The expected size of this part of the normal equations is subtracted (corrected score: Stefanski
-    1989, Commun. Stat. Theory Methods 18, 4335).
+    1989, Commun. Stat. Theory Methods 18, 4335). The corrected numbers stay within their BOUNDS.
     """
     normal = (point.own_slopes * point.weight[:, None]).T @ point.own_slopes
     _check_determined(windows, normal, free)
@@ -366,14 +371,31 @@ def _solution(
     freedom = min(trust / max(share_of_walk, 1e-3) ** 2, float(len(point.own) - len(free)))
     if pulled.any():
         rates = point.rates.copy()
-        rates[list(free)] += inverse @ pulled
-        moved = np.array([start @ (point.residual[part] - point.slopes[part] @ (inverse @ pulled))
+        least = lower_bounds(windows.logs[0].kind, free)
+        pull = point.own_slopes.T @ (point.weight * point.own) + pulled
+        change = _within_bounds(normal, pull, least - rates[list(free)])
+        rates[list(free)] = np.maximum(rates[list(free)] + change, least)
+        moved = np.array([start @ (point.residual[part] - point.slopes[part] @ change)
                           for part, start in zip(windows.slices, point.inverses, strict=True)])
         starts = _best_starts(windows, rates, point.starts, moved)
         point = replace(point, rates=rates, starts=starts,
                         residual=windows.angle - windows.angles(rates[None, :], starts[None])[0])
     return DrivenSolution(point.rates, free, covariance, max(freedom, 2.0), windows, lost, point.starts,
                           point.residual, tuple(sigma), tuple(noise))
+
+
+def _within_bounds(normal: Array, pull: Array, least: Array) -> Array:
+    """Return the change of the numbers that normal equations and a pull on the numbers give, none below ``least``.
+
+    A number that would go beyond its bound stops there, and the others are those that fit best with it.
+    """
+    from scipy.linalg import solve_triangular
+    from scipy.optimize import lsq_linear
+
+    size = np.sqrt(np.diag(normal))
+    root = np.linalg.cholesky(normal / np.outer(size, size)).T
+    target = solve_triangular(root, pull / size, trans="T")
+    return np.asarray(lsq_linear(root, target, (np.minimum(least * size, 0.0) - 1e-15, np.inf), method="bvls").x / size)
 
 
 def _widened(covariance: Array, windows: Windows, point: _Point, inverse: Array) -> Array:

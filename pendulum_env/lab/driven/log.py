@@ -19,6 +19,17 @@ from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.driven.start import misfit
 from pendulum_env.lab.noise import noise_level, quantum_level
+from pendulum_env.lab.quantities import (
+    ACTION,
+    ANGLE,
+    CURRENT,
+    DISTANCE,
+    RATE_OF_CHANGE,
+    TIME,
+    TORQUE,
+    Quantity,
+    pattern,
+)
 from pendulum_env.lab.table import TextTable
 from pendulum_env.physics.units import SceneError, file_path, nearest, shown
 
@@ -29,41 +40,27 @@ LEAST = 30
 
 
 class Drive(NamedTuple):
-    """A kind of drive: the unit of its readings, whether they are measured, and words that name its column."""
+    """A kind of drive: the unit of its readings, whether they are measured, and the quantity of its column."""
 
     unit: str
     measured: bool
-    names: re.Pattern[str]
+    quantity: Quantity
 
 
 DRIVES: dict[str, Drive] = {
-    "torque": Drive("N m", True, re.compile(r"torque|(?<![a-z])tau(?![a-z])|drehmoment|couple(?![a-z])|moment(?!um)",
-                                            re.IGNORECASE)),
-    "current": Drive("A", True, re.compile(r"current|(?<![a-z])(?:iq|amps?)(?![a-z])|strom(?![a-z])", re.IGNORECASE)),
-    "action": Drive("1", False, re.compile(
-        r"(?<![a-z])(?:action|control|command|duty|pwm|u)(?![a-z])|stellgr", re.IGNORECASE)),
+    "torque": Drive("N m", True, TORQUE), "current": Drive("A", True, CURRENT), "action": Drive("1", False, ACTION),
 }
 """Kinds of drive by name. An action is the commanded share of the motor's largest torque, from -1 to 1."""
 
 _COMMANDED = re.compile(r"(?<![a-z])(?:des|desired|set|ref|target|soll|cmd|goal)(?![a-z])", re.IGNORECASE)
 """Words in the titles of columns with set values, which were not measured."""
-_TIME = re.compile(r"(?<![a-z])(?:time\w*|zeit|t|timestamp)(?![a-z])|(?:^|[(\[ ])s(?:[)\] ]|$)", re.IGNORECASE)
-_ANGLE = re.compile(
-    r"angle|winkel|theta|θ|phi|φ|position|(?<![a-z])pos(?![a-z])|(?<![a-z])(?:deg|rad|degrees|radians)(?![a-z/])|°(?!/)",
-    re.IGNORECASE)
-_RATE = re.compile(r"veloc|speed|accel|omega|ω|dot(?![a-z])|(?:rad\w*|deg\w*|°)\s*/\s*s|(?<![a-z])rate(?![a-z])",
-                   re.IGNORECASE)
-_UNITS = {"deg": math.radians(1.0), "rad": 1.0}
-_DEGREES = re.compile(r"(?<![a-z])deg(?:rees?)?(?![a-z])|°", re.IGNORECASE)
-_RADIANS = re.compile(r"(?<![a-z])rad(?:ians?)?(?![a-z])", re.IGNORECASE)
-_LENGTH = re.compile(r"[(\[,]\s*(?:mm|cm|m)\s*[)\]]")
-_TIMES = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0}
-_TIME_UNIT = re.compile(r"[(\[,_ ]\s*(ms|us|µs|s)\s*(?:[)\]]|$)")
+UNITS = {name: unit.size for name, unit in ANGLE.units.items()}
+_ANGLE = pattern((*ANGLE.words, "*position*", "pos"))
 _IN_BRACKETS = re.compile(r"[(\[]([^)\]]*)[)\]]")
-_TORQUES = {"nm": 1.0, "mnm": 1e-3, "ncm": 1e-2, "nmm": 1e-3, "µnm": 1e-6, "unm": 1e-6}
-_CURRENTS = {"a": 1.0, "ma": 1e-3}
-_SHARES = {"1": 1.0, "": 1.0, "-": 1.0, "%": 0.01, "percent": 0.01}
-_SIZES = {"torque": _TORQUES, "current": _CURRENTS, "action": _SHARES}
+_SIZES = {kind: {word: unit.size for unit in drive.quantity.units.values() for word in unit.words}
+          for kind, drive in DRIVES.items()}
+_COARSE = 0.05
+"""Coarser steps are not radians, since no sensor reads in steps of 3 degrees."""
 _CLEAR = 2.0
 """A unit of the angle is chosen if the other one fits the motion worse by this factor."""
 
@@ -211,14 +208,14 @@ class DrivenLog:
         if size == 0.0:
             raise RecordingError("factor must not be 0")
         if unit is not None:
-            known(unit, "unit", _UNITS)
+            known(unit, "unit", UNITS)
         text, notes = text_of(name, part)
         table = TextTable(name, text)
         titles = [" ".join(title).strip() for title in table.titles]
         given = {kind: column for kind, column in (("action", action), ("torque", torque), ("current", current))
                  if column is not None}
         kind, drive_place = _drive_column(table, titles, given)
-        time_place = _column(table, titles, time, "time", _TIME, (drive_place,))
+        time_place = _column(table, titles, time, "time", TIME.form, (drive_place,))
         angle_place = _column(table, titles, angle, "angle", _ANGLE, (drive_place, time_place))
         places = (time_place, angle_place, drive_place)
         if len(set(places)) < len(places):
@@ -230,8 +227,8 @@ class DrivenLog:
         if not whole.all():
             notes.append(f"dropped: {np.count_nonzero(~whole)} rows without all numbers")
         times, angles, drives = values[whole].T
-        found = _TIME_UNIT.search(titles[time_place].lower())
-        times = times * _TIMES[found[1] if found else "s"]
+        units = TIME.units_in([titles[time_place].replace("_", " ")])
+        times = times * TIME.units[units.pop() if len(units) == 1 else "s"].size
         drive_size, why = _drive_unit(name, kind, titles[drive_place])
         shown_as = ", ".join(f"{what} {i + 1}{f' ({titles[i]})' if titles[i] else ''}"
                              for what, i in zip(("time", "angle", kind), places, strict=True))
@@ -253,7 +250,7 @@ def is_driven(path: str | os.PathLike[str]) -> bool:
         table = TextTable(name, text_of(name)[0])
         titles = [" ".join(title).strip() for title in table.titles]
         _, drive = _drive_column(table, titles, {})
-        time = _column(table, titles, None, "time", _TIME, (drive,))
+        time = _column(table, titles, None, "time", TIME.form, (drive,))
         place = _column(table, titles, None, "angle", _ANGLE, (drive, time))
     except (RecordingError, SceneError):
         return False
@@ -268,7 +265,7 @@ def _drive_column(table: TextTable, titles: list[str], given: dict[str, Any]) ->
         (kind, column), = given.items()
         return kind, _place(table, titles, column, kind)
     found = [(kind, i) for kind, drive in DRIVES.items() for i, title in enumerate(titles)
-             if drive.names.search(title)]
+             if drive.quantity.names(title)]
     measured = [entry for entry in found if not _COMMANDED.search(titles[entry[1]])]
     best = measured or found
     if len(best) == 1:
@@ -288,9 +285,10 @@ def _column(
     if given is not None:
         return _place(table, titles, given, what)
     taken = set(others)
-    fitting = [i for i, title in enumerate(titles) if i not in taken and form.search(title) and not _RATE.search(title)]
+    fitting = [i for i, title in enumerate(titles)
+               if i not in taken and form.search(title) and not RATE_OF_CHANGE.names(title)]
     best = [i for i in fitting if not _COMMANDED.search(titles[i])] or fitting
-    best = [i for i in best if not (what == "angle" and _LENGTH.search(titles[i]))]
+    best = [i for i in best if not (what == "angle" and DISTANCE.units_in([titles[i]]))]
     if what == "angle" and len(best) > 1:
         named = [i for i in best if re.search(r"angle|theta|θ|phi|φ|winkel", titles[i], re.IGNORECASE)]
         best = named if len(named) == 1 else best
@@ -337,11 +335,12 @@ def _in_radians(log: DrivenLog, title: str, given: str | None) -> tuple[FloatArr
     Without a unit in the title, the motion decides: a pendulum's ``theta'' = -k sin(theta) + ...`` fits in one unit
     only, unless all angles are small.
     """
-    written = "deg" if _DEGREES.search(title) else "rad" if _RADIANS.search(title) else None
+    units = ANGLE.units_in([title.replace("_", " ")])
+    written = units.pop() if len(units) == 1 else None
     unit, why = given or written, "as given" if given else "as the header says"
     if unit is None:
         unit, why = _likely_unit(log)
-    angle = log.angle * _UNITS[unit]
+    angle = log.angle * UNITS[unit]
     if float(np.ptp(angle)) <= math.tau * (1.0 + 1e-6) and (np.abs(np.diff(angle)) > math.pi).any():
         return np.unwrap(angle), f"unit: {unit}, {why}; whole turns added where the angle jumps"
     return angle, f"unit: {unit}, {why}"
@@ -353,9 +352,9 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
     If both units fit about equally well, angles within ±2 pi are read as radians, because few logs stay within 6.3
     degrees.
     """
-    if float(np.abs(log.angle).max()) > 200.0 or quantum_level(log.angle) > 0.05:
-        return "deg", "inferred from the size of the angles and of their steps (unit= overrides)"
-    off = {unit: misfit(replace(log, angle=log.angle * size)) for unit, size in _UNITS.items()}
+    if quantum_level(log.angle) > _COARSE:
+        return "deg", "inferred from the size of the steps of the angle (unit= overrides)"
+    off = {unit: misfit(replace(log, angle=log.angle * size)) for unit, size in UNITS.items()}
     for unit, other in (("rad", "deg"), ("deg", "rad")):
         if off[unit] * _CLEAR < off[other]:
             share = off[other] / off[unit]
@@ -364,4 +363,5 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
     largest = float(np.abs(log.angle).max())
     if largest <= math.tau:
         return "rad", f"inferred: the largest |angle|, {largest:.4g}, is not above 2 pi (unit= overrides)"
-    raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians or in degrees; give unit=")
+    raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians, of a bob that rotates, or "
+                         'in degrees; give unit="rad" or unit="deg"')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +19,7 @@ from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
 from pendulum_env.lab.fitting.grade import Fault, Grade
 from pendulum_env.lab.fitting.intervals import Interval, Scatter
-from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.measures import Measurement, bounded_text, upper_limit
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import BearingFriction, CoulombFriction, Gravity, Motor
 from pendulum_env.physics.scene import Run, Scene
@@ -174,6 +174,21 @@ class DrivenFit(Plotted):
         errors = np.sqrt(np.diag(self.covariance))
         return {name: Measurement(float(value), float(error), unit) for (name, unit), value, error in
                 zip(self.units.items(), self.values, errors, strict=True)}
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the parameters whose best value is 0, at the bound that physics sets: friction, lag, and the delay
+        of an action."""
+        places = {"bearing_viscosity": VISCOUS, "friction_torque": DRY, "delay": DELAY, "lag": LAG}
+        bounds = BOUNDS[self.kind]
+        return tuple(name for name in self.names if name in places and places[name] in bounds
+                     and self.solution.rates[places[name]] <= bounds[places[name]])
+
+    def parameter_text(self, name: str, unit: bool = True) -> str:
+        """Return a fitted parameter as text: its value with error, or the limit below which a parameter at its bound
+        is with 95 %; without its unit if ``unit`` is False."""
+        one = self.parameters[name] if unit else replace(self.parameters[name], unit="")
+        return bounded_text(one, self.solution.freedom) if name in self.at_bound else str(one).strip()
 
     def interval(self, name: str, level: float = 0.95) -> Interval:
         """Return the confidence interval ``value ± t error`` of a parameter; quantities that cannot be negative are cut
@@ -392,9 +407,8 @@ class DrivenFit(Plotted):
         """Table of the fitted parameters: value with standard error, unit, correlations."""
         rows = []
         for i, (name, one) in enumerate(self.parameters.items()):
-            text = str(one)
-            text = text.removesuffix(one.unit).strip() if one.unit else text
-            rows.append((name, text, one.unit, *(f"{x:+.2f}" for x in self.correlations[i])))
+            rows.append((name, self.parameter_text(name, unit=False), one.unit,
+                         *(f"{x:+.2f}" for x in self.correlations[i])))
         return Table(("parameter", "value", "unit", *(f"r {name}" for name in self.names)), tuple(rows))
 
     @property
@@ -412,6 +426,7 @@ class DrivenFit(Plotted):
             f"{math.degrees(float(np.median(self.solution.sigma))):.2g}°.",
             f"Sensor: quantum {math.degrees(sensor['quantum']):.4g}°, noise {math.degrees(sensor['noise']):.2g}°, zero "
             f"{math.degrees(sensor['offset']):.3g}°, {sensor['rate']:g} readings per second.",
+            *(f"{name}: {self.parameter_text(name)}." for name in self.at_bound),
             *([self.limits] if self.limits else []),
             self.grade.text))
 
@@ -419,8 +434,10 @@ class DrivenFit(Plotted):
         return self.text
 
     def to_dict(self) -> Mapping[str, Any]:
-        """Return parameters, settings and grade as a dict that JSON can hold."""
-        return {"parameters": {name: {"value": one.value, "error": one.error, "unit": one.unit}
+        """Return parameters, settings and grade as a dict that JSON can hold; a parameter at its bound has the limit
+        ``below`` which it is with 95 %."""
+        limits = {name: {"below": upper_limit(self.parameters[name], self.solution.freedom)} for name in self.at_bound}
+        return {"parameters": {name: {"value": one.value, "error": one.error, "unit": one.unit, **limits.get(name, {})}
                                for name, one in self.parameters.items()},
                 "rates": dict(zip(RATES, self.solution.rates.tolist(), strict=True)), **self.settings,
                 "grade": self.grade.text, "limits": self.limits}

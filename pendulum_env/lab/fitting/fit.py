@@ -13,8 +13,9 @@ import numpy as np
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
+from pendulum_env.lab.checked import side
 from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
-from pendulum_env.lab.fitting.grade import of_swings
+from pendulum_env.lab.fitting.grade import as_fault, of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.robust import pulled, released
@@ -116,7 +117,9 @@ def fit(
         solutions = solve_all(models, swing, measured, sigma, telling)
     rest = float(free_swing.time[-1] - swing.time[-1])
     damped = not place.medium.empty and any(wanted)
-    faults = tuple(of_swings(measured.points, math.tau / measured.period, damped))
+    found, left_out = side("the check of the swings' decay",
+                           lambda: of_swings(measured.points, math.tau / measured.period, damped))
+    faults = tuple([as_fault(left_out)] if found is None else found)
     fits = [Fit(swing, solution, sigma, rest=rest, faults=faults) for solution in solutions]
     comparison = FitComparison.of(fits)
     best = comparison.fits[0]

@@ -193,6 +193,11 @@ def of_misfit(
                   f"the error of a reading {noise:.2g} (runs test: z = {z:.3g})", False)]
 
 
+def as_fault(left_out: str) -> Fault:
+    """Return a sentence on a check that was left out as a reason, which is not serious."""
+    return Fault(f"{left_out[0].lower()}{left_out[1:].removesuffix('.')}", False)
+
+
 def graded(faults: Sequence[Fault]) -> Grade:
     """Return the grade for a list of reasons, the serious ones first."""
     return Grade(tuple(sorted(faults, key=lambda fault: not fault.serious)))

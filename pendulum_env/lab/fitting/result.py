@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
-from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.checked import RecordingError, side
 from pendulum_env.lab.fitting.candidates import shapes
-from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
-from pendulum_env.lab.fitting.grade import Fault, Grade, graded, of_lost, of_misfit
+from pendulum_env.lab.fitting.errors import Errors, at_bound, errors_of, noise_beside
+from pendulum_env.lab.fitting.grade import Fault, Grade, as_fault, graded, of_lost, of_misfit
 from pendulum_env.lab.fitting.intervals import (
     Bootstrap,
     Interval,
@@ -42,7 +42,7 @@ from pendulum_env.lab.fitting.statistics import (
     reading_error,
     runs_test,
 )
-from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.measures import Measurement, bounded_text
 from pendulum_env.lab.recording import Recording, in_words
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.scene import Scene
@@ -220,8 +220,9 @@ class Fit(Plotted):
     def grade(self) -> Grade:
         """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
         rms = math.sqrt(float(self.residual @ self.residual) / self.degrees_of_freedom)
-        misfit = of_misfit(self.damping, self.shown(rms), self.shown(self.noise), self.runs.z, self.rounded_alike,
-                           self.degrees)
+        found, left_out = side("the noise of the readings", lambda: of_misfit(
+            self.damping, self.shown(rms), self.shown(self.noise), self.runs.z, self.rounded_alike, self.degrees))
+        misfit = [as_fault(left_out)] if found is None else found
         return graded([*self.faults, *of_lost(self.damping, self.solution.followed, self.recording.time, self.swing),
                        *misfit])
 
@@ -360,6 +361,19 @@ class Fit(Plotted):
         errors = np.sqrt(np.diag(self.covariance))
         return {name: Measurement(float(value), float(error), self._unit(name))
                 for name, value, error in zip(self.names, self.values, errors, strict=True)}
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the fitted parameters whose best value is 0, at the bound that physics sets, such as a drag that a
+        recording does not show."""
+        return tuple(name for name in at_bound(self.solution) if self.parameters[name].value == 0.0)
+
+    def parameter_text(self, name: str, unit: bool = True) -> str:
+        """Return a fitted parameter as text: its value with error, or the limit below which a parameter at its bound
+        is with 95 %; without its unit if ``unit`` is False."""
+        one = self.parameters[name] if unit else replace(self.parameters[name], unit="")
+        bounded = name in self.at_bound and math.isfinite(one.error)
+        return bounded_text(one, self.errors.freedom) if bounded else str(one).strip()
 
     @cached_property
     def scene(self) -> Scene:
@@ -532,9 +546,10 @@ class FitComparison:
         rows = []
         for one, delta, verdict in zip(self.fits, self.delta_bic, self.verdicts, strict=True):
             largest = float(np.max(np.abs(one.residual)))
-            degrees = (one.shown(one.rms), one.shown(largest), math.degrees(envelope_misfit(one)))
-            rows.append((one.damping, str(len(one.names)), *(f"{x:.3g}" for x in degrees), f"{delta:.1f}",
-                         f"{one.runs.z:.1f}", verdict))
+            beside, _ = side("envelope", lambda one=one: envelope_misfit(one))  # type: ignore[misc]
+            degrees = (one.shown(one.rms), one.shown(largest), math.nan if beside is None else math.degrees(beside))
+            rows.append((one.damping, str(len(one.names)), *(f"{x:.3g}" if math.isfinite(x) else "-" for x in degrees),
+                         f"{delta:.1f}", f"{one.runs.z:.1f}", verdict))
         columns = len(head) if self.best.grade.usable else -1
         return Table(head[:columns], tuple(row[:columns] for row in rows))
 

@@ -1,4 +1,4 @@
-"""Tables of the scenes, bodies, integrators, effects, tasks and events, generated from their registries."""
+"""Tables of the scenes, bodies, integrators, effects, tasks, events and formats, made from their registries."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from types import MappingProxyType
 from integrators import METHODS
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.motion import EVENTS
+from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.presets import PURPOSES, SCENES
@@ -67,9 +68,15 @@ def events_table() -> Table:
     return Table(("event", "what it is"), tuple(EVENTS.items()))
 
 
+def formats_table() -> Table:
+    """Return a table of the quantities that files of recordings hold: words in titles, units, how they are read."""
+    return Table(("quantity", "words in titles", "units", "how it is read, or what to do"),
+                 tuple(quantity.cells for quantity in QUANTITIES))
+
+
 TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
     {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "bodies": bodies_table,
-     "tasks": tasks_table, "events": events_table}
+     "tasks": tasks_table, "events": events_table, "formats": formats_table}
 )
 """Functions that return the tables, by name."""
 
