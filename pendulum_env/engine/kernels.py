@@ -114,7 +114,7 @@ def functions(program: Source, backend: Backend = "auto") -> Mapping[str, Callab
 def _functions(program: Source, backend: Literal["compiled", "python"]) -> Mapping[str, Callable[..., Any]]:
     if backend == "python":
         return interpreted(program.text, program.title, dict(program.python_functions))
-    return compiled(program)
+    return compiled(program.text, program.title, own=program.own)
 
 
 def forget() -> None:
@@ -173,8 +173,7 @@ def _fault() -> str:
         return f"numba cannot be imported ({_named(error)})"
     try:
         number = np.zeros(1, np.float32)
-        trial = SimpleNamespace(text=TRIAL, title="trial of numba", own=False)
-        result = compiled(trial, "trial")["run"](1.5, np.array([0, number.ctypes.data]))
+        result = compiled(TRIAL, "trial of numba", "trial")["run"](1.5, np.array([0, number.ctypes.data]))
         if (result, number[0]) != (2.75, 2.25):
             return f"numba {numba.__version__} computes {result} in a trial whose result is 2.75"
     except Exception as error:
@@ -231,14 +230,18 @@ def rewriting() -> tuple[str, ...]:
     return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in modules)
 
 
-def compiled(program: Source, kind: str = "kernel") -> Mapping[str, Callable[..., Any]]:
-    """Return a program's functions, compiled at their first call; source and machine code are cached on disk.
+def compiled(text: str, title: str, kind: str = "kernel", own: bool = False) -> Mapping[str, Callable[..., Any]]:
+    """Return the functions of a program, compiled at their first call; source and machine code are cached on disk.
 
-    The names of the files begin with ``kind``.
+    Args:
+        text: source of the program.
+        title: its name for messages.
+        kind: how the names of the files begin.
+        own: True for a program that holds functions of a user.
     """
-    text = (PREAMBLE.replace('"_nrt": False', ALLOCATING) if program.own else PREAMBLE) + program.text
+    text = (PREAMBLE.replace('"_nrt": False', ALLOCATING) if own else PREAMBLE) + text
     name = f"{kind}_{_digest(text)}"
-    file, cached = f"<lab-pendulum {program.title}>", False
+    file, cached = f"<lab-pendulum {title}>", False
     try:
         file, cached = str(_written(own_folder(cache_folder()) / f"{name}.py", text)), True
     except OSError as error:
@@ -246,10 +249,10 @@ def compiled(program: Source, kind: str = "kernel") -> Mapping[str, Callable[...
     module = ModuleType(f"lab_pendulum_kernels.{name}")
     sys.modules[module.__name__] = module
     exec(compile(text, file, "exec"), vars(module))
-    if not program.own:
+    if not own:
         vars(module)[TEXT] = text
     if cached:
-        _cache_code(list(vars(module).values()), Path(file).with_suffix(""), program.own)
+        _cache_code(list(vars(module).values()), Path(file).with_suffix(""), own)
     return vars(module)
 
 

@@ -313,7 +313,7 @@ def split(line: str, mark: str, trim: bool = True) -> list[str]:
     """Split a line at a separator and return its fields; ``trim`` removes empty fields at the end, but leaves at least
     two.
     """
-    quoted = '"' in line and mark != " "
+    quoted = '"' in line and mark != " " and len(line) < csv.field_size_limit()  # longer fields are an error of csv
     parts = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
     fields = [text.strip(' "') for text in parts]
     return trimmed(fields) if trim else fields

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
 import pickle
 import random
@@ -63,13 +62,13 @@ def test_code_that_was_rewritten_in_another_way_is_not_taken(tmp_path: Path, mon
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
     found = program(SCENES["textbook"], integrators.get("symplectic_euler"), ())
     for _ in range(2):
-        kernels.compiled(found)
+        kernels.compiled(found.text, found.title)
     assert len(list(tmp_path.glob("*.py"))) == 1
     monkeypatch.setattr(kernels, "__version__", "99.0")
-    kernels.compiled(found)
+    kernels.compiled(found.text, found.title)
     assert len(list(tmp_path.glob("*.py"))) == 2
     monkeypatch.setattr(kernels, "rewriting", lambda: ("another",))
-    kernels.compiled(found)
+    kernels.compiled(found.text, found.title)
     assert len(list(tmp_path.glob("*.py"))) == 3
 
 

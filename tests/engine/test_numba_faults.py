@@ -39,7 +39,7 @@ def check_python(match: str) -> None:
     """Check that programs and frames are interpreted, with one warning, and have the bits of compiled ones."""
     with pytest.warns(UserWarning, match=match) as caught:
         fallen_back = motion_and_frame()
-        assert kernels.resolve() == "python"
+    assert kernels.resolve() == "python"
     assert len(caught) == 1
     with pytest.raises(EngineError, match=match):
         kernels.resolve("compiled")

@@ -114,7 +114,7 @@ def outcome() -> str:
         several.reset(seed=1)
         parts = [rollout("lab", integrator="rk4", duration=0.02).angle,
                  *several.step(np.full((3, 1), 0.5, np.float32))[:2],
-                 frame(Apparatus(length=0.353, bob_radius=0.0107, suspension="wire"), View(time=0.0, angle=0.5), size=64)]
+                 frame(Apparatus(length=0.353, bob_radius=0.0107, suspension="wire"), View(0.0, 0.5), size=64)]
     digest = hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()[:16]
     text = "; ".join(sorted({str(one.message).partition("; programs")[0] for one in caught}))
     return f"{kernels.resolve()} {len(caught)} {digest} {text}"
