@@ -16,7 +16,7 @@ from archives import ROWS, TABLE, archive, damaged, ods, xlsx
 from old_workbook import old_workbook
 
 from pendulum_env import Recording
-from pendulum_env.lab import RecordingError
+from pendulum_env.lab import RecordingError, measure_gate
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.decoding import Limits, check, limits
 
@@ -150,6 +150,24 @@ def test_a_long_field_is_no_error_of_another_kind(tmp_path: Path, monkeypatch: p
     path = tmp_path / "long.csv"
     path.write_text(TABLE + '0.9,"' + "9" * 200_000 + '"\n')
     assert len(Recording.read(path).time) >= 8
+
+
+FOUND: dict[str, tuple[str, str]] = {
+    "a day that is none": ("time,angle\n2024-13-45 10:00:00,1\n2024-13-45 10:00:01,2\n", "swing.csv"),
+    "a run with 5000 digits": ("time run 1,angle run 1,time run " + "2" * 5000 + ",b\n" + "0,1,0,1\n1,2,1,2\n", ""),
+}
+"""Texts that the fuzzer found, with a word of their refusal, or "" if they are read."""
+
+
+@pytest.mark.parametrize("case", FOUND)
+def test_what_the_fuzzer_found(case: str, tmp_path: Path) -> None:
+    text, word = FOUND[case]
+    path = tmp_path / "swing.csv"
+    path.write_text(text)
+    with pytest.raises(RecordingError, match=word):
+        Recording.read(path)
+    with pytest.raises(RecordingError):
+        measure_gate(path)
 
 
 def test_an_endless_file_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -317,9 +317,10 @@ class Posterior(Plotted):
             own = tuple(Prior(low, high, kind, mean, error)
                         for kind, (low, high, mean, error) in zip(kinds.tolist(), priors.tolist(), strict=True))
             numbers = int(asked), int(warm), int(seed)
-            if names.ndim != 1 or names.dtype.kind != "U" or fitted.shape != names.shape or len(own) != len(names) or (
-                    chain.shape != (*log_density.shape, len(names)) or acceptance.shape != chain.shape[1:2]) or any(
-                    one.dtype.kind != "f" for one in (chain, log_density, acceptance, fitted)):
+            kept = {one.dtype.kind for one in (chain, log_density, acceptance, fitted)}
+            shapes = (fitted.shape, (len(own),), chain.shape, acceptance.shape)
+            wanted = (names.shape, names.shape, (*log_density.shape, len(names)), chain.shape[1:2])
+            if kept != {"f"} or {names.dtype.kind, kinds.dtype.kind} != {"U"} or shapes != wanted:
                 raise ValueError("arrays of other shapes or types")
         if tuple(names.tolist()) != tuple(fit.names):
             raise RecordingError(f"{place}: the posterior has the parameters {', '.join(names.tolist())}, the fit "
