@@ -25,10 +25,10 @@ from numba.core import codegen, compiler, serialize
 from numba.core.runtime import rtsys
 
 from pendulum_env.common.warn import warn
-from pendulum_env.engine.kernels import TEXT
 from pendulum_env.engine.lanes import width
 from pendulum_env.engine.llvm import CALL, Program, instructions
 from pendulum_env.engine.pairs import paired
+from pendulum_env.engine.source import TEXT
 
 __all__ = ["Entry", "Inlined", "Separate", "load_array_functions", "rebuilt", "stored"]
 

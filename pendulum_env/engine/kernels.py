@@ -19,6 +19,7 @@ import numpy as np
 from pendulum_env.common.trust import own_bytes, own_folder, write_own
 from pendulum_env.common.version import __version__
 from pendulum_env.common.warn import warn
+from pendulum_env.engine.source import TEXT
 from pendulum_env.physics.units import nearest, shown
 
 Backend = Literal["auto", "compiled", "python"]
@@ -70,9 +71,6 @@ def run(x, whole):
     return numbers[0] + add(whole, 0, 1)*0.25
 """
 """Program of all that numba has no public way for, whose result is known; see :func:`_fault`."""
-
-TEXT = "_text"
-"""Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
 
 
 class EngineError(RuntimeError):
@@ -289,10 +287,10 @@ def _plain_functions(module: ModuleType, named: str | None) -> SimpleNamespace:
 
 def _digest(text: str) -> str:
     """Return a digest of a program's text and of all else on which its machine code depends."""
-    import llvmlite
     import numba
 
-    versions = (__version__, numba.__version__, llvmlite.__version__, platform.machine(), sys.version)
+    llvm = vars(sys.modules["llvmlite"])["__version__"]  # a part of numba, which has imported it
+    versions = (__version__, numba.__version__, llvm, platform.machine(), sys.version)
     return hashlib.sha256(repr((text, *rewriting(), *versions)).encode()).hexdigest()[:24]
 
 

@@ -21,6 +21,8 @@ Plain = Callable[..., Any]
 """A function made with def, of floats, whose source can be copied into a program."""
 PARSING = Lock()
 """Held while Python parses a text: in Python 3.11 threads that parse at the same time may raise a SystemError."""
+TEXT = "_text"
+"""Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
 _CALL = re.compile(r"(\w+)\(")
 
 

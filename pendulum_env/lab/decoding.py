@@ -47,7 +47,7 @@ class Limits(NamedTuple):
     nesting: int = 100
 
 
-LIFTED = Limits(*[sys.maxsize] * len(Limits._fields))
+LIFTED = Limits(*[sys.maxsize] * len(Limits()))
 
 
 def limits() -> Limits:
@@ -59,7 +59,7 @@ def limits() -> Limits:
 
 
 def check(name: str, what: str, size: int) -> None:
-    """Raise RecordingError if a file has more ``what``, a field of Limits, than is allowed."""
+    """Raise RecordingError if a file has more ``what``, an attribute of Limits, than is allowed."""
     most = getattr(limits(), what)
     if size > most:
         raise RecordingError(f"{name}: expected at most {most} {what}, found more; for a file that you trust, set the "

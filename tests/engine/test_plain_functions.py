@@ -82,7 +82,7 @@ def test_the_next_process_takes_the_machine_code_of_the_same_text(tmp_path: Path
     assert file.stat().st_mtime_ns == before
     kernels.forget()
     assert plain_functions(written(tmp_path, TEXT.replace("0.25", "0.5"))).total(VALUES) == 7.5
-    assert len(list(folder.iterdir())) == 2
+    assert len(list(folder.glob("loops_*"))) == 2
 
 
 def test_damaged_machine_code_is_compiled_again(tmp_path: Path, folder: Path) -> None:
