@@ -18,13 +18,12 @@ import gc
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
 from typing import Any
 
 from numba.core import codegen, compiler, serialize
 from numba.core.runtime import rtsys
 
-from pendulum_env.common.warn import warn
+from pendulum_env.common.warn import warn_once
 from pendulum_env.engine.lanes import width
 from pendulum_env.engine.llvm import CALL, Program, instructions
 from pendulum_env.engine.pairs import paired
@@ -168,18 +167,12 @@ class Entry(_Whole):
             state = self.state
             result = _Whole(state.typingctx, state.targetctx, None, state.args, state.return_type, state.flags,
                             state.locals).compile_extra(function)
-            _warn_unwritten(type(error).__name__)
+            warn_once(f"A program's arithmetic could not be written as instructions ({type(error).__name__}), so that "
+                      "numba compiles all of it, which takes longer. The results are the same; please report it.")
             return result
         finally:
             if collects:
                 gc.enable()
-
-
-@cache
-def _warn_unwritten(reason: str) -> None:
-    """Warn once per process that numba compiles the whole of a program."""
-    warn(f"A program's arithmetic could not be written as instructions ({reason}), so that numba compiles all of it, "
-         "which takes longer. The results are the same; please report it.")
 
 
 class Inlined(_Prepared):

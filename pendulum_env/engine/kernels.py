@@ -18,7 +18,7 @@ import numpy as np
 
 from pendulum_env.common.trust import own_bytes, own_folder, write_own
 from pendulum_env.common.version import __version__
-from pendulum_env.common.warn import warn
+from pendulum_env.common.warn import warn, warn_once
 from pendulum_env.engine.source import TEXT
 from pendulum_env.physics.units import nearest, shown
 
@@ -122,6 +122,7 @@ def forget() -> None:
     _plain_functions.cache_clear()
     _resolved.cache_clear()
     _warn_uncached.cache_clear()
+    warn_once.cache_clear()
 
 
 def resolve(backend: Backend = "auto", called_back: Collection[Any] = ()) -> Literal["compiled", "python"]:
