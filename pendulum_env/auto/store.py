@@ -15,8 +15,7 @@ from typing import Any
 
 import integrators
 from pendulum_env import engine, physics, truth
-from pendulum_env.common.replacing import replacing
-from pendulum_env.common.trust import OWN, own_bytes, own_folder
+from pendulum_env.common.trust import own_bytes, own_folder, write_own
 from pendulum_env.engine.kernels import cache_folder
 
 TABLE = "auto_costs.json"
@@ -72,8 +71,7 @@ def save(path: Path | None, key: Mapping[str, Any], answer: Any) -> bool:
     if path is None:
         return False
     try:
-        with replacing(own_folder(path.parent) / path.name, mode=OWN) as temporary:
-            temporary.write_text(json.dumps({"question": key, "answer": answer}, indent=1), encoding="utf-8")
+        write_own(path, json.dumps({"question": key, "answer": answer}, indent=1).encode())
     except OSError:
         return False
     return True

@@ -31,16 +31,16 @@ class OutputError(OSError):
 
 
 @contextmanager
-def replacing(path: Path, mode: int | None = None) -> Iterator[Path]:
+def replacing(path: Path, mode: int | None = None, follow: bool = True) -> Iterator[Path]:
     """Yield a temporary path in the folder of ``path``; afterwards the temporary file replaces ``path``.
 
     If the body of the ``with`` block raises, the temporary file is removed and ``path`` stays unchanged. The new file
     gets the permission bits ``mode``, by default those of the file that it replaces, or those of the umask. The target
-    of a symbolic link is replaced, not the link.
+    of a symbolic link is replaced, not the link; with ``follow=False`` the link.
 
     Raises OutputError if the file cannot be written, or ``path`` is not a regular file, for example a device or a pipe.
     """
-    target = Path(os.path.realpath(path))
+    target = Path(os.path.realpath(path)) if follow else path
     bits = _mode(path, target) if mode is None else mode
     _clear(target.parent, path)
     try:

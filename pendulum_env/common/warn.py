@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import warnings
+from functools import cache
 
 BETWEEN = ("pendulum_env", "integrators", "gymnasium")
 """Packages whose lines a warning does not name."""
@@ -17,3 +18,9 @@ def warn(text: str) -> None:
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in BETWEEN:
         frame, level = frame.f_back, level + 1
     warnings.warn(text, stacklevel=level)
+
+
+@cache
+def warn_once(text: str) -> None:
+    """Emit a UserWarning as :func:`warn` does, but the same text once per process only."""
+    warn(text)

@@ -8,7 +8,8 @@ pass of the optimiser may change a floating-point operation. In programs without
 arithmetic is not left to numba; see :mod:`pendulum_env.engine.llvm`.
 
 numba has no public way to choose this, so that this module replaces methods of its class CodeLibrary, and its function
-``ensure_blas`` while the first program is prepared.
+``ensure_blas`` while the first program is prepared. Importing this module fails for a numba that lacks one of these
+names, or one of those by which machine code is stored.
 """
 
 from __future__ import annotations
@@ -19,15 +20,31 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from numba.core import codegen, compiler
+from numba.core import codegen, compiler, serialize
+from numba.core.runtime import rtsys
 
-from pendulum_env.common.warn import warn
-from pendulum_env.engine.kernels import TEXT
+from pendulum_env.common.warn import warn_once
 from pendulum_env.engine.lanes import width
 from pendulum_env.engine.llvm import CALL, Program, instructions
 from pendulum_env.engine.pairs import paired
+from pendulum_env.engine.source import TEXT
 
-__all__ = ["Entry", "Inlined", "Separate", "load_array_functions"]
+__all__ = ["Entry", "Inlined", "Separate", "load_array_functions", "rebuilt", "stored"]
+
+_REDUCE, _REBUILD, _DUMPS = compiler.CompileResult._reduce, compiler.CompileResult._rebuild, serialize.dumps
+_START_RUNTIME = rtsys.initialize
+
+
+def stored(result: Any) -> bytes:
+    """Return a compiled function pickled, in the form in which numba's own cache stores it."""
+    return bytes(_DUMPS(_REDUCE(result)))
+
+
+def rebuilt(parts: Sequence[Any], context: Any, allocates: bool) -> Any:
+    """Return a compiled function from the unpickled parts of :func:`stored`, ready to run if it makes objects, too."""
+    if allocates:  # other machine code needs nothing of numba's runtime
+        _START_RUNTIME(context)
+    return _REBUILD(context, *parts)
 
 
 def load_array_functions() -> None:
@@ -138,20 +155,21 @@ class Entry(_Whole):
 
     def compile_extra(self, function: Any) -> Any:
         """Compile without looking for garbage in between, which would take some 5 % of the time."""
+        _, _, features = self.state.targetctx.codegen().magic_tuple()
         collects = gc.isenabled()
         gc.disable()
         try:
-            _, _, features = self.state.targetctx.codegen().magic_tuple()
             with _rewritten(function, self.state.args, features) as rewritten:
                 return super().compile_extra(rewritten)
         except Exception as error:
             if TEXT not in function.__globals__:
                 raise
-            warn(f"A program's arithmetic could not be written as instructions ({type(error).__name__}), so that numba "
-                 "compiles all of it, which takes longer. The results are the same; please report it.")
             state = self.state
-            return _Whole(state.typingctx, state.targetctx, None, state.args, state.return_type, state.flags,
-                          state.locals).compile_extra(function)
+            result = _Whole(state.typingctx, state.targetctx, None, state.args, state.return_type, state.flags,
+                            state.locals).compile_extra(function)
+            warn_once(f"A program's arithmetic could not be written as instructions ({type(error).__name__}), so that "
+                      "numba compiles all of it, which takes longer. The results are the same; please report it.")
+            return result
         finally:
             if collects:
                 gc.enable()
@@ -174,3 +192,10 @@ class Separate(Inlined):
     def define_pipelines(self) -> Any:
         self.state.flags.noalias = True
         return super().define_pipelines()
+
+
+for _own, _theirs in ((_Unloaded, codegen.JITCPUCodegen), (_Optimised, codegen.JITCodeLibrary),
+                      (_Unoptimised, codegen.JITCodeLibrary), (_Whole, compiler.Compiler), (Entry, compiler.Compiler)):
+    for _name in vars(_own):
+        if not _name.startswith("__"):
+            getattr(_theirs, _name)  # without a method of this name numba would go its own way

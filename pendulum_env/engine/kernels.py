@@ -14,9 +14,12 @@ from pathlib import Path
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, Literal, Protocol
 
-from pendulum_env.common.replacing import replacing
-from pendulum_env.common.trust import OWN, own_bytes, own_folder
-from pendulum_env.common.warn import warn
+import numpy as np
+
+from pendulum_env.common.trust import own_bytes, own_folder, write_own
+from pendulum_env.common.version import __version__
+from pendulum_env.common.warn import warn, warn_once
+from pendulum_env.engine.source import TEXT
 from pendulum_env.physics.units import nearest, shown
 
 Backend = Literal["auto", "compiled", "python"]
@@ -51,13 +54,27 @@ ALLOCATING = '"_nrt": True'
 count references to arrays, and a call takes a quarter to a third less.
 """
 
+TRIAL = """
+from pendulum_env.engine.atomic import add, floats, load, store
 
-TEXT = "_text"
-"""Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
+
+@inline
+def square(x):
+    return x*x
+
+
+@entry
+def run(x, whole):
+    store(whole, 0, 2)
+    numbers = floats(whole[1], load(whole, 0) - 1)
+    numbers[0] = square(x)
+    return numbers[0] + add(whole, 0, 1)*0.25
+"""
+"""Program of all that numba has no public way for, whose result is known; see :func:`_fault`."""
 
 
 class EngineError(RuntimeError):
-    """Error for a backend that is not "auto", "compiled" or "python", or that needs numba where it cannot be imported.
+    """Error for a backend that is not "auto", "compiled" or "python", or that needs numba where it does not work.
     """
 
 
@@ -82,10 +99,10 @@ def functions(program: Source, backend: Backend = "auto") -> Mapping[str, Callab
     Args:
         program: generated source.
         backend: "compiled" (numba), "python" (interpreted, same bits, for debugging) or "auto": the backend that the
-            environment variable LAB_PENDULUM_BACKEND names, else compiled or, where numba cannot be imported, Python
-            with one warning.
+            environment variable LAB_PENDULUM_BACKEND names, else compiled or, where numba does not work, Python with
+            one warning.
 
-    Raises EngineError for an unknown backend, or for "compiled" where numba cannot be imported or cannot compile a
+    Raises EngineError for an unknown backend, or for "compiled" where numba does not work or cannot compile a
     function of Python that the program calls.
     """
     return _functions(program, resolve(backend, program.python_functions))
@@ -95,7 +112,7 @@ def functions(program: Source, backend: Backend = "auto") -> Mapping[str, Callab
 def _functions(program: Source, backend: Literal["compiled", "python"]) -> Mapping[str, Callable[..., Any]]:
     if backend == "python":
         return interpreted(program.text, program.title, dict(program.python_functions))
-    return compiled(program)
+    return compiled(program.text, program.title, own=program.own)
 
 
 def forget() -> None:
@@ -105,6 +122,7 @@ def forget() -> None:
     _plain_functions.cache_clear()
     _resolved.cache_clear()
     _warn_uncached.cache_clear()
+    warn_once.cache_clear()
 
 
 def resolve(backend: Backend = "auto", called_back: Collection[Any] = ()) -> Literal["compiled", "python"]:
@@ -112,7 +130,7 @@ def resolve(backend: Backend = "auto", called_back: Collection[Any] = ()) -> Lit
 
     A program that calls functions of Python, ``called_back``, is interpreted.
 
-    Raises EngineError for an unknown name, and for "compiled" with such functions or where numba cannot be imported.
+    Raises EngineError for an unknown name, and for "compiled" with such functions or where numba does not work.
     """
     if not isinstance(backend, str) or backend not in BACKENDS:
         raise EngineError(f"There is no backend {shown(backend)}{nearest(backend, BACKENDS)}")
@@ -129,20 +147,42 @@ def resolve(backend: Backend = "auto", called_back: Collection[Any] = ()) -> Lit
 
 @cache
 def _resolved(backend: str) -> Literal["compiled", "python"]:
-    """Return "compiled" or "python" for the name of a backend; "auto" without numba gives "python" and a warning."""
+    """Return "compiled" or "python" for the name of a backend; "auto" gives "python" and a warning where numba fails.
+    """
     if backend == "python":
         return "python"
+    fault = _fault()
+    if fault and backend == "compiled":
+        raise EngineError(f"The compiled backend needs numba: {fault}; use backend='python'.")
+    if fault:
+        warn(f"{fault}; programs, and the loops that paint frames, are interpreted, which is about 50 times slower. "
+             "Installing this package again brings a numba that fits.")
+    return "python" if fault else "compiled"
+
+
+def _fault() -> str:
+    """Return why numba cannot compile the package's programs here, "" if it can.
+
+    A small program is tried, or its machine code loaded from the cache: numba fails at import in many ways, and its
+    private names, which compiling needs, change from version to version.
+    """
     try:
-        import numba  # noqa: F401
-    except ImportError as error:
-        if backend == "compiled":
-            raise EngineError(
-                f"The compiled backend needs numba, which cannot be imported ({error}); use backend='python'."
-            ) from None
-        warn(f"numba cannot be imported ({error}); programs, and the loops that paint frames, are "
-             "interpreted, which is about 50 times slower.")
-        return "python"
-    return "compiled"
+        import numba
+    except Exception as error:  # an ImportError, but also OSError, SystemError and AttributeError
+        return f"numba cannot be imported ({_named(error)})"
+    try:
+        number = np.zeros(1, np.float32)
+        result = compiled(TRIAL, "trial of numba", "trial")["run"](1.5, np.array([0, number.ctypes.data]))
+        if (result, number[0]) != (2.75, 2.25):
+            return f"numba {numba.__version__} computes {result} in a trial whose result is 2.75"
+    except Exception as error:
+        return f"numba {numba.__version__} cannot compile this package's programs ({_named(error)})"
+    return ""
+
+
+def _named(error: Exception) -> str:
+    """Return an error's type and the first line of its message."""
+    return f"{type(error).__name__}: {error}".splitlines()[0]
 
 
 def interpreted(text: str, title: str, names: Mapping[str, Any] | None = None) -> Mapping[str, Callable[..., Any]]:
@@ -185,15 +225,22 @@ def cache_folder() -> Path:
 def rewriting() -> tuple[str, ...]:
     """Return the texts of the modules that rewrite a program before it is compiled, on which its machine code depends.
     """
-    modules = ("compiling", "lanes", "llvm", "pairs")
+    modules = ("atomic", "compiling", "lanes", "llvm", "pairs")
     return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in modules)
 
 
-def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
-    """Return a program's functions, compiled at their first call; source and machine code are cached on disk."""
-    text = (PREAMBLE.replace('"_nrt": False', ALLOCATING) if program.own else PREAMBLE) + program.text
-    name = f"kernel_{_digest(text)}"
-    file, cached = f"<lab-pendulum {program.title}>", False
+def compiled(text: str, title: str, kind: str = "kernel", own: bool = False) -> Mapping[str, Callable[..., Any]]:
+    """Return the functions of a program, compiled at their first call; source and machine code are cached on disk.
+
+    Args:
+        text: source of the program.
+        title: its name for messages.
+        kind: how the names of the files begin.
+        own: True for a program that holds functions of a user.
+    """
+    text = (PREAMBLE.replace('"_nrt": False', ALLOCATING) if own else PREAMBLE) + text
+    name = f"{kind}_{_digest(text)}"
+    file, cached = f"<lab-pendulum {title}>", False
     try:
         file, cached = str(_written(own_folder(cache_folder()) / f"{name}.py", text)), True
     except OSError as error:
@@ -201,10 +248,10 @@ def compiled(program: Source) -> Mapping[str, Callable[..., Any]]:
     module = ModuleType(f"lab_pendulum_kernels.{name}")
     sys.modules[module.__name__] = module
     exec(compile(text, file, "exec"), vars(module))
-    if not program.own:
+    if not own:
         vars(module)[TEXT] = text
     if cached:
-        _cache_code(list(vars(module).values()), Path(file).with_suffix(""), program.own)
+        _cache_code(list(vars(module).values()), Path(file).with_suffix(""), own)
     return vars(module)
 
 
@@ -213,7 +260,7 @@ def plain_functions(module: ModuleType) -> SimpleNamespace:
 
     They are plain Python on numbers and arrays, without decorators, and make no objects; they may call the module's
     other functions. The names in PREAMBLE must not be the module's. The machine code is cached on disk. Python runs the
-    functions where numba cannot be imported, and while the environment variable LAB_PENDULUM_BACKEND says so, with the
+    functions where numba does not work, and while the environment variable LAB_PENDULUM_BACKEND says so, with the
     same results.
     """
     return _plain_functions(module, os.environ.get(VARIABLE))
@@ -243,8 +290,9 @@ def _digest(text: str) -> str:
     """Return a digest of a program's text and of all else on which its machine code depends."""
     import numba
 
-    key = "\n".join([text, *rewriting(), numba.__version__, platform.machine(), sys.version])
-    return hashlib.sha256(key.encode()).hexdigest()[:24]
+    llvm = vars(sys.modules["llvmlite"])["__version__"]  # a part of numba, which has imported it
+    versions = (__version__, numba.__version__, llvm, platform.machine(), sys.version)
+    return hashlib.sha256(repr((text, *rewriting(), *versions)).encode()).hexdigest()[:24]
 
 
 def _cache_code(functions: Iterable[Any], start: Path, allocates: bool) -> None:
@@ -253,53 +301,51 @@ def _cache_code(functions: Iterable[Any], start: Path, allocates: bool) -> None:
         options = getattr(function, "targetoptions", None)
         if options is not None and not options.get("no_cpython_wrapper"):
             # numba has no public way to give a function another cache than its own
+            if not hasattr(function, "_cache"):
+                raise AttributeError("numba's functions have no _cache")
             function._cache = _CodeCache(start.with_name(f"{start.name}.{function.__name__}"), allocates)
 
 
 class _CodeCache:
     """Cache of one function's machine code on disk: one file per signature and processor, which begins with a digest.
 
-    The class replaces numba's own cache, ``Dispatcher._cache``, which raises in the first call if a file is damaged or
-    cannot be written, and which runs machine code even if bits of the file have changed. In all of these cases the
-    present class recompiles.
-    """
+    The digest is of the machine code and of what it is: the program's name, which is a digest of its text and of all
+    versions, the function, the signature and the processor. So no file serves for another.
 
-    digest = hashlib.sha256().digest_size
+    The class replaces numba's own cache, ``Dispatcher._cache``, which raises in the first call if a file is damaged or
+    cannot be written, and which runs machine code even if bits of the file have changed, or if it is another
+    function's. In all of these cases the present class recompiles.
+    """
 
     def __init__(self, start: Path, allocates: bool) -> None:
         self.start, self.cache_path, self._allocates = start, str(start.parent), allocates
 
-    def _file(self, signature: Any, codegen: Any) -> Path:
-        """Return the path of the machine code for a signature on this processor."""
-        key = hashlib.sha256(repr((signature, codegen.magic_tuple())).encode()).hexdigest()[:24]
-        return self.start.with_name(f"{self.start.name}.{key}.nbc")
+    def place(self, signature: Any, codegen: Any) -> tuple[Path, bytes]:
+        """Return the path of the machine code for a signature on this processor, and what it is, for :func:`seal`."""
+        what = repr((self.start.name, signature, codegen.magic_tuple())).encode()
+        return self.start.with_name(f"{self.start.name}.{hashlib.sha256(what).hexdigest()[:24]}.nbc"), what
 
     def load_overload(self, signature: Any, context: Any) -> Any:
-        """Return the cached compiled function, or None if its file is missing or damaged."""
-        from numba.core import compiler
+        """Return the cached compiled function, or None if its file is missing, damaged or another function's."""
+        from pendulum_env.engine.compiling import rebuilt
 
-        result: Any = compiler.CompileResult  # its _rebuild and _reduce are private, and numba's own cache uses them
         try:
-            if self._allocates:  # other machine code needs nothing of numba's runtime
-                from numba.core.runtime import rtsys
-
-                rtsys.initialize(context)
-            content = own_bytes(self._file(signature, context.codegen()))
-            digest, payload = content[: self.digest], content[self.digest :]
-            if digest == hashlib.sha256(payload).digest():
-                return result._rebuild(context, *pickle.loads(payload))
+            path, what = self.place(signature, context.codegen())
+            content = own_bytes(path)
+            payload = content[hashlib.sha256().digest_size :]
+            if content == seal(what, payload):
+                return rebuilt(pickle.loads(payload), context, self._allocates)
         except Exception:  # a damaged file, or another numba, must not stop the run: the program is compiled again
             pass
         return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Write a compiled function to the cache; warn once if that is not possible."""
-        from numba.core import serialize
+        from pendulum_env.engine.compiling import stored
 
-        dumps: Any = serialize.dumps
-        content = dumps(result._reduce())
+        path, what = self.place(signature, result.codegen)
         try:
-            _put(self._file(signature, result.codegen), hashlib.sha256(content).digest() + content)
+            write_own(path, seal(what, stored(result)))
         except OSError as error:
             _warn_uncached(_reason(error))
 
@@ -307,6 +353,11 @@ class _CodeCache:
         """Delete the cached machine code of this function."""
         for file in self.start.parent.glob(f"{self.start.name}.*.nbc"):
             file.unlink(missing_ok=True)
+
+
+def seal(what: bytes, payload: bytes) -> bytes:
+    """Return the content of a file of machine code: a digest of what it is and of its bytes, and these."""
+    return hashlib.sha256(len(what).to_bytes(8, "big") + what + payload).digest() + payload
 
 
 def _written(path: Path, text: str) -> Path:
@@ -317,14 +368,8 @@ def _written(path: Path, text: str) -> Path:
             return path
     except OSError:
         pass
-    _put(path, text.encode())
+    write_own(path, text.encode())
     return path
-
-
-def _put(path: Path, content: bytes) -> None:
-    """Write a file of the cache atomically, with permissions for its owner only."""
-    with replacing(path, mode=OWN) as temporary:
-        temporary.write_bytes(content)
 
 
 def _reason(error: OSError) -> str:

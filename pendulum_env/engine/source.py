@@ -18,6 +18,8 @@ from pendulum_env.physics.elementary import sqrt
 
 Plain = Callable[..., Any]
 """A function made with def, of floats, whose source can be copied into a program."""
+TEXT = "_text"
+"""Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
 _CALL = re.compile(r"(\w+)\(")
 PROVIDED = frozenset({"NAN", "U", "inline", "entry", "lanes"})
 """Names that every program has, and that no function or constant of a user may have."""

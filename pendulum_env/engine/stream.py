@@ -91,6 +91,14 @@ class Stream:
 
 
 def read(path: Path) -> NDArray[Any]:
-    """Return the records of a file as a memory-mapped structured array, one entry per recorded time."""
-    records: NDArray[Any] = np.load(path, mmap_mode="r")
+    """Return the records of a file as a memory-mapped structured array, one entry per recorded time.
+
+    Raises OSError for a file that cannot be read, ValueError for another one than of records.
+    """
+    try:
+        records: NDArray[Any] = np.load(path, mmap_mode="r")
+    except OSError:
+        raise
+    except Exception as error:  # NumPy's reader of headers raises errors of Python's parser, among others
+        raise ValueError(f"The file {path} holds no records: {error}.") from None
     return records

@@ -5,12 +5,20 @@ from __future__ import annotations
 import csv
 import io
 import re
-import zipfile
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any
 
 from pendulum_env.lab.checked import RecordingError, chosen
+from pendulum_env.lab.decoding import (
+    check,
+    check_text,
+    check_workbook,
+    contents,
+    decoding,
+    first_line,
+    opened,
+    unpacked,
+)
 from pendulum_env.lab.quantities import ANGLE, CORRELATION, DISTANCE, FORCE, GATE, PERIOD, RATE, TRACK
 from pendulum_env.physics.units import shown
 
@@ -39,14 +47,18 @@ def text_of(name: str, part: str | None = None) -> tuple[str, list[str]]:
         part: name of the file in an archive, of the sheet, or of the track; None: the only one with numbers, or with
             the readings of a sensor.
 
-    Raises RecordingError for a file that cannot be read, is empty, holds other binary data or several tables, and if
-    python-calamine, which reads workbooks, is not installed.
+    Raises RecordingError for a file that cannot be read, is empty, damaged or larger than
+    :class:`pendulum_env.lab.decoding.Limits`, holds other binary data or several tables, and if python-calamine, which
+    reads workbooks, is not installed.
     """
-    try:
-        data = Path(name).read_bytes()
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise RecordingError(f"{name}: expected a text file that can be read: {reason}") from error
+    with decoding(name):
+        text, notes = _text(name, contents(name), part)
+    check_text(name, text)
+    return text, notes
+
+
+def _text(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
+    """Return the text with a table that the bytes of a file hold, and notes on where the table was."""
     if data[:4] == b"PK\x03\x04":
         return _unpacked(name, data, part)
     if data[:4] == _OLD_WORKBOOK:
@@ -77,33 +89,28 @@ def decoded(name: str, data: bytes) -> str:
 
 def _unpacked(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
     """Return the text of the table in a zip archive, which may be a workbook, and a note on its name."""
-    try:
-        archive = zipfile.ZipFile(io.BytesIO(data))
-        names = archive.namelist()
-        if "xl/workbook.xml" in names or "content.xml" in names:
-            return _sheet(name, data, part)
-        tables = [entry for entry in names if entry.lower().endswith(_TABLES) and not _META.search(entry)]
-        heads = {entry: archive.read(entry).partition(b"\n")[0].decode("utf-8-sig", "replace") for entry in tables}
-        readings = [entry for entry, head in heads.items() if _of_a_sensor(re.split(r"[\t;,]", head))]
-        entry = chosen(name, "table", tables, part, readings)
-        note = f"archive: {entry} is read{_besides(entry, tables, part)}"
-        return decoded(f"{name}/{entry}", archive.read(entry)), [note]
-    except zipfile.BadZipFile as error:
-        raise RecordingError(f"{name}: expected a text file, found binary data, or a broken archive: {error}") from None
+    archive = opened(name, io.BytesIO(data))
+    names = archive.namelist()
+    if "xl/workbook.xml" in names or "content.xml" in names:
+        check_workbook(name, archive)
+        return _sheet(name, data, part)
+    tables = [entry for entry in names if entry.lower().endswith(_TABLES) and not _META.search(entry)]
+    readings = [entry for entry in tables if _of_a_sensor(re.split(r"[\t;,]", first_line(archive, entry)))]
+    entry = chosen(name, "table", tables, part, readings)
+    note = f"archive: {entry} is read{_besides(entry, tables, part)}"
+    return decoded(f"{name}/{entry}", unpacked(name, archive, entry)), [note]
 
 
 def _sheet(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
     """Return the sheet of a workbook as text with tabs between columns, and a note on its name."""
     try:
-        from python_calamine import CalamineError, CalamineWorkbook
+        from python_calamine import CalamineWorkbook
     except ImportError:
         raise RecordingError(f"{name}: reading a workbook needs python-calamine; pip install 'lab-pendulum[sheets]', "
                              "or save the sheet as CSV") from None
-    try:
-        book = CalamineWorkbook.from_filelike(io.BytesIO(data))
-        sheets = {title: book.get_sheet_by_name(title).to_python() for title in book.sheet_names}
-    except CalamineError as error:
-        raise RecordingError(f"{name}: expected a workbook that can be read: {error}") from None
+    book = CalamineWorkbook.from_filelike(io.BytesIO(data))
+    check(name, "entries", len(book.sheet_names))
+    sheets = {title: book.get_sheet_by_name(title).to_python() for title in book.sheet_names}
     tables = [title for title, rows in sheets.items() if _numeric(rows) >= _LEAST]
     readings = [title for title in tables if _of_a_sensor(map(_cell, sheets[title][0]))]
     entry = chosen(name, "sheet", tables, part, readings)

@@ -25,7 +25,7 @@ _LABELLED = re.compile(r"\s*([^\W\d_][\w °/()]*?)\s*[:=]\s*([+-]?[\d.]+(?:e[+-]
 """A value with its label, as the serial plotter of Arduino prints them."""
 _END = 20
 """Largest number of lines at the end of a file that are left out as text after the readings."""
-_RUN = re.compile(r"(?<![a-z])(?:run|set|trial|lauf|messung)\s*[#:]?\s*(\d+)", re.IGNORECASE)
+_RUN = re.compile(r"(?<![a-z])(?:run|set|trial|lauf|messung)\s*[#:]?\s*(\d{1,9})(?!\d)", re.IGNORECASE)
 """Number of a run in a column's title."""
 _MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf", "missing", "invalid",
             "err", "error", "overflow", "no data"}
@@ -322,10 +322,13 @@ def _without_labels(text: str) -> tuple[str, bool]:
     return "\n".join(["\t".join(labels), *rows]) + "\n", True
 
 
-def _seconds(moment: re.Match[str]) -> float:
-    """Return the seconds of a time of day since midnight, or since 2020 if it has a date."""
+def _seconds(moment: re.Match[str]) -> float | None:
+    """Return the seconds of a time of day since midnight, or since 2020 if it has a date; None for no day."""
     date, hours, minutes, seconds = moment.groups()
-    days = datetime.date.fromisoformat(date).toordinal() - _EPOCH if date else 0
+    try:
+        days = datetime.date.fromisoformat(date).toordinal() - _EPOCH if date else 0
+    except ValueError:  # such as 2024-13-45
+        return None
     return days * DAY + int(hours) * 3600.0 + int(minutes) * 60.0 + float(seconds.replace(",", "."))
 
 
@@ -340,7 +343,7 @@ def split(line: str, mark: str, trim: bool = True) -> list[str]:
     """Split a line at a separator and return its fields; ``trim`` removes empty fields at the end, but leaves at least
     two.
     """
-    quoted = '"' in line and mark != " "
+    quoted = '"' in line and mark != " " and len(line) < csv.field_size_limit()  # longer fields are an error of csv
     parts = next(csv.reader([line], delimiter=mark)) if quoted else line.split(None if mark == " " else mark)
     fields = [text.strip(' "') for text in parts]
     return trimmed(fields) if trim else fields

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from xml.etree.ElementTree import Element, ParseError, fromstring
+from xml.etree.ElementTree import Element
 
 from pendulum_env.lab.checked import RecordingError, chosen
+from pendulum_env.lab.decoding import tree_of
 
 _FRAME = re.compile(r"\[(\d+)\]")
 
@@ -19,13 +20,10 @@ _FRAME = re.compile(r"\[(\d+)\]")
 def track_table(name: str, text: str, part: str | None) -> tuple[str, list[str]]:
     """Return the track of a point mass in a Tracker project as a table of t [s], x and y [m], and notes.
 
-    ``y`` points up. ``part`` is the name of the point mass; None: the only one. Raises RecordingError for text that is
-    no such project, for several point masses, and for a track without the time between frames.
+    ``y`` points up. ``part`` is the name of the point mass; None: the only one. Raises ParseError for text that is not
+    XML, RecordingError for several point masses, and for a track without the time between frames.
     """
-    try:
-        root = fromstring(text)  # Python's parser opens no files and no addresses
-    except ParseError as error:
-        raise RecordingError(f"{name}: expected a Tracker project, its XML ends with an error: {error}") from None
+    root = tree_of(name, text)
     tracks = {_text(item, "name") or "mass": item for item in root.iter("object") if _kind(item) == "PointMass"}
     mass = chosen(name, "point mass", list(tracks), part)
     step = _number(root, "delta_t")

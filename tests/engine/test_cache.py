@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import errno
-import hashlib
 import os
 import pickle
+import random
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,16 +15,19 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import llvmlite
+import numba
 import numpy as np
 import pytest
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from numba.core import codegen
 from planted import Planted
 from small_caches import Start, posix, small, uncached
 
 import integrators
 from pendulum_env import SCENES
 from pendulum_env.common import replacing, trust
-from pendulum_env.engine import kernels
+from pendulum_env.engine import compiling, kernels
 from pendulum_env.engine.generate import program
 
 
@@ -48,21 +52,24 @@ def only(folder: Path, pattern: str) -> Path:
 
 def test_a_warm_start_writes_nothing(warm: Path, start: Start) -> None:
     before = listing(warm)
-    assert sorted(Path(name).suffix for name in before) == [".nbc", ".py"]
+    assert sorted(Path(name).suffix for name in before) == [".nbc", ".nbc", ".py", ".py"], "program and trial of numba"
     assert start(warm) == 2.5
     assert listing(warm) == before
 
 
 def test_code_that_was_rewritten_in_another_way_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After an upgrade that folds or pairs otherwise, programs of the same text are compiled anew."""
+    """After an upgrade, and after one that folds or pairs otherwise, programs of the same text are compiled anew."""
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
     found = program(SCENES["textbook"], integrators.get("symplectic_euler"), ())
     for _ in range(2):
-        kernels.compiled(found)
+        kernels.compiled(found.text, found.title)
     assert len(list(tmp_path.glob("*.py"))) == 1
-    monkeypatch.setattr(kernels, "rewriting", lambda: ("another",))
-    kernels.compiled(found)
+    monkeypatch.setattr(kernels, "__version__", "99.0")
+    kernels.compiled(found.text, found.title)
     assert len(list(tmp_path.glob("*.py"))) == 2
+    monkeypatch.setattr(kernels, "rewriting", lambda: ("another",))
+    kernels.compiled(found.text, found.title)
+    assert len(list(tmp_path.glob("*.py"))) == 3
 
 
 COMPILER = """
@@ -97,7 +104,7 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
-@pytest.mark.parametrize("pattern", ["*.py", "*.nbc"])
+@pytest.mark.parametrize("pattern", ["kernel_*.py", "kernel_*.nbc"])
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_file_is_made_anew(damage: str, pattern: str, warm: Path, start: Start) -> None:
     path = only(warm, pattern)
@@ -110,6 +117,99 @@ def test_a_damaged_file_is_made_anew(damage: str, pattern: str, warm: Path, star
     assert {name for name in after if after[name] != before.get(name)} == {path.name}, "only the damaged file is new"
     assert start(warm) == 2.5
     assert listing(warm) == after, "the new file is not whole"
+
+
+def test_every_flipped_byte_is_seen(warm: Path, start: Start) -> None:
+    path = only(warm, "kernel_*.nbc")
+    whole, source = path.read_bytes(), random.Random(1)
+    for place in (0, 31, 32, len(whole) - 1, *(source.randrange(len(whole)) for _ in range(8))):
+        damaged = bytearray(whole)
+        damaged[place] ^= source.randrange(1, 256)
+        path.write_bytes(damaged)
+        assert start(warm) == 2.5
+        assert path.read_bytes() != damaged, f"byte {place}"
+
+
+def other_processor(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(codegen.JITCPUCodegen, "magic_tuple", lambda self: ("another", "processor", "+fast"))
+
+
+OTHERS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
+    "processor": other_processor,
+    "numba": lambda patch: patch.setattr(numba, "__version__", "99.0"),
+    "llvmlite": lambda patch: patch.setattr(llvmlite, "__version__", "99.0"),
+    "package": lambda patch: patch.setattr(kernels, "__version__", "99.0"),
+}
+
+
+@pytest.mark.filterwarnings("ignore:A program's arithmetic could not be written")  # that of whole numbers
+@pytest.mark.parametrize("other", [*OTHERS, "program", "signature"])
+def test_machine_code_of_something_else_is_not_taken(other: str, warm: Path, start: Start) -> None:
+    """Each file is whole, but of another version, processor, program or signature, and copied over the right one."""
+    path = only(warm, "kernel_*.nbc")
+    with pytest.MonkeyPatch.context() as patch:
+        OTHERS.get(other, lambda _: None)(patch)
+        kernels.forget()
+        x: Any = 2 if other == "signature" else 1.5
+        kernels.functions(small(0.5 if other == "program" else 0.25), "compiled")["run"](x)
+    (foreign,) = {*warm.glob("kernel_*.nbc")} - {path}
+    shutil.copyfile(foreign, path)
+    assert start(warm) == 2.5
+    assert path.read_bytes() != foreign.read_bytes(), "the foreign code is taken"
+
+
+# --- links ------------------------------------------------------------------------------------------------------------
+
+
+@posix
+@pytest.mark.parametrize("pattern", ["kernel_*.py", "kernel_*.nbc"])
+@pytest.mark.parametrize("content", ["thesis", None], ids=["a file", "nothing"])
+def test_a_link_in_a_files_place_is_not_followed(
+    pattern: str, content: str | None, warm: Path, start: Start
+) -> None:
+    """Neither in writing, which would replace any file of the user by machine code, nor in reading."""
+    path, mine = only(warm, pattern), warm.with_name("thesis.tex")
+    if content:
+        mine.write_text(content)
+    path.unlink()
+    path.symlink_to(mine)
+    assert start(warm) == 2.5
+    assert not path.is_symlink()
+    assert (mine.read_text() if content else mine.exists()) == (content or False)
+    whole, moved = path.read_bytes(), warm.with_name("elsewhere")
+    path.rename(moved)
+    path.symlink_to(moved)
+    assert start(warm) == 2.5
+    assert not path.is_symlink(), "what a link leads to is read"
+    assert moved.read_bytes() == whole
+
+
+@posix
+def test_a_folder_that_became_a_link_is_checked_again(tmp_path: Path, start: Start) -> None:
+    """Machine code is written with the first call, when the folder may have changed."""
+    folder, shared = tmp_path / "cache", tmp_path / "shared"
+    start(folder)
+    shared.mkdir()
+    shared.chmod(0o777)
+    run = kernels.functions(small(0.5), "compiled")["run"]
+    folder.rename(tmp_path / "before")
+    folder.symlink_to(shared)
+    with pytest.warns(UserWarning, match="other users can write to"):
+        assert run(1.5) == 2.75
+    assert not list(shared.iterdir())
+
+
+@posix
+def test_a_folder_behind_a_link_of_somebody_else_is_not_used(tmp_path: Path, start: Start) -> None:
+    """Anybody can put a link into a folder such as /tmp, under the name that a user's cache will have."""
+    if os.geteuid():
+        pytest.skip("only root can give a link away")
+    mine, link = tmp_path / "mine", tmp_path / "cache"
+    mine.mkdir(mode=0o700)
+    link.symlink_to(mine)
+    os.chown(link, 12345, -1, follow_symlinks=False)
+    assert uncached(link, start, f"{link} belongs to another user") == 2.5
+    assert not list(mine.iterdir())
 
 
 # --- folders that cannot be written ---------------------------------------------------------------------------------
@@ -174,8 +274,8 @@ print(*(warning.message for warning in caught), sep="\\n")
 @pytest.mark.parametrize("kept", [[], [".py", ".py"]], ids=["nothing fits", "the texts fit"])
 def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:
     """Check that a program runs if the operating system stops a write to the cache half way, as on a full disk."""
-    limit = 2 * only(warm, "*.py").stat().st_size if kept else 100
-    assert limit < only(warm, "*.nbc").stat().st_size
+    limit = 2 * only(warm, "kernel_*.py").stat().st_size if kept else 100
+    assert limit < only(warm, "kernel_*.nbc").stat().st_size
     folder = warm.with_name("small")
     command = [sys.executable, "-c", FULL_DISK, str(limit), small().text, small(0.5).text]
     own = {**os.environ, "LAB_PENDULUM_CACHE": str(folder)}
@@ -184,17 +284,19 @@ def test_a_disk_that_fills_up(kept: list[str], warm: Path) -> None:
     assert results == "2.5 2.75"
     assert len(warned) == 1
     assert os.strerror(errno.EFBIG) in warned[0]
-    assert [path.suffix for path in folder.iterdir()] == kept
+    assert [path.suffix for path in folder.glob("kernel_*")] == kept
 
 
 # --- whose folder it is ---------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
-def planted(warm: Path) -> Path:
+def planted(warm: Path, start: Start) -> Path:
     """Return a cache folder with a foreign file that has a machine code's name and a correct digest."""
-    content = pickle.dumps(Planted(warm.with_name("trace")))
-    only(warm, "*.nbc").write_bytes(hashlib.sha256(content).digest() + content)
+    only(warm, "kernel_*.nbc").unlink()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compiling, "stored", lambda result: pickle.dumps(Planted(warm.with_name("trace"))))
+        start(warm)
     return warm
 
 
@@ -272,7 +374,7 @@ def test_eight_processes_share_a_cold_cache(
     finally:
         at_once.close()
         one_by_one.close()
-    assert sorted(path.suffix for path in folder.iterdir()) == [".nbc", ".py"]
+    assert sorted(path.suffix for path in folder.glob("kernel_*")) == [".nbc", ".py"]
     assert "cannot be cached" not in capfd.readouterr().err
     before = listing(folder)
     kernels.forget()

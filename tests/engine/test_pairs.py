@@ -11,8 +11,9 @@ import pytest
 import integrators
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine.generate import program
-from pendulum_env.engine.kernels import PREAMBLE, TEXT
+from pendulum_env.engine.kernels import PREAMBLE
 from pendulum_env.engine.pairs import LEAST, NAME, paired
+from pendulum_env.engine.source import TEXT
 
 FACTORS = [f"v{i}" for i in range(LEAST)]
 ARGUMENTS = ", ".join([*FACTORS, *(f"{name}{i}" for name in "cs" for i in range(LEAST))])

@@ -23,7 +23,6 @@ from stored import stored as entries
 import integrators
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine import kernels
-from pendulum_env.engine.generate import Program
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.tasks import TASKS
 
@@ -164,8 +163,8 @@ def compiled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[A
     functions: list[Any] = []
     make = kernels.compiled
 
-    def recording(program: Program) -> Any:
-        functions.append(make(program))
+    def recording(*given: Any, **named: Any) -> Any:
+        functions.append(make(*given, **named))
         return functions[-1]
 
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path / "cache"))

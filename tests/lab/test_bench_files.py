@@ -207,7 +207,7 @@ TRK = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 @pytest.mark.parametrize(("inside", "problem"), [
-    ("<broken>", "its XML ends with an error"), ("", "expected a point mass with numbers, found none"),
+    ("<broken>", "damaged or encrypted file .ParseError"), ("", "expected a point mass with numbers, found none"),
     ('<object class="org.PointMass"><property name="name" type="string">a</property></object>',
      "expected the time between frames"),
     ('<object class="org.PointMass"><property name="name">a</property></object>'

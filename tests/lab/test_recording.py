@@ -223,10 +223,10 @@ def test_a_file_that_is_no_recording(write: Write, case: str) -> None:
 
 def test_a_missing_file_and_a_folder(tmp_path: Path) -> None:
     with pytest.raises(
-        RecordingError, match=r"none\.txt: expected a text file that can be read: no such file"
+        RecordingError, match=r"none\.txt: expected a file that can be read: no such file"
     ):
         Recording.read(tmp_path / "none.txt")
-    with pytest.raises(RecordingError, match="expected a text file that can be read: is a directory"):
+    with pytest.raises(RecordingError, match="expected a file that can be read: is a directory"):
         Recording.read(tmp_path)
 
 

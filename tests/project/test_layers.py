@@ -174,8 +174,8 @@ OTHERS_PRIVATE = {
     ("pendulum_env.engine.compiling", "_module_pass_manager"): "numba has no public way to optimise a function once",
     ("pendulum_env.engine.compiling", "_data_layout"): "of the same class of numba",
     ("pendulum_env.engine.kernels", "_cache"): "numba has no public way to give a function another cache",
-    ("pendulum_env.engine.kernels", "_reduce"): "numba's compiled result, as its own cache stores it",
-    ("pendulum_env.engine.kernels", "_rebuild"): "the counterpart of _reduce",
+    ("pendulum_env.engine.compiling", "_reduce"): "numba's compiled result, as its own cache stores it",
+    ("pendulum_env.engine.compiling", "_rebuild"): "the counterpart of _reduce",
     ("pendulum_env.lab.columns", "_replace"): "of named tuples: a documented name of Python's own",
     ("pendulum_env.common.warn", "_getframe"): "of sys: the way to the caller that a warning points at",
 }

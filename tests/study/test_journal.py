@@ -59,3 +59,11 @@ def test_a_file_system_without_locks(number, tmp_path, monkeypatch):
 
     monkeypatch.setattr(fcntl, "flock", refuse)
     assert list(sweep(GRID, run=add, file=tmp_path / "sweep.jsonl").rows) == ROWS
+
+
+@pytest.mark.parametrize("line", [b"[" * 5000 + b"\n", b'{"sweep": []}\n', b'{"sweep": 3}\n'])
+def test_a_journal_nested_too_deeply_or_without_facts_is_refused(line, tmp_path):
+    (tmp_path / "sweep.json").write_bytes(line)
+    with pytest.raises(StudyError, match="is not the journal of a sweep"):
+        Journal(tmp_path / "sweep.json", {"scene": "lab"}, ("scene",))
+    assert (tmp_path / "sweep.json").read_bytes() == line

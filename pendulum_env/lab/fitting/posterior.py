@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 from collections.abc import Mapping
@@ -10,7 +11,6 @@ from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.decoding import contents, decoding, opened, unpacked
 from pendulum_env.lab.fitting.density import LogDensity
 from pendulum_env.lab.fitting.intervals import (
     MOST_DRAWS,
@@ -308,16 +309,19 @@ class Posterior(Plotted):
         one_of(place.suffix, "format of a posterior to load with the ending", (".npz",))
         if not hasattr(fit, "solution") or not hasattr(fit, "recording"):
             raise SceneError(f"fit must be the fit of which the posterior was sampled, not {shown(fit)}.")
-        try:
-            with np.load(place) as file:  # which refuses pickled objects
-                chain, log_density, acceptance, names, asked, warm, seed, fitted, kinds, priors = (
-                    file[name] for name in ("chain", "log_density", "acceptance", "names", "asked", "warm", "seed",
-                                            "fit", "kinds", "priors"))
-        except OSError as error:
-            raise RecordingError(f"{place}: expected a posterior that can be read: "
-                                 f"{(error.strerror or str(error)).lower()}") from error
-        except (KeyError, ValueError, BadZipFile) as error:
-            raise RecordingError(f"{place}: expected a file that Posterior.save wrote, {error}") from error
+        with decoding(str(place), "a file that Posterior.save wrote"):
+            archive = opened(str(place), io.BytesIO(contents(str(place))))
+            chain, log_density, acceptance, names, asked, warm, seed, fitted, kinds, priors = (
+                np.load(io.BytesIO(unpacked(str(place), archive, f"{name}.npy"))) for name in (  # no pickled objects
+                    "chain", "log_density", "acceptance", "names", "asked", "warm", "seed", "fit", "kinds", "priors"))
+            own = tuple(Prior(low, high, kind, mean, error)
+                        for kind, (low, high, mean, error) in zip(kinds.tolist(), priors.tolist(), strict=True))
+            numbers = int(asked), int(warm), int(seed)
+            kept = {one.dtype.kind for one in (chain, log_density, acceptance, fitted)}
+            shapes = (fitted.shape, (len(own),), chain.shape, acceptance.shape)
+            wanted = (names.shape, names.shape, (*log_density.shape, len(names)), chain.shape[1:2])
+            if kept != {"f"} or {names.dtype.kind, kinds.dtype.kind} != {"U"} or shapes != wanted:
+                raise ValueError("arrays of other shapes or types")
         if tuple(names.tolist()) != tuple(fit.names):
             raise RecordingError(f"{place}: the posterior has the parameters {', '.join(names.tolist())}, the fit "
                                  f"{', '.join(fit.names)}")
@@ -326,9 +330,7 @@ class Posterior(Plotted):
             at = int(np.argmax(away))
             raise RecordingError(f"{place}: the posterior is of a fit with {fit.names[at]} {fitted[at]:.6g}, not "
                                  f"{fit.values[at]:.6g}; give the fit of the same recording")
-        own = tuple(Prior(low, high, kind, mean, error)
-                    for kind, (low, high, mean, error) in zip(kinds.tolist(), priors.tolist(), strict=True))
-        return cls(fit, chain, log_density, acceptance, own, int(asked), int(warm), int(seed))
+        return cls(fit, chain, log_density, acceptance, own, *numbers)
 
 
 def _bare(one: Measurement) -> str:

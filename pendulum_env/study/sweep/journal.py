@@ -157,7 +157,7 @@ class Journal:
                 else:
                     result = plain(entry["result"], "A result")
                     self.done.setdefault(text_of(entry["point"], sort=True), result if self._in_memory else end)
-            except (ValueError, KeyError, TypeError) as fault:
+            except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as fault:
                 if isinstance(fault, StudyError):
                     raise
                 if number == 0:
@@ -229,7 +229,7 @@ class WrittenResults(Sequence[Any]):
             if entry["point"] != json.loads(text_of(self._points[i])):
                 raise ValueError
             return plain(entry["result"], "A result")
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):
             raise self._changed() from None
 
     def _changed(self) -> StudyError:
