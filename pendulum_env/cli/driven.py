@@ -81,5 +81,5 @@ def fit_logs(
     with replacing(paths[2]) as temporary:
         temporary.write_text(json.dumps({**found.to_dict(), "provenance": origin}, indent=2) + "\n", encoding="utf-8")
     found.scene.save(paths[3], provenance=origin)
-    title = {**origin, "Title": f"fit of {', '.join(log.source for log in logs)}"}
+    title = {**origin, "Title": f"fit of {found.source}"}
     print_files([*paths, *save_all(driven(found), folder / "fit", title, svg)])

@@ -9,11 +9,13 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from pendulum_env.common.checks import file_path
 from pendulum_env.common.replacing import OutputError, replacing
+from pendulum_env.common.texts import clean, for_csv
 from pendulum_env.common.version import __version__
 
 __all__ = ["OutputError", "output_folder", "provenance", "write_csv"]
@@ -24,7 +26,7 @@ def provenance(**facts: Any) -> dict[str, str]:
     command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
     base = {"Software": f"lab-pendulum {__version__}", "Command": command, "Python": platform.python_version()}
     texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}
-    return {**base, **texts}
+    return {name: clean(text, None) for name, text in {**base, **texts}.items()}
 
 
 def output_folder(path: str | Path) -> Path:
@@ -42,7 +44,6 @@ def output_folder(path: str | Path) -> Path:
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]], facts: Mapping[str, str]) -> None:
     """Write a CSV file whose first lines, marked by "# ", give its origin; no incomplete file is left on failure."""
     with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        file.writelines(f"# {name}: {' '.join(value.splitlines())}\n" for name, value in facts.items())
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(rows)
+        file.writelines(f"# {name}: {clean(value, None)}\n" for name, value in facts.items())
+        csv.writer(file).writerows([for_csv(cell) if isinstance(cell, str) else cell for cell in row]
+                                   for row in chain([columns], rows))

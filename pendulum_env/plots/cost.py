@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 import integrators
+from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.style import blank, decades, distinct, styled
 from pendulum_env.plots.style import figure as one
 from pendulum_env.plots.titles import footnote, headline, setting, start
@@ -209,7 +210,7 @@ def _label(study: CostStudy, name: str) -> str:
     order = integrators.METHODS[method].order if method in integrators.METHODS else None
     orders = [f"order {order}"] if order and math.isfinite(order) else []
     orders += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
-    return f"{name}\n({', '.join(orders)})" if orders else name
+    return f"{for_figure(name)}\n({', '.join(orders)})" if orders else for_figure(name)
 
 
 def _note(study: CostStudy) -> str:
@@ -223,7 +224,7 @@ def _note(study: CostStudy) -> str:
         text += " Methods that use a series or a closed form have no force evaluations to count."
     if any(effect.dry for effect in study.scene.effects):
         text += " Force evaluations for locating turning points are not counted."
-    return text
+    return for_figure(text)
 
 
 def _title(study: CostStudy) -> str:

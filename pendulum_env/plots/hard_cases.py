@@ -13,6 +13,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
+from pendulum_env.common.texts import for_figure
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG, Case
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.plots.style import blank, styled
@@ -93,7 +94,7 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
             entries = [entry for entry in matrix.entries if id(entry.case) in row]
             _cells(axes, entries, [(column[entry.method.name], row[id(entry.case)]) for entry in entries])
             axes.set(xlim=(-0.75, columns[-1] + 0.75), ylim=(places[-1] + 0.6, -1.4))
-            axes.set_xticks(columns, [method.name for method in methods], rotation=90, fontsize=LABEL)
+            axes.set_xticks(columns, [for_figure(method.name) for method in methods], rotation=90, fontsize=LABEL)
             axes.set_yticks(places, [case.name for case in block], fontsize=LABEL)
             axes.tick_params(length=0, labeltop=True, labelbottom=tall, labelright=broad, pad=2)
             axes.grid(False)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.series import (
     DENSE,
     ExactMotion,
@@ -130,7 +131,7 @@ def _over_time(
                 at.plot(runs[key].time[-1], factor * getattr(runs[key], name)[-1], "x", color=look.colour, mew=2)
         if recording is not None:
             time, values = _seen(recording, span, many)
-            at.plot(time, factor * values, label=recording.source, **RECORDING)
+            at.plot(time, factor * values, label=for_figure(recording.source), **RECORDING)
         _cut(at, heights, _first_swing(runs, name, factor), _most(runs) if name == "angle" else BEYOND)
         label += f"\n{EXTREMES[name]}" if many else ""
         at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.series import DENSE, FloatArray, Span, joined, within
 from pendulum_env.plots.style import LINES, blank, styled
 from pendulum_env.plots.titles import headline
@@ -74,7 +75,7 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
         _envelope(drawing.add_subplot(grid[3, 0]), fit, turns, fine)
         _phase(drawing.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
         rms = f"residual {fit.shown(fit.rms):.2g}{fit.sign} rms"
-        headline(drawing, f"{swing.source} · {fit.damping} damping · {rms} · {fit.grade.word}")
+        headline(drawing, f"{for_figure(swing.source)} · {fit.damping} damping · {rms} · {fit.grade.word}")
     return drawing
 
 

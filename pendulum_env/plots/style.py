@@ -21,6 +21,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from integrators import METHODS
 from pendulum_env.common.replacing import replacing
+from pendulum_env.common.texts import clean
 from pendulum_env.render import palette
 from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, colour, hue
 
@@ -239,7 +240,7 @@ def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | Non
     An error leaves no incomplete file. Raises ValueError for another ending, OSError if the file cannot be written.
     """
     target = Path(path)
-    texts = dict(facts or {})
+    texts = {name: clean(text, None) for name, text in (facts or {}).items()}
     if target.suffix == ".png":
         metadata: dict[str, Any] = texts
     elif target.suffix == ".svg":

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.recorded import READING, amplitudes
 from pendulum_env.plots.style import blank, styled
 from pendulum_env.plots.titles import headline
@@ -31,7 +32,7 @@ def readings(recording: Recording, figure: Figure | None = None) -> Figure:
     drawing = blank((SIZE[0], 0.6 * SIZE[1]), figure)
     with styled():
         _readings(drawing.subplots(), recording, "time [s]")
-        headline(drawing, recording.source)
+        headline(drawing, for_figure(recording.source))
     return drawing
 
 
@@ -56,7 +57,7 @@ def measured(sheet: LabSheet, figure: Figure | None = None) -> Figure:
         amplitudes(below)
         below.set(xlabel="time since the release [s]", ylabel="amplitude [degrees]")
         below.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=2)
-        headline(drawing, f"{swing.source} · T = {sheet.period}")
+        headline(drawing, f"{for_figure(swing.source)} · T = {sheet.period}")
     return drawing
 
 

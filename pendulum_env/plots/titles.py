@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.textpath import TextPath
 
+from pendulum_env.common.texts import for_figure
 from pendulum_env.physics.scene import Scene
 from pendulum_env.plots.style import styled
 from pendulum_env.render.palette import FAINT_INK
@@ -31,7 +33,7 @@ EDGES = 24.0
 
 def named(label: str, run: Rollout) -> str:
     """Return a run's entry in the legend: its label, with the reason and the time [s] if the run stopped early."""
-    return f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label
+    return for_figure(f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label)
 
 
 def describe(runs: Mapping[str, Rollout]) -> str:
@@ -45,7 +47,7 @@ def describe(runs: Mapping[str, Rollout]) -> str:
         parts.append(start(float(first.angle.flat[0]), float(first.velocity.flat[0])))
     steps = {stepping(run) for run in runs.values()}
     parts += steps if len(steps) == 1 else []
-    parts += list(runs) if len(runs) == 1 else []
+    parts += map(for_figure, runs) if len(runs) == 1 else []
     return " · ".join(parts)
 
 
@@ -66,7 +68,7 @@ def start(angle: float, velocity: float = 0.0) -> str:
 def setting(scene: Scene) -> list[str]:
     """Return the parts of a figure's title that describe a scene: its name and its damping."""
     damping = "+".join(effect.damping for effect in scene.of_kind("dissipative"))
-    return [scene.name, f"{damping} damping" if damping else "no damping"]
+    return [for_figure(scene.name), f"{damping} damping" if damping else "no damping"]
 
 
 def legend(axes: Axes) -> None:
@@ -135,7 +137,7 @@ def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[s
         return [text]
     mark, *finer = marks
     lines: list[str] = []
-    for piece in text.split(mark) if mark else text:
+    for piece in text.split(mark) if mark else re.findall(r"\\\$|.", text):  # \$ is one letter
         longer = f"{lines[-1]}{mark}{piece}" if lines else piece
         if lines and width(longer, size) <= room:
             lines[-1] = longer
