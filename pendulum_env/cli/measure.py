@@ -36,7 +36,7 @@ def measure(
     Files of photogates give the period, the period at small amplitude, the length and, with --length, gravity.
     measured.csv has value, error and unit of each quantity.
     """
-    from pendulum_env.common.provenance import output_folder, provenance, write_csv
+    from pendulum_env.common.provenance import checked_folder, output_folder, provenance, write_csv
     from pendulum_env.lab.gates import is_gate, measure_gate
     from pendulum_env.lab.sheet import measure as run
     from pendulum_env.lab.simulated import FILE
@@ -46,21 +46,22 @@ def measure(
         raise SceneError("--length-error needs --length; give the measured length.")
     given: dict[str, Any] = {name: value for name, value in (("length", length), ("gravity", gravity))
                              if value is not None}
+    checked_folder(out)
     choice = {"columns": columns, "until": until, "drop": ",".join(drop) if drop else None}
     chosen = bool(read) or above is not None or any(value is not None for value in choice.values())
     if file is not None and not chosen and is_gate(file):
         gate = measure_gate(file, length_error=length_error or 0.0, **given)
-        print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
-        print_text(gate.text)
         path = output_folder(out) / "measured.csv"
         write_csv(path, gate.table.head, gate.table.rows, provenance())
+        print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
+        print_text(gate.text)
     else:
         data = recording_of(FILE if file is None else file, read, **choice)
-        print_text(data.text)
         given |= {} if radius is None else {"radius": radius}
         sheet = run(data, n=oscillations, above=above, **given)
-        print_table(sheet.table, "the lab sheet")
-        print_text(sheet.text)
         path = output_folder(out) / "measured.csv"
         write_csv(path, sheet.numbers.head, sheet.numbers.rows, provenance(notes=list(data.notes)))
+        print_text(data.text)
+        print_table(sheet.table, "the lab sheet")
+        print_text(sheet.text)
     print_files([path])

@@ -1,8 +1,9 @@
 r"""Text from outside the package (names of files, titles and notes of recordings, names of scenes), made safe to show.
 
 Such a text becomes one printable line where it comes in, by :func:`clean`; where it goes out it is escaped for its
-target: by :func:`for_figure`, :func:`for_csv`, :func:`for_markdown` and, for HTML, ``integrators.html.text``. A text
-for a stream of another encoding than UTF-8 goes through :func:`in_encoding`.
+target: by :func:`for_csv` and :func:`for_markdown`, for HTML by ``integrators.html.text``, and for figures by
+``pendulum_env.plots.titles.for_figure``. A text for a stream of another encoding than UTF-8 goes through
+:func:`in_encoding`.
 """
 
 from __future__ import annotations
@@ -64,11 +65,6 @@ def listed(names: Sequence[str], most: int = LONGEST) -> str:
         if len(text) + len(rest) <= most or count == 1:
             return f"{shortened(text, most - len(rest))}{rest}"
     return ""
-
-
-def for_figure(text: str) -> str:
-    """Return a text in which Matplotlib draws every ``$`` as it is, not what stands between two as mathematics."""
-    return text.replace("$", r"\$")
 
 
 def for_csv(text: str) -> str:

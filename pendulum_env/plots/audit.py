@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import fitted, start
+from pendulum_env.plots.titles import fitted, for_figure, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, OKABE_ITO
 from pendulum_env.study.audit.swing import METHOD
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow, off_by, strong_damping

@@ -12,10 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.series import FloatArray
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import INK, OKABE_ITO
 
 if TYPE_CHECKING:

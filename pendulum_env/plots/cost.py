@@ -13,10 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 import integrators
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.style import blank, decades, distinct, styled
 from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, headline, setting, start
+from pendulum_env.plots.titles import footnote, for_figure, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
 from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy, short

@@ -8,11 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.recorded import BEST, READING
 from pendulum_env.plots.series import joined
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK
 
 if TYPE_CHECKING:

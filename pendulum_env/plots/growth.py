@@ -12,10 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.style import blank, distinct, styled
 from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, headline, setting, start
+from pendulum_env.plots.titles import footnote, for_figure, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
 from pendulum_env.study.cost.runs import energy_scale
 from pendulum_env.study.growth.laws import LOST, rounding_of

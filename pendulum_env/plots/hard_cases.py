@@ -13,11 +13,10 @@ from matplotlib.patches import Rectangle
 from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
-from pendulum_env.common.texts import for_figure
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG, Case
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import fitted
+from pendulum_env.plots.titles import fitted, for_figure
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 

@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.series import (
     DENSE,
     ExactMotion,
@@ -31,7 +30,7 @@ from pendulum_env.plots.series import (
     within,
 )
 from pendulum_env.plots.style import ALONE, Look, blank, figure, logarithmic, looks, styled
-from pendulum_env.plots.titles import describe, fitted, footnote, headline, legend, named
+from pendulum_env.plots.titles import describe, fitted, footnote, for_figure, headline, legend, named
 from pendulum_env.render.palette import INK
 
 if TYPE_CHECKING:

@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.series import DENSE, FloatArray, Span, joined, within
 from pendulum_env.plots.style import LINES, blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 if TYPE_CHECKING:

@@ -12,12 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.lab.fitting.model import unit_of
 from pendulum_env.physics.scene import Scene
 from pendulum_env.plots.style import blank, styled
 from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, headline
+from pendulum_env.plots.titles import footnote, for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 from pendulum_env.study.section.basins import STOPPED, UNSETTLED, Basins, percent
 from pendulum_env.study.section.study import Section

@@ -21,9 +21,8 @@ from integrators.analysis import (
     stability_function,
     stability_limit,
 )
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.style import Look, blank, looks_of, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK
 
 FloatArray = NDArray[np.float64]

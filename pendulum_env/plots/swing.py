@@ -9,10 +9,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.recorded import READING, amplitudes
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, OKABE_ITO
 
 if TYPE_CHECKING:

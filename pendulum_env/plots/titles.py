@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.textpath import TextPath
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.physics.scene import Scene
 from pendulum_env.plots.style import styled
 from pendulum_env.render.palette import FAINT_INK
@@ -29,6 +28,16 @@ SCREEN = 100.0
 """Resolution at which widths of texts are measured [dots per inch], because letters are fitted to dots."""
 EDGES = 24.0
 """Free width at the edges of a figure beside its title and note [points]."""
+
+
+@lru_cache(maxsize=4096)
+def for_figure(text: str) -> str:
+    """Return a text from outside as Matplotlib is to draw it: every ``$`` as it is, not mathematics between two, and a
+    white square for letters that the font lacks, of which Matplotlib would warn one by one."""
+    font = get_font(_file())
+    shown = "".join(c if c == "\n" or font.get_char_index(ord(c)) else "\N{WHITE SQUARE}" for c in text)
+    shown = f" {shown}" if shown.startswith("_") else shown  # Matplotlib leaves labels that begin so out of legends
+    return shown.replace("$", r"\$")
 
 
 def named(label: str, run: Rollout) -> str:

@@ -6,9 +6,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from pendulum_env.common.texts import for_figure
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import HAIRLINE, INK, OKABE_ITO
 
 WIDE, ROW, FRAME, BAR = 9.0, 0.62, 1.9, 0.34
