@@ -55,6 +55,9 @@ class Commands(typer.core.TyperGroup):
             if ctx.params.get("debug") and not isinstance(error, (typer.Exit, typer.Abort)):
                 traceback.print_exc()
             raise
+        except SystemExit as error:  # no command of ours ends so
+            raise RuntimeError("Code of your own, such as a step, ended the command by sys.exit(), so that nothing "
+                               "more was written; leave sys.exit() out.") from error
 
 
 app = typer.Typer(
