@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from threading import RLock
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import gymnasium
 import numpy as np
@@ -47,17 +47,17 @@ def alone(call: Callable[Concatenate[M, P], T]) -> Callable[Concatenate[M, P], T
     The method raises gymnasium's AlreadyPendingCallError then.
     """
     @wraps(call)
-    def run(vector: M, /, *args: P.args, **keywords: P.kwargs) -> T:
-        if not vector._turn.acquire(blocking=False):
+    def run(self: M, *args: P.args, **keywords: P.kwargs) -> T:
+        if not self._turn.acquire(blocking=False):
             raise gymnasium.error.AlreadyPendingCallError(
                 f"{call.__name__}() was called while another thread is in a call of this vector; use a vector from one "
                 "thread at a time, or make one for each thread.", call.__name__)
         try:
-            return call(vector, *args, **keywords)
+            return call(self, *args, **keywords)
         finally:
-            vector._turn.release()
+            self._turn.release()
 
-    return run
+    return cast("Callable[Concatenate[M, P], T]", run)
 
 
 class Members:
