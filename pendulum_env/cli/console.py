@@ -6,7 +6,7 @@ import codecs
 import io
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -94,6 +94,20 @@ def bar(title: str) -> Iterator[Progress]:
         except KeyboardInterrupt:
             say("Interrupted; files that were already written are complete.")
             raise
+
+
+@contextmanager
+def shown_if_refused(*shows: Callable[[], object]) -> Iterator[None]:
+    """Print what was read of a file if the code in a ``with`` block refuses it, because that may explain why.
+
+    Otherwise nothing is printed before all files are saved.
+    """
+    try:
+        yield
+    except ValueError:
+        for show in shows:
+            show()
+        raise
 
 
 def print_table(table: Table, title: str = "", below: str = "") -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, say, shown_if_refused
 
 if TYPE_CHECKING:
     from pendulum_env.lab.driven.log import DrivenLog
@@ -43,7 +43,6 @@ def fit_logs(
     from pendulum_env.common.replacing import replacing
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
-    from pendulum_env.lab.recording import RecordingError
     from pendulum_env.physics.damping import parse_settings, typed_values
     from pendulum_env.physics.units import SceneError, nearest, shown
     from pendulum_env.plots.driven import driven
@@ -68,11 +67,8 @@ def fit_logs(
     logs = [DrivenLog.read(file, **options) for file in files]
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
-        try:
+        with shown_if_refused(lambda: show_logs(logs)):
             found = fit_driven(logs, progress=progress, **known)
-        except (SceneError, RecordingError):
-            show_logs(logs)
-            raise
     folder = output_folder(out)
     origin = provenance(recording=[log.source for log in logs], notes=[note for log in logs for note in log.notes],
                         grade=found.grade.text, scene=found.scene.to_dict())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, say
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, say, shown_if_refused
 from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Settings, Svg, Until, recording_of
 
 if TYPE_CHECKING:
@@ -89,7 +89,6 @@ def fit(
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.fit import planned
     from pendulum_env.lab.fitting.robust import calmed
-    from pendulum_env.lab.recording import RecordingError
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.physics.units import SceneError, number
@@ -138,7 +137,8 @@ def fit(
         plan.check_priors(data, sampling["priors"])
     if length_error is not None:
         needs_length(plan.free)
-    sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above, **known)
+    with shown_if_refused(lambda: print_text(data.text)):
+        sheet = measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above, **known)
 
     def show_measured() -> None:
         print_text(data.text)
@@ -147,14 +147,10 @@ def fit(
 
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
-        try:
+        with shown_if_refused(show_measured, lambda: tell_of(warned)):
             best = run(data, effects, scene=scene, free=names, above=above, robust=robust,
                        progress=lambda done, text: progress(part * done, text), **known)
             found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
-        except (SceneError, RecordingError):
-            show_measured()
-            tell_of(warned)
-            raise
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
         if found is not None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pendulum_env.cli.console import print_files, print_table, print_text
+from pendulum_env.cli.console import print_files, print_table, print_text, shown_if_refused
 from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Until, recording_of
 
 
@@ -58,7 +58,8 @@ def measure(
     else:
         data = recording_of(FILE if file is None else file, read, **choice)
         given |= {} if radius is None else {"radius": radius}
-        sheet = run(data, n=oscillations, above=above, **given)
+        with shown_if_refused(lambda: print_text(data.text)):
+            sheet = run(data, n=oscillations, above=above, **given)
         path = output_folder(out) / "measured.csv"
         write_csv(path, sheet.numbers.head, sheet.numbers.rows, provenance(notes=list(data.notes)))
         print_text(data.text)

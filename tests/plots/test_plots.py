@@ -9,6 +9,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
+import matplotlib
 import numpy as np
 import pytest
 from choice import turn_of
@@ -357,6 +358,19 @@ def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(tmp_path):
     command = [sys.executable, "-c", code, str(tmp_path / "energy.png")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "False", "False"]
+
+
+@pytest.mark.parametrize("style", ["dark_background", "ggplot", "grayscale"])
+def test_a_style_of_the_users_leaves_figures_as_they_are(style, sheet, tmp_path):
+    def pictures(name):
+        drawn = plots.angle(sheet).figure
+        drawn.savefig(tmp_path / f"{name}.png")
+        return (tmp_path / f"{name}.png").read_bytes(), plots.energy(sheet).figure._repr_html_(), plots.save(
+            plots.phase(sheet).figure, tmp_path / f"{name}.svg").read_bytes()
+
+    plain = pictures("plain")
+    with matplotlib.style.context(style):
+        assert pictures("styled") == plain
 
 
 def test_saved_figures_carry_their_facts(sheet, tmp_path):
