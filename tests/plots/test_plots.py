@@ -360,16 +360,14 @@ def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(tmp_path):
     assert done.stdout.split() == ["True", "False", "False"]
 
 
-@pytest.mark.parametrize("style", ["dark_background", "ggplot", "grayscale"])
-def test_a_style_of_the_users_leaves_figures_as_they_are(style, sheet, tmp_path):
+def test_a_style_of_the_users_leaves_figures_as_they_are(sheet, tmp_path):
     def pictures(name):
-        drawn = plots.angle(sheet).figure
-        drawn.savefig(tmp_path / f"{name}.png")
-        return (tmp_path / f"{name}.png").read_bytes(), plots.energy(sheet).figure._repr_html_(), plots.save(
-            plots.phase(sheet).figure, tmp_path / f"{name}.svg").read_bytes()
+        drawn = plots.angle({"rk4": sheet["rk4"]}).figure
+        drawn.savefig(tmp_path / f"{name}.png", dpi=50)
+        return (tmp_path / f"{name}.png").read_bytes(), drawn._repr_html_()
 
     plain = pictures("plain")
-    with matplotlib.style.context(style):
+    with matplotlib.style.context("dark_background"):
         assert pictures("styled") == plain
 
 
