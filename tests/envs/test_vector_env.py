@@ -671,7 +671,7 @@ def test_a_vector_is_used_from_one_thread_at_a_time(monkeypatch: pytest.MonkeyPa
     env, alone = vector(3), vector(3)
     for each in (env, alone):
         each.reset(seed=0)
-    state, step, entered, go_on = env.get_state(), env._batch.step, threading.Event(), threading.Event()
+    state, step, entered, go_on = env.get_state(), batch.Batch.step, threading.Event(), threading.Event()
 
     def waiting(*given: Any) -> Any:
         entered.set()
@@ -679,7 +679,7 @@ def test_a_vector_is_used_from_one_thread_at_a_time(monkeypatch: pytest.MonkeyPa
         return step(*given)
 
     with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
-        patch.setattr(env._batch, "step", waiting)
+        patch.setattr(batch.Batch, "step", waiting)
         first = pool.submit(env.step, np.ones((3, 1)))
         assert entered.wait(60.0)
         try:

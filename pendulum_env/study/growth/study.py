@@ -215,7 +215,8 @@ def planned(
 ) -> GrowthPlan:
     """Check the arguments of :func:`growth`, and return the study's plan; nothing is computed yet.
 
-    ``shared`` are the settings that every run has. Raises the errors of :func:`growth`.
+    The start is ``angle`` [rad] and ``velocity`` [rad/s]; ``shared`` are the settings that every run has. Raises the
+    errors of :func:`growth`.
     """
     q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
