@@ -126,6 +126,8 @@ def test_output_has_the_terminals_encoding(
     assert f"phi{square} + 0.1 (velocity/omega0){square}" in printed["--markdown"][1]
     sign = "±" if "±".encode(encoding, "ignore") else "+-"
     assert f"1.201845 {sign} 0.000027 s" in printed["measure"][1]
+    rows = [line for line in printed["measure"][1].splitlines() if line.startswith("|")]
+    assert len({*map(len, rows)}) == 1, "words are as long as their column has room for"
     assert "Error: " in printed["\u6446\u00fc.txt"][2]
 
 
