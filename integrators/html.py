@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -15,15 +16,23 @@ ROWS = 12
 """Largest number of rows of a table that are shown."""
 
 
+def text(words: str) -> str:
+    """Return a text as HTML in which nothing is markup, and no notebook takes what stands between two ``$`` for
+    mathematics; U+FFFD stands for bytes that are not UTF-8 (surrogates)."""
+    plain = words.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+    # MathJax joins no text across elements, so that a $ or a backslash within one begins and ends no formula.
+    return re.sub(r"[$\\]", r"<span>\g<0></span>", escape(plain))
+
+
 def block(title: str, *parts: str) -> str:
     """Return a block of HTML with a title, which is escaped, and parts, which are HTML; empty parts are left out."""
-    return f'<div style="{BLOCK}"><div><b>{escape(title)}</b></div>{"".join(filter(None, parts))}</div>'
+    return f'<div style="{BLOCK}"><div><b>{text(title)}</b></div>{"".join(filter(None, parts))}</div>'
 
 
-def words(text: str) -> str:
+def words(paragraphs: str) -> str:
     """Return a text as paragraphs of HTML, one for each line; "" for an empty text."""
-    lines = (line.strip() for line in text.splitlines())
-    return "".join(f'<p style="margin: 0.3em 0; max-width: 50em">{escape(line)}</p>' for line in lines if line)
+    lines = (line.strip() for line in paragraphs.splitlines())
+    return "".join(f'<p style="margin: 0.3em 0; max-width: 50em">{text(line)}</p>' for line in lines if line)
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
@@ -46,5 +55,5 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], most: int | None =
 
 def _cells(tag: str, texts: Iterable[str]) -> str:
     """Return the cells of one row of a table; ``tag`` is "td", or "th" for cells of the head."""
-    styles = ((text, f"{CELL}; white-space: {'nowrap' if len(text) <= WHOLE else 'normal'}") for text in texts)
-    return "".join(f'<{tag} style="{style}">{escape(text)}</{tag}>' for text, style in styles)
+    styles = ((cell, f"{CELL}; white-space: {'nowrap' if len(cell) <= WHOLE else 'normal'}") for cell in texts)
+    return "".join(f'<{tag} style="{style}">{text(cell)}</{tag}>' for cell, style in styles)

@@ -123,7 +123,7 @@ def _written(text: str) -> Any:
         exec(compile(text, "<your step>", "exec"), names)
     except SyntaxError as error:
         raise MethodError(f"The lines of the step are not Python: {error}.") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # sys.exit() in the text ends nothing but the text
         raise MethodError(f"The definition of the step failed with {type(error).__name__}: {error}.") from error
     if not callable(names.get(name)):
         raise MethodError(f"The text defines no function called step; begin it with def step({ARGUMENTS}):")
@@ -206,7 +206,7 @@ def _usage(function: StepFunction) -> Usage:
             results.append(function(q, v, 0.125, acceleration))
         except MethodError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise MethodError(f"The step failed with {type(error).__name__}: {error}. It may use {ARGUMENTS}, and its "
                               "module's names; lines of text may use np and math.") from error
     try:

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import sys
+import traceback
 import warnings
 from collections.abc import Callable
 from functools import cache
 from inspect import cleandoc
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+import typer.core
 
 from pendulum_env.cli.auto import auto
 from pendulum_env.cli.code import code
 from pendulum_env.cli.compare import compare
-from pendulum_env.cli.console import say
+from pendulum_env.cli.console import open_streams, say
 from pendulum_env.cli.cost import cost
 from pendulum_env.cli.demo import demo
 from pendulum_env.cli.effects import effects
@@ -27,6 +29,7 @@ from pendulum_env.cli.section import section
 from pendulum_env.cli.show import show
 from pendulum_env.cli.stress import stress
 from pendulum_env.cli.web import web
+from pendulum_env.common.texts import clean
 
 NAME = "lab-pendulum"
 """Name of the program."""
@@ -37,7 +40,28 @@ COMMANDS: dict[str, Callable[..., None]] = {
 }
 """Every command by its name, in the order of the help. A command imports the code that it runs only when it is run."""
 
+SAID = (ValueError, TypeError, OSError, RuntimeError, ArithmeticError, MemoryError)
+"""Errors that are printed as one sentence, without a traceback."""
+
+
+class Commands(typer.core.TyperGroup):
+    """The commands; with ``--debug``, the traceback of an error is printed before its sentence."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command of a context."""
+        try:
+            return super().invoke(ctx)
+        except SAID as error:
+            if ctx.params.get("debug") and not isinstance(error, (typer.Exit, typer.Abort)):
+                traceback.print_exc()
+            raise
+        except SystemExit as error:  # no command of ours ends so
+            raise RuntimeError("Code of your own, such as a step, ended the command by sys.exit(), so that nothing "
+                               "more was written; leave sys.exit() out.") from error
+
+
 app = typer.Typer(
+    cls=Commands,
     help="A university lab's pendulum: compare integrators, measure the cost of accuracy, film runs.",
     no_args_is_help=True,
     add_completion=False,
@@ -62,8 +86,10 @@ for _name, _command in COMMANDS.items():
 def main() -> None:
     """Run the ``lab-pendulum`` command line.
 
-    Errors of input end with one sentence and exit code 2; each warning is printed once, as a sentence.
+    Errors of input end with one sentence and exit code 2, with ``--debug`` behind their traceback; each warning is
+    printed once, as a sentence.
     """
+    open_streams()
     try:
         with warnings.catch_warnings():
             print_once = cache(lambda text: say(f"Warning: {text}"))
@@ -74,12 +100,12 @@ def main() -> None:
                 # Python ends with a signal, not with the app's exit code, if an interrupt passed through a text that
                 # exec ran, as in the import of a dataclass. The next exec makes it forget that.
                 exec("")
-    except (ValueError, TypeError, OSError, RuntimeError) as error:
-        say(f"Error: {error}")
     except ArithmeticError as error:
         say(f"Error: a number is too large or too small to compute with ({error}); check the values of the options.")
     except MemoryError:
         say("Error: not enough memory; use fewer or longer steps, or a shorter run.")
+    except SAID as error:
+        say(f"Error: {clean(str(error), None)}")
     else:
         return
     sys.exit(2)
@@ -98,6 +124,9 @@ def _version(wanted: bool) -> None:
 def _options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+    ] = False,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error, as in lab-pendulum --debug fit FILE.")
     ] = False,
 ) -> None: ...
 

@@ -69,7 +69,7 @@ def compare(
         show_stability(names, given_by_user(context, *given), out or Path("out/stability"))
         return
 
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.films.look import checked_look
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.compare import compare as run
@@ -80,11 +80,11 @@ def compare(
     if not film and (given := given_by_user(context, "theme", "panels")):
         raise SceneError(f"--{given[0]} is for the film, but --no-film makes no film; leave one of them out.")
     place = scene_of(scene, damping, settings)
+    checked_folder(folder)
     measured = recording_of(recording, read) if recording is not None or read else None
     with bar("compare") as progress:
         comparison = run(place, names, angle=radians(angle), velocity=velocity, dt=dt, duration=duration, rtol=rtol,
                     atol=atol, recording=measured, progress=lambda done, text: progress(0.3 * done, text))
-        output_folder(folder)
         paths = write(comparison, folder, film=film, theme=look.theme, panels=look.panels,
                       progress=lambda done, text: progress(0.3 + 0.7 * done, text))
     print_text(comparison.text)
@@ -95,15 +95,15 @@ def compare(
 def show_stability(integrators: str, given: Sequence[str], out: Path) -> None:
     """Run ``lab-pendulum compare --stability``; raise SceneError if other options, named in ``given``, were used too.
     """
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.stability import stability, write
 
     if given:
         option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
         raise SceneError(f"--stability runs no scene, and takes only --integrators and --out; leave out --{option}.")
+    checked_folder(out)
     result = stability(integrators)
-    output_folder(out)
     with bar("stability") as progress:
         paths = write(result, out, progress=progress)
     print_table(result.table, below="leading error")

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import codecs
+import io
+import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.progress import Progress, progress_bar
+from pendulum_env.common.texts import clean, in_encoding, replaced
 
 if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
 
+REPLACED = "lab-pendulum"
+"""Name of the handler of characters that an output's encoding lacks."""
 LINE = 118
 """Largest number of characters in a line of text."""
 EMPTY = ("", "-")
@@ -21,8 +27,41 @@ NARROWEST = 20
 """Smallest number of columns; a terminal that reports fewer is treated as one with this number."""
 
 
+def open_streams() -> None:
+    """Make standard output and error print whatever text: in words what their encoding lacks.
+
+    A stream that is closed, as by ``>&-``, is replaced by one that prints nothing, so that no file that a command opens
+    takes its place; for the output, a warning says so.
+    """
+    codecs.register_error(REPLACED, replaced)
+    closed = []
+    for handle, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            closed.append(name)
+            try:
+                os.fstat(handle)
+            except OSError:
+                os.open(os.devnull, os.O_RDWR)  # takes the lowest free handle, which is the closed stream's own
+            setattr(sys, name, open(handle, "w" if handle else "r", encoding="utf-8", closefd=False))  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors=REPLACED)
+    if "stdout" in closed:
+        say("Warning: the standard output is closed, so nothing is printed.")
+
+
+def printable(text: str, encoding: str | None = None) -> str:
+    """Return a text as it can be printed: every line printable, and in words what the encoding lacks.
+
+    The encoding is that of the standard output unless another is given.
+    """
+    lines = "\n".join(clean(line, None) for line in text.split("\n"))
+    return in_encoding(lines, encoding or sys.stdout.encoding)
+
+
 def say(text: str) -> None:
     """Print a message to stderr, on a terminal wrapped at its width."""
+    text = printable(text, sys.stderr.encoding)
     if sys.stderr.isatty():
         from textwrap import fill
 
@@ -40,7 +79,7 @@ def print_text(text: str, width: int = LINE, further: str = "    ") -> None:
     from textwrap import fill
 
     room = min(width, terminal_width(width))
-    for line in text.splitlines():
+    for line in printable(text).splitlines():
         kept = re.sub(r"\([^()]{1,24}\)", lambda bracket: bracket[0].replace(" ", "\xa0"), line)
         whole = fill(kept, room, subsequent_indent=further, break_long_words=False, break_on_hyphens=False)
         print(whole.replace("\xa0", " "))
@@ -57,6 +96,20 @@ def bar(title: str) -> Iterator[Progress]:
             raise
 
 
+@contextmanager
+def shown_if_refused(*shows: Callable[[], object]) -> Iterator[None]:
+    """Print what was read of a file if the code in a ``with`` block refuses it, because that may explain why.
+
+    Otherwise nothing is printed before all files are saved.
+    """
+    try:
+        yield
+    except ValueError:
+        for show in shows:
+            show()
+        raise
+
+
 def print_table(table: Table, title: str = "", below: str = "") -> None:
     """Print a table that fits the terminal, with no number or word cut, and without columns that are empty throughout.
 
@@ -65,13 +118,16 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
     """
     from rich.console import Console
 
+    from pendulum_env.common.tables import Table
+
     console = Console() if sys.stdout.isatty() else Console(width=terminal_width(160))
     lines: list[str] = []
-    table = _filled(table)
+    head, *rows = (tuple(map(printable, cells)) for cells in (table.head, *table.rows))
+    table = _filled(Table(head, tuple(rows)))
     if below and _room(_widths(table)) > console.width:
-        table, lines = _without(table, below)
+        table, lines = _without(table, printable(below))
     for part in _parts(table, console.width):
-        console.print(_shown(part, title, console.width))
+        console.print(_shown(part, printable(title), console.width))
         title = ""
     if lines:
         print_text("\n".join([f"{below}:", *lines]))

@@ -24,6 +24,7 @@ from pendulum_env.cli.options import (
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
+    from pendulum_env.study.growth.study import Growth
 
 
 def cost(
@@ -53,48 +54,63 @@ def cost(
     cost.jsonl in the output folder: --resume continues an interrupted study; without it, the study starts from the
     beginning.
     """
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.physics.units import number
     from pendulum_env.study.cost.files import JOURNAL, write
     from pendulum_env.study.cost.points import recommendations
     from pendulum_env.study.cost.study import cost as run
+    from pendulum_env.study.growth.study import planned
     from pendulum_env.study.sweep.cluster import executor_at
 
     place = scene_of(scene, damping, settings)
     names = None if integrators is None else [name for part in integrators.split(",") if (name := part.strip())]
     periods = None if growth is None else number(growth, "--growth", least=1.0, unit="periods")
-    output_folder(out)
+    checked_folder(out)
+    if periods is not None:
+        planned(place, names, angle=radians(angle), velocity=velocity, periods=periods)
     with executor_at(scheduler) as executor, bar("cost") as progress:
         study = run(place, names, angle=radians(angle), velocity=velocity, duration=duration, repeats=repeats,
                     executor=executor, file=out / JOURNAL, resume=resume, progress=progress)
     if not study.points:
         raise KeyboardInterrupt
     paths = write(study, out, svg)
-    print_text(f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}")
-    if not study.complete:
-        print("Interrupted: the results so far follow; --resume continues the study.")
-    print_table(recommendations(study), "for this accuracy, use")
-    print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
-    print_files((*paths, out / JOURNAL))
+    grown = None
+    try:
+        if study.complete and periods is not None:
+            grown = measure_growth(place, names, radians(angle), velocity, periods, out, svg)
+    finally:  # whatever becomes of the second study, the first one's results are printed
+        print_text(f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}")
+        if not study.complete:
+            print("Interrupted: the results so far follow; --resume continues the study.")
+        print_table(recommendations(study), "for this accuracy, use")
+        print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
+        print_files((*paths, out / JOURNAL))
     if not study.complete:
         raise KeyboardInterrupt
-    if periods is not None:
-        show_growth(place, names, radians(angle), velocity, periods, out, svg)
+    if grown is not None:
+        show_growth(*grown)
 
 
-def show_growth(
+def measure_growth(
     scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
     out: Path, svg: bool = False,
-) -> None:
-    """Run ``lab-pendulum cost --growth``: print and plot how errors grow; angle [rad], velocity [rad/s]."""
+) -> tuple[Growth, list[Path]]:
+    """Run the study of ``lab-pendulum cost --growth``; angle [rad], velocity [rad/s]. Return it and the files written.
+    """
     from pendulum_env.study.growth.files import write
-    from pendulum_env.study.growth.study import growth, remarks, table
+    from pendulum_env.study.growth.study import growth
 
     with bar("growth") as progress:
         result = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)
     if not result.lines:
         raise KeyboardInterrupt
-    paths = write(result, out, svg)
+    return result, write(result, out, svg)
+
+
+def show_growth(result: Growth, paths: Sequence[Path]) -> None:
+    """Print how errors grow, and the files that were written."""
+    from pendulum_env.study.growth.study import remarks, table
+
     print_text(remarks(result))
     print_table(table(result), "how errors grow")
     print_files(paths)

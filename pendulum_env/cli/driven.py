@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, say, shown_if_refused
+
+if TYPE_CHECKING:
+    from pendulum_env.lab.driven.log import DrivenLog
 
 
 def is_driven_fit(files: Sequence[Path], columns: Mapping[str, str | None]) -> bool:
@@ -16,6 +19,12 @@ def is_driven_fit(files: Sequence[Path], columns: Mapping[str, str | None]) -> b
     from pendulum_env.lab.driven.log import is_driven
 
     return any(value is not None for value in columns.values()) or (bool(files) and all(map(is_driven, files)))
+
+
+def show_logs(logs: Iterable[DrivenLog]) -> None:
+    """Print what was read."""
+    for log in logs:
+        print_text(log.text)
 
 
 def fit_logs(
@@ -30,7 +39,7 @@ def fit_logs(
     """
     from inspect import signature
 
-    from pendulum_env.common.provenance import output_folder, provenance, write_csv
+    from pendulum_env.common.provenance import checked_folder, output_folder, provenance, write_csv
     from pendulum_env.common.replacing import replacing
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
@@ -54,18 +63,13 @@ def fit_logs(
     for name in known:
         if name not in keywords:
             raise SceneError(f"--set has no parameter {shown(name)} for driven logs{nearest(name, keywords)}")
+    checked_folder(out)
     logs = [DrivenLog.read(file, **options) for file in files]
-    for log in logs:
-        print_text(log.text)
-    folder = output_folder(out)
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
-        found = fit_driven(logs, progress=progress, **known)
-    for warning in warned:
-        if issubclass(warning.category, UserWarning) and str(warning.message) != found.grade.text:
-            say(f"Warning: {warning.message}")
-    print_table(found.table, "fitted parameters; r: correlations")
-    print_text(found.text)
+        with shown_if_refused(lambda: show_logs(logs)):
+            found = fit_driven(logs, progress=progress, **known)
+    folder = output_folder(out)
     origin = provenance(recording=[log.source for log in logs], notes=[note for log in logs for note in log.notes],
                         grade=found.grade.text, scene=found.scene.to_dict())
     paths = [folder / name for name in ("parameters.csv", "residuals.csv", "bench.json", "scene.json")]
@@ -81,5 +85,12 @@ def fit_logs(
     with replacing(paths[2]) as temporary:
         temporary.write_text(json.dumps({**found.to_dict(), "provenance": origin}, indent=2) + "\n", encoding="utf-8")
     found.scene.save(paths[3], provenance=origin)
-    title = {**origin, "Title": f"fit of {', '.join(log.source for log in logs)}"}
-    print_files([*paths, *drawn(lambda: driven(found), folder / "fit", title, svg)])
+    title = {**origin, "Title": f"fit of {found.source}"}
+    paths += drawn(lambda: driven(found), folder / "fit", title, svg)
+    show_logs(logs)
+    for warning in warned:
+        if issubclass(warning.category, UserWarning) and str(warning.message) != found.grade.text:
+            say(f"Warning: {warning.message}")
+    print_table(found.table, "fitted parameters; r: correlations")
+    print_text(found.text)
+    print_files(paths)

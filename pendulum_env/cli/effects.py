@@ -28,7 +28,7 @@ def effects(
 ) -> None:
     """Show which of all known effects matter in a scene: how much each changes the motion, and how much time it costs.
     """
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit.simplification import simplify
     from pendulum_env.study.audit.study import write
@@ -38,14 +38,15 @@ def effects(
     if svg and out is None:
         raise SceneError("--svg needs --out; give a folder.")
     if out is not None:
-        output_folder(out)
+        checked_folder(out)
     with bar("effects") as progress:
         plain, report = simplify(place, amplitude=angle_in_radians(amplitude), tolerance=tolerance, duration=duration,
                                  complete=complete, progress=progress)
+        paths = [] if out is None else write(report.audit, out, svg)
     print_text(f"{place.name}: {place.equation()}, from {amplitude:g}°, tolerance {tolerance:g}")
     print_table(verdicts(report.audit))
     print_text(f"{remarks(report.audit)}\n\n{report.text}")
     if plain.effects != place.effects:
         print_text(f"Simplified equation: {plain.equation()}")
-    if out is not None:
-        print_files(write(report.audit, out, svg))
+    if paths:
+        print_files(paths)

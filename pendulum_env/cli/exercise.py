@@ -45,7 +45,7 @@ def exercise(
     Each question has a blank for the student's own words; --key fills it in for the teacher. The page keeps what is
     typed into it, and its button Save writes that into the file. A new report in the same folder keeps saved answers.
     """
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.exercise.answers import earlier
     from pendulum_env.exercise.given import Given
     from pendulum_env.exercise.report import REPORT, named, need_jinja, write
@@ -53,11 +53,11 @@ def exercise(
 
     need_jinja()
     kept = earlier(out / REPORT, named(name), key)
+    checked_folder(out)
     data = recording_of(recording, read) if recording is not None or read else None
     given = Given.of(recording=data, period=period, period_error=period_error, length=length,
                      length_error=length_error, mass=mass, radius=radius)
     own = None if step is None else step_in(step)
-    output_folder(out)
     with bar("exercise") as progress:
         worked = work_out(given, lambda done, text: progress(0.3 * done, text), step=own)
         paths = write(worked, out, name=name, key=key, progress=lambda done, text: progress(0.3 + 0.7 * done, text))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, say, shown_if_refused
 from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Settings, Svg, Until, recording_of
 
 if TYPE_CHECKING:
@@ -86,11 +86,11 @@ def fit(
     runs, with an action, torque or current beside the angle, are fitted for motor, friction, delay and sensor.
     """
     from pendulum_env.cli.driven import fit_logs, is_driven_fit
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.lab.checked import side
     from pendulum_env.lab.fitting.fit import fit as run
+    from pendulum_env.lab.fitting.fit import planned
     from pendulum_env.lab.fitting.robust import calmed
-    from pendulum_env.lab.recording import RecordingError
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.physics.units import SceneError, number
@@ -98,6 +98,7 @@ def fit(
         against_told,
         against_track,
         goodness,
+        needs_length,
         parameter_table,
         to_lay_over,
         write,
@@ -126,37 +127,44 @@ def fit(
     if length_error is not None:
         number(length_error, "--length-error", above=0.0, unit="m")
     sampling = _sampling(posterior, steps, seed, prior)
+    checked_folder(out)
     part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
     given = {"unit": unit, "rate": rate, "scale": scale, "columns": columns, "until": until,
              "drop": ",".join(drop) if drop else None}
     data = recording_of(place, read, **given)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
-    print_text(data.text)
+    plan = planned(data, effects, scene, names, robust, known)
+    if sampling is not None:
+        plan.check_priors(data, sampling["priors"])
+    if length_error is not None:
+        needs_length(plan.free)
 
     def measured() -> LabSheet:
         return measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above,
                        length_error=length_error, **known)
 
-    data.released()  # without a swing, there is nothing to fit either
-    sheet, no_sheet = side("the lab sheet", measured) if oscillations is None else (measured(), "")
-    if sheet is not None:
-        print_table(sheet.table, "the lab sheet")
-        print_text(sheet.text)
-    output_folder(out)
+    with shown_if_refused(lambda: print_text(data.text)):
+        data.released()  # without a swing, there is nothing to fit either
+        sheet, no_sheet = side("the lab sheet", measured) if oscillations is None else (measured(), "")
+
+    def show_measured() -> None:
+        print_text(data.text)
+        if sheet is not None:
+            print_table(sheet.table, "the lab sheet")
+            print_text(sheet.text)
+
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
-        try:
+        with shown_if_refused(show_measured, lambda: tell_of(warned)):
             best = run(data, effects, scene=scene, free=names, above=above, robust=robust,
                        progress=lambda done, text: progress(part * done, text), **known)
             found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
-        except (SceneError, RecordingError):
-            tell_of(warned)
-            raise
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
         if found is not None:
             paths[-1:-1] = write_posterior(found, out, svg)
+    show_measured()
     tell_of(warned, best.grade.text if sheet is None else f"{best.grade.text}\n{sheet.text}")
     if best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
@@ -179,7 +187,7 @@ def fit(
     print_files(paths)
     reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
     print_text("To compare the recording with other methods, run:")
-    print(to_lay_over(best, place, paths[-1], reading))
+    print(printable(to_lay_over(best, place, paths[-1], reading)))
 
 
 def _sampling(

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pendulum_env.cli.console import print_files, print_table, print_text
+from pendulum_env.cli.console import print_files, print_table, print_text, shown_if_refused
 from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Until, recording_of
 
 
@@ -40,7 +40,7 @@ def measure(
     Files of photogates give the period, the period at small amplitude and the length. With --length, both kinds of file
     give gravity, too, and a sentence if that cannot be. measured.csv has value, error and unit of each quantity.
     """
-    from pendulum_env.common.provenance import output_folder, provenance, write_csv
+    from pendulum_env.common.provenance import checked_folder, output_folder, provenance, write_csv
     from pendulum_env.common.warn import warn
     from pendulum_env.lab.gates import is_gate, measure_gate
     from pendulum_env.lab.sheet import measure as run
@@ -53,6 +53,7 @@ def measure(
         number(length_error, "--length-error", above=0.0, unit="m")
     given: dict[str, Any] = {name: value for name, value in (("length", length), ("gravity", gravity))
                              if value is not None}
+    checked_folder(out)
     choice = {"columns": columns, "until": until, "drop": ",".join(drop) if drop else None}
     chosen = bool(read) or above is not None or any(value is not None for value in choice.values())
     if file is not None and not chosen and is_gate(file):
@@ -60,21 +61,22 @@ def measure(
             if value is not None:
                 raise SceneError(f"--{name} is for recordings of a swing, and {file} is of a photogate; leave it out.")
         gate = measure_gate(file, length_error=length_error or 0.0, states=states, **given)
-        print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
-        print_text(gate.text)
         path = output_folder(out) / "measured.csv"
         write_csv(path, gate.table.head, gate.table.rows, provenance())
+        print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
+        print_text(gate.text)
     elif states is not None:
         raise SceneError("--states is for files with the states of a photogate; leave it out.")
     else:
         data = recording_of(FILE if file is None else file, read, **choice)
-        print_text(data.text)
         given |= {} if radius is None else {"radius": radius}
-        sheet = run(data, n=oscillations, above=above, length_error=length_error, **given)
+        with shown_if_refused(lambda: print_text(data.text)):
+            sheet = run(data, n=oscillations, above=above, length_error=length_error, **given)
         for sentence in other_units(sheet.scene.body, sheet.scene.gravity):
             warn(sentence)
-        print_table(sheet.table, "the lab sheet")
-        print_text(sheet.text)
         path = output_folder(out) / "measured.csv"
         write_csv(path, sheet.numbers.head, sheet.numbers.rows, provenance(notes=list(data.notes)))
+        print_text(data.text)
+        print_table(sheet.table, "the lab sheet")
+        print_text(sheet.text)
     print_files([path])

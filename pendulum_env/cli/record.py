@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pendulum_env.cli.console import bar
+from pendulum_env.cli.console import bar, printable
 from pendulum_env.cli.options import (
     Angle,
     Atol,
@@ -69,8 +69,8 @@ def record(
                             control=control, fps=fps, slow=slow, size=size, theme=theme,
                             panels=split(panels), progress=progress)
     for label, why in stopped.items():
-        print(f"{label} stopped early: {why}.")
-    print(f"Wrote {path}")
+        print(printable(f"{label} stopped early: {why}."))
+    print(printable(f"Wrote {path}"))
 
 
 def _scenes(given: Sequence[str]) -> list[str]:

@@ -48,7 +48,7 @@ def section(
     The section is that of many runs from angles spread over a turn; with --over one run for each value starts from
     --angle and --velocity. Writes a figure and a CSV table.
     """
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study import section as room
 
@@ -61,13 +61,14 @@ def section(
         raise SceneError(f"--{next(iter(of_points))} and --basins cannot be combined; leave one of them out.")
     if basins is None and of_starts:
         raise SceneError("--velocities is for --basins; give the number of starts along each side, as in --basins 300.")
-    output_folder(out)
+    checked_folder(out)
     result: Section | Basins
     with bar("section") as progress:
         if basins is not None:
             result = room.basins(place, size=basins, progress=progress, **shared, **of_starts)
         else:
             result = room.section(place, progress=progress, **shared, **of_points)
+        paths = room.write(result, out, svg)
     print_text(f"{place.name}: {place.equation()}")
     if isinstance(result, room.Basins):
         print_table(result.table, "attractors, at phase 0 of the drive")
@@ -77,7 +78,7 @@ def section(
             say(f"Warning: {result.stopped} runs ended early and have fewer points.")
         if result.over and result.event == "period":
             print_table(result.table, "periods of the drive after which the motion repeats")
-    print_files(room.write(result, out, svg))
+    print_files(paths)
 
 
 def given(**options: Any) -> dict[str, Any]:

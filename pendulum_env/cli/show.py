@@ -72,11 +72,15 @@ def show(
 
     The methods of the keys 1 to 5 are compiled before the window opens, once for each scene.
     """
+    from pendulum_env.engine.starts import checked_start
     from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
     names = split(",".join(integrators))
     bench = Bench(scene_of(scene, damping, settings), names, dt, theme, split(panels))
+    run, released = bench.scene.run, radians(angle)
+    checked_start(bench.scene, run.angle if released is None else released,
+                  run.velocity if velocity is None else velocity)
     pixels = _window_size((ONE if len(names) == 1 else SEVERAL) if size is None else size)
     if not seen():
         raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
@@ -84,7 +88,7 @@ def show(
     window = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
     window.folder = out
     try:
-        bench.play(window, radians(angle), velocity)
+        bench.play(window, released, velocity)
     finally:
         window.close()
 

@@ -33,7 +33,7 @@ def stress(
     method needs, and an error said so. wrong: finite and false, which is always a failure. The allowed outcomes of each
     kind of method follow from theory; any other outcome is a failure, with exit code 1 unless its reason is known.
     """
-    from pendulum_env.common.provenance import output_folder
+    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.hard_cases.run import chosen_cases, listing, write
     from pendulum_env.hard_cases.run import stress as run
     from pendulum_env.physics.units import SceneError
@@ -44,7 +44,7 @@ def stress(
             raise SceneError(f"--list runs no method and writes no file; leave out --{unused[0]}.")
         print_text(listing(chosen_cases(cases, scene, long)))
         return
-    output_folder(out)
+    checked_folder(out)
     with bar("stress") as progress:
         matrix = run(cases, names, scene=scene, long=long, progress=progress)
     if not matrix.entries:

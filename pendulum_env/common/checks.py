@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from pendulum_env.common.many import Many
+from pendulum_env.common.texts import LONGEST, shortened
 
 
 class SceneError(ValueError):
@@ -54,11 +55,10 @@ MEANT = {
     "solver": "the method is chosen by integrator=, as in integrator='rk4'.",
     "theta0": "the angle at which a run starts is angle= [rad].",
     "theta": "the angle at which a run starts is angle= [rad].",
+    "frame_skip": "a control step of dt [s] has substeps steps of the integrator, as in dt=0.02, substeps=4.",
+    "control_freq": "the control step is dt=0.02 [s], 1/control_freq, and has substeps steps of the integrator.",
 }
 """Keywords that people use for other programs' pendulums -> what to use here."""
-
-LONGEST = 100
-"""Largest number of characters of a name, and of a value in an error message."""
 
 LONGEST_PATH = 4096
 """Largest number of characters of a path."""
@@ -70,7 +70,7 @@ def shown(value: Any) -> str:
         text = " ".join(repr(value).split())
     except ValueError:  # Python refuses to print integers of several thousand digits
         text = f"a {type(value).__name__} too long to be written"
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+    return shortened(text, LONGEST)
 
 
 def number(value: Any, name: str, *, above: float | None = None, least: float | None = None, unit: str = "") -> float:

@@ -18,6 +18,8 @@ from pathlib import Path
 
 MARK = ".lab-pendulum-"
 """Part of the names of temporary files."""
+STEM = 160
+"""Largest number of bytes of the target's name in the name of a temporary file."""
 FRESH = 60.0
 """Age [s] below which a temporary file is not removed, because its writer may not have locked it yet."""
 STALE = 86400.0
@@ -85,9 +87,14 @@ def _mode(path: Path, target: Path) -> int | None:
 def _part(folder: Path, path: Path, mode: int) -> tuple[int, Path]:
     """Create a temporary file in ``folder``, from which ``path`` is written; return its open handle and its path."""
     while True:
-        temporary = folder / f".{path.stem}{MARK}{secrets.token_hex(4)}{path.suffix}"
+        temporary = folder / f".{_stem(path)}{MARK}{secrets.token_hex(4)}{path.suffix}"
         with suppress(FileExistsError):
             return os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode), temporary
+
+
+def _stem(path: Path) -> str:
+    """Return the part of a temporary file's name that is its target's, short enough for a target of 255 bytes."""
+    return os.fsdecode(os.fsencode(path.stem)[:STEM])
 
 
 def _unwritable(path: Path, error: OSError) -> OutputError:
@@ -117,7 +124,7 @@ def lock(handle: int) -> bool:
 
 def _clear(folder: Path, path: Path) -> None:
     """Remove temporary files of ``path`` that killed processes left behind."""
-    for part in folder.glob(f".{escape(path.stem)}{MARK}{'[0-9a-f]' * 8}{escape(path.suffix)}"):
+    for part in folder.glob(f".{escape(_stem(path))}{MARK}{'[0-9a-f]' * 8}{escape(path.suffix)}"):
         with suppress(OSError):
             status = part.lstat()
             age = time.time() - status.st_mtime

@@ -9,6 +9,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from pendulum_env.common.texts import clean
+
 ROOM = "pendulum_env.notebook"
 """Module with the functions ``html_of`` and ``figure_of``, which show every result of the package."""
 WIDTH = 80
@@ -45,5 +47,5 @@ class Plotted(Displayed):
 
 def one_line(result: object, text: str) -> str:
     """Return the line ``<Class: text>`` for a result, shortened to 80 characters."""
-    line = f"<{type(result).__name__}: {' '.join(text.split())}>"
+    line = f"<{type(result).__name__}: {clean(text, None)}>"
     return line if len(line) <= WIDTH else f"{line[: WIDTH - 4]}...>"

@@ -6,6 +6,8 @@ import csv
 import io
 from dataclasses import dataclass
 
+from pendulum_env.common.texts import for_csv, for_markdown
+
 
 @dataclass(frozen=True)
 class Table:
@@ -17,10 +19,10 @@ class Table:
     def markdown(self) -> str:
         """Return the table as Markdown."""
         lines = [self.head, tuple("---" for _ in self.head), *self.rows]
-        return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in line)} |" for line in lines)
+        return "\n".join(f"| {' | '.join(map(for_markdown, line))} |" for line in lines)
 
     def csv(self) -> str:
         """Return the table as CSV text; every line ends with a newline."""
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows([self.head, *self.rows])
+        csv.writer(text, lineterminator="\n").writerows([map(for_csv, line) for line in (self.head, *self.rows)])
         return text.getvalue()

@@ -138,6 +138,8 @@ def rollout(
         raise SceneError(f"even_steps cannot be combined with {'dense' if dense else 'events'}; leave one of them out.")
     if estimate_error and any(event.terminal for event in watched):
         raise SceneError("estimate_error cannot be combined with an event that ends the run; leave one of them out.")
+    if num_threads is not None:
+        num_threads = whole_number(num_threads, "num_threads", MOST_THREADS)
     telling = telling_of(progress, f"{math.prod(spec.shape)} runs")
     if spec.shape == () and file is None:
         return run(spec, watched, dense)
@@ -147,8 +149,6 @@ def rollout(
         raise SceneError("events cannot be combined with file=; leave one of them out.")
     if spec.shape == ():
         raise SceneError("file= is for batches; give angle, velocity or a parameter as an array.")
-    if num_threads is not None:
-        num_threads = whole_number(num_threads, "num_threads", MOST_THREADS)
     result = _run_many(spec, num_threads, None if file is None else npy_path(file), telling)
     return _with_events(spec, result, watched) if watched else result
 

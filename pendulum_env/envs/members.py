@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from threading import RLock
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import gymnasium
 import numpy as np
@@ -24,6 +26,9 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, line, nearest, shown
 
 Places = NDArray[np.intp]
+P = ParamSpec("P")
+T = TypeVar("T")
+M = TypeVar("M", bound="Members")
 
 KEYS = ("made_for", "numbers", "state", "random", "over")
 """Keys of a saved state of several environments; see :meth:`Members.get_state`."""
@@ -36,6 +41,25 @@ METHODS = ("get_state", "set_state", "render", "get_wrapper_attr", "has_wrapper_
 """Methods of a single environment that a vector can call for each."""
 
 
+def alone(call: Callable[Concatenate[M, P], T]) -> Callable[Concatenate[M, P], T]:
+    """Make a method of a vector refuse a call while another thread is in one, as both would write the same arrays.
+
+    The method raises gymnasium's AlreadyPendingCallError then.
+    """
+    @wraps(call)
+    def run(self: M, *args: P.args, **keywords: P.kwargs) -> T:
+        if not self._turn.acquire(blocking=False):
+            raise gymnasium.error.AlreadyPendingCallError(
+                f"{call.__name__}() was called while another thread is in a call of this vector; use a vector from one "
+                "thread at a time, or make one for each thread.", call.__name__)
+        try:
+            return call(self, *args, **keywords)
+        finally:
+            self._turn.release()
+
+    return cast("Callable[Concatenate[M, P], T]", run)
+
+
 class Members:
     """The part of a vector environment that reads, calls, saves and restores its single environments."""
 
@@ -45,6 +69,10 @@ class Members:
     _num_envs: int
     _over: Places
     _begun: bool
+    _known = False
+    """True from the first reset on."""
+    closed: bool
+    _turn: RLock
     _dt: float
     _randomization: Any
     _bank: Bank | None
@@ -217,8 +245,20 @@ class Members:
             return float(numbers[name][0])
         return float(np.broadcast_to(self._spec.numbers[name], (self._num_envs,))[place])
 
+    def _unready(self, call: str) -> Exception:
+        """Return the error of a call that needs a state of every environment: why there is none, and what to do."""
+        if self.closed:
+            return gymnasium.error.ClosedEnvironmentError(
+                f"The vector was closed before {call}; make a new one by gym.make_vec.")
+        if self._known:
+            return gymnasium.error.ResetNeeded(
+                "The last step or reset was interrupted or failed, so that some environments are ahead of others; call "
+                f"reset() for all of them before {call}.")
+        return gymnasium.error.ResetNeeded(f"Call reset() before {call}.")
+
     # --- states -------------------------------------------------------------------------------------------------
 
+    @alone
     def get_state(self, which: Any = None) -> dict[str, Any]:
         """Return the complete state of the environments ``which``, from which :meth:`set_state` resumes bit for bit.
 
@@ -233,7 +273,7 @@ class Members:
         """
         self._check_saves(which)
         if not self._begun:
-            raise gymnasium.error.ResetNeeded("Call reset() before get_state().")
+            raise self._unready("get_state()")
         places, batch = self._places(which), self._batch
         more = {"more": self._more()} if self._extra() else {}
         return {
@@ -245,6 +285,7 @@ class Members:
             **more,
         }
 
+    @alone
     def set_state(self, saved: Any, which: Any = None) -> None:
         """Restore a state of :meth:`get_state` in the environments ``which``: an index, a list of indices, or all.
 
@@ -255,7 +296,7 @@ class Members:
         self._check_saves(which)
         places = self._places(which)
         if not self._begun and len(places) < self._num_envs:
-            raise gymnasium.error.ResetNeeded("Call reset() before the first set_state() of some environments.")
+            raise self._unready("the first set_state() of some environments")
         if isinstance(saved, (list, tuple)):
             if len(saved) != len(places):
                 raise SceneError(f"saved must have one state for each of {len(places)} environments, not {len(saved)}.")
@@ -337,7 +378,7 @@ class Members:
             self._batch.put(name, places, values)
         self._seeded().restore(places, words)
         self._over = np.union1d(np.setdiff1d(self._over, places), places[over])
-        self._begun = True
+        self._begun = self._known = True
         if self._camera is not None:
             results = self._batch.results()
             self._batch.look(results)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from threading import RLock
 from typing import Any
 
 import gymnasium
@@ -25,7 +26,7 @@ from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds, words_o
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
-from pendulum_env.envs.members import Members
+from pendulum_env.envs.members import Members, alone
 from pendulum_env.envs.randomize import Bank, randomization
 from pendulum_env.envs.sensing import drawn_delays, plan_of, readings_of_many
 from pendulum_env.envs.settings import (
@@ -130,6 +131,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         **parameters: Any,
     ) -> None:
         super().__init__()
+        self._turn = RLock()
         self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
         names = check_diagnostics(diagnostics)
         integrator, dt = usual(scene, integrator, dt)
@@ -194,19 +196,21 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
     # --- Gymnasium's interface ----------------------------------------------------------------------------------
 
+    @alone
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], Infos]:
         """Start episodes of all environments, or of those that ``options["reset_mask"]`` marks.
 
-        Raises SceneError for invalid options or seeds, and then changes nothing.
+        Raises SceneError for invalid options or seeds, and then changes nothing; ClosedEnvironmentError after
+        ``close()``, AlreadyPendingCallError while another thread is in a call of this vector.
         """
         size = self._num_envs
         rest = dict(options) if isinstance(options, Mapping) else options
         some = isinstance(rest, dict) and "reset_mask" in rest
         mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else self._everyone
-        if some and not self._begun:
-            raise gymnasium.error.ResetNeeded("The first reset must be of all environments; leave out reset_mask.")
+        if self.closed or (some and not self._begun):
+            raise self._unready("reset() with reset_mask" if some else "reset()")
         which = np.flatnonzero(mask)
         asked, task, given = checked_options(rest, self.scene, self.task)
         own = {name: checked_values(name, values, which, size) for name, values in given.items()}
@@ -224,13 +228,15 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results, numbers)
         self._begin_readings(which)
         seen = self._seen(self._read(results), results)
-        self._begun, self._over = True, np.setdiff1d(self._over, which, assume_unique=True)
+        self._begun = self._known = True
+        self._over = np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
             self._camera.keep(None, which, results.info)
         rows = np.where(mask, results.info, 0.0) if some else results.info
         infos, none = {**self._infos(rows, mask.copy()), **self._parameter_infos(which)}, np.array(None)
         return seen, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
 
+    @alone
     def step(
         self, actions: Any
     ) -> tuple[NDArray[np.float32], Array, NDArray[np.bool_], NDArray[np.bool_], Infos]:
@@ -238,10 +244,12 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
         ``actions`` has shape ``(num_envs, 1)``. Raises ActionError for another shape or values that are not finite,
         ResetNeeded before the first reset and, with autoreset disabled, while an ended episode has not been reset.
-        After an interruption (Ctrl-C) some environments may be ahead of others, and all have to be reset.
+        After an interruption (Ctrl-C) some environments may be ahead of others, and all have to be reset. Raises
+        ClosedEnvironmentError after ``close()``, AlreadyPendingCallError while another thread is in a call of this
+        vector.
         """
-        if not self._begun:
-            raise gymnasium.error.ResetNeeded("Call reset() before the first step().")
+        if not self._begun or self.closed:
+            raise self._unready("the next step()" if self._known else "the first step()")
         waiting = self._over
         action = checked_actions(actions, self._num_envs, later=self._sensing is None and not waiting.size)
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
@@ -324,17 +332,20 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         if self._camera is None:
             gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
         elif not self._begun:
-            raise gymnasium.error.ResetNeeded("Call reset() before the first render().")
+            raise self._unready("the first render()")
         return self._camera
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes for a copy or a pickle, without the cached infos, which share arrays with this object.
         """
-        return {**super().__getstate__(), "_told": None}
+        state = {**super().__getstate__(), "_told": None}
+        del state["_turn"]
+        return state
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         """Set the attributes of a copied or unpickled environment; shared arrays are read-only again."""
         super().__setstate__(state)
+        self._turn = RLock()
         for name in ("stop_reason", "_stop_reason"):
             self._marks[name].flags.writeable = False
 

@@ -32,7 +32,7 @@ def checked_look(theme: Any, panels: Any, diagnostics: Sequence[str], prefix: st
     if not names or len(set(names)) < len(names):
         given = "none" if not names else "one of them twice"
         raise SceneError(f"{prefix}panels must be one or more of {', '.join(PANELS)}, not {given}.")
-    for panel in ("history", "residual"):
-        if panel in names and "energy" not in diagnostics:
+    for panel in names:
+        if PANELS[panel].needs >= {"past", "energies"} and "energy" not in diagnostics:
             raise SceneError(f'The panel "{panel}" needs the diagnostic "energy"; add "energy" to diagnostics.')
     return FrameStyle(name, names)

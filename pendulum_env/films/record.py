@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from integrators import METHODS, Method
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.provenance import output_folder, provenance
+from pendulum_env.common.provenance import checked_folder, output_folder, provenance
 from pendulum_env.common.shown import html_of
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
@@ -157,6 +157,7 @@ def record(
         raise SceneError(f"A film shows 1 to {MOST_PANELS} runs side by side, not {len(listed)}.")
     captions = _captions(listed)
     target = file_path(path, "path")
+    checked_folder(target.parent)
     rate = number(fps, "fps", above=0.0, unit="1/s") * number(slow, "slow", above=0.0)
     rate = number(rate, "fps times slow", above=0.0, unit="1/s")
     usual = max(machine.scene.run.duration for machine in listed)

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.texts import clean
 from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
@@ -23,7 +24,12 @@ T = TypeVar("T")
 
 class RecordingError(ValueError):
     """Error for a recording that cannot be read, used or measured; names the place, the expected and the actual value.
+
+    The message is one line, whatever stands in the file or in its name.
     """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(clean(message, None))
 
 
 def one_number(value: Any, name: str, **limits: Any) -> float:

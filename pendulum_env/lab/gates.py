@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import Displayed, one_line
+from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
@@ -62,6 +63,10 @@ class GateSheet(Displayed):
     length: Measurement
     gravity: Measurement | None
     how: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "source", clean(self.source))
+        object.__setattr__(self, "how", tuple(clean(sentence, NOTE) for sentence in self.how))
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.periods)} periods, T0 = {self.small_period}")

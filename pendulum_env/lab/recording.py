@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.accelerations import Mount
 from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
 from pendulum_env.lab.measures import Measurement
@@ -35,7 +36,8 @@ class Recording(Plotted):
     Attributes:
         time: array [s], strictly increasing.
         angle: array [rad], unwrapped, from the equilibrium or from the sensor's zero.
-        source: name of the file or other source.
+        source: name of the file or other source, as one line of at most 100 printable characters: a longer one is
+            shortened, and bytes that are not UTF-8 become U+FFFD.
         notes: one line for every setting that was inferred or given.
         release: time [s] of the cut at the release, on the clock of the uncut recording; None: not cut.
         zero: angle [rad] that was subtracted to put the equilibrium at 0; None: nothing was subtracted.
@@ -70,7 +72,9 @@ class Recording(Plotted):
         if not isinstance(self.source, str):
             raise RecordingError(f"source must be text, got {shown(self.source)}")
         if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
-            raise RecordingError(f"{self.source}: notes must be a tuple of texts, got {shown(self.notes)}")
+            raise RecordingError(f"{clean(self.source)}: notes must be a tuple of texts, got {shown(self.notes)}")
+        object.__setattr__(self, "source", clean(self.source))
+        object.__setattr__(self, "notes", tuple(clean(note, NOTE) for note in self.notes))
         beside = [name for name in ("rate", "force") if getattr(self, name) is not None]
         for name in ("time", "angle", *beside):
             values = numbers(getattr(self, name), f"{self.source}: {name}")

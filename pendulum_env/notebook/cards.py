@@ -136,7 +136,7 @@ def film(filmed: Any) -> Iterator[str]:
         return
     size, kind = path.stat().st_size, TYPES[path.suffix.lower()]
     if size > LARGEST:
-        yield (f'<a href="{escape(path.as_posix(), quote=True)}">{escape(str(path))}</a> '
+        yield (f'<a href="{escape(path.as_posix())}">{html.text(str(path))}</a> '
                f"({size / 1e6:.1f} MB, too large to be shown here)")
     else:
         data = f'src="data:{kind};base64,{b64encode(path.read_bytes()).decode("ascii")}" style="max-width: 100%"'
@@ -253,7 +253,7 @@ def fit(one: Any) -> Iterator[str]:
 
 def driven_fit(one: Any) -> Iterator[str]:
     """Yield the parts of a DrivenFit's card."""
-    yield f"Fit of {', '.join(log.source for log in one.logs)}, driven by the {one.kind}"
+    yield f"Fit of {one.source}, driven by the {one.kind}"
     yield equation(one.scene)
     yield html.table(one.table.head, one.table.rows, most=None)
     yield html.words(one.summary)

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Any
 
 from pendulum_env.common.checks import (
-    LONGEST,
     LONGEST_PATH,
     SceneError,
     UnknownParameterError,
@@ -31,7 +30,7 @@ from pendulum_env.common.checks import (
 )
 
 __all__ = [
-    "LONGEST", "LONGEST_PATH", "Checked", "SceneError", "UnknownParameterError", "choice", "file_path",
+    "LONGEST_PATH", "Checked", "SceneError", "UnknownParameterError", "choice", "file_path",
     "first_line", "flag", "function", "line", "naming_keywords", "nearest", "number", "one_of", "other_units",
     "several", "shown", "si", "total", "truth", "whole_number",
 ]

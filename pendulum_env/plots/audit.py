@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import fitted, start
+from pendulum_env.plots.titles import fitted, for_figure, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, OKABE_ITO
 from pendulum_env.study.audit.swing import METHOD
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow, off_by, strong_damping
@@ -77,7 +77,8 @@ def changes(audit: Audit, axes: Axes | None = None) -> Axes:
                           fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
         limit = axes.axvline(audit.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)))
         limit.set_label(f"tolerance {audit.tolerance:g}")
-        axes.set_yticks(range(len(rows)), [row.effect if row.present else f"({row.effect})" for row in rows])
+        names = [row.effect if row.present else f"({row.effect})" for row in rows]
+        axes.set_yticks(range(len(rows)), list(map(for_figure, names)))
         for label, row in zip(axes.get_yticklabels(), rows, strict=True):
             label.set_color(INK if row.present else FAINT_INK)
         here = sum(row.present for row in rows)
@@ -164,5 +165,5 @@ def _faded(tone: str) -> tuple[float, float, float]:
 
 def _title(audit: Audit) -> str:
     """Return the title of an audit's chart: scene, amplitude, method and steps."""
-    return (f"Effects that matter for {audit.scene.name}, {start(audit.amplitude)} · {METHOD}, {audit.steps} steps per "
-            "period")
+    return (f"Effects that matter for {for_figure(audit.scene.name)}, {start(audit.amplitude)} · {METHOD}, "
+            f"{audit.steps} steps per period")

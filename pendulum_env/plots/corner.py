@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from pendulum_env.plots.series import FloatArray
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import INK, OKABE_ITO
 
 if TYPE_CHECKING:
@@ -82,8 +82,8 @@ def corner(posterior: Posterior, figure: Figure | None = None) -> Figure:
         ], loc="upper right", bbox_to_anchor=(0.99, 0.93), fontsize=11)
         drawing.align_labels()
         steps, walkers, _ = posterior.chain.shape
-        headline(drawing, f"{posterior.fit.recording.source} · posterior of {walkers} walkers, {steps} steps, worth "
-                 f"{posterior.independent:.0f} independent samples")
+        headline(drawing, f"{for_figure(posterior.fit.recording.source)} · posterior of {walkers} walkers, "
+                 f"{steps} steps, worth {posterior.independent:.0f} independent samples")
     return drawing
 
 
@@ -97,7 +97,7 @@ def _axis(posterior: Posterior, i: int) -> _Axis:
     wide = REACH * max(high - middle, middle - low)
     ends, bound = [middle - reference - wide, middle - reference + wide], posterior.priors[i].low - reference
     ends[0] = max(ends[0], bound) if math.isfinite(bound) else ends[0]
-    largest, factor, unit = max(abs(end) for end in ends), 1.0, posterior.units[i]
+    largest, factor, unit = max(abs(end) for end in ends), 1.0, for_figure(posterior.units[i])
     if not PLAIN[0] < largest < PLAIN[1]:
         exponent = 3 * math.floor(math.log10(max(largest, 1e-300)) / 3.0)
         factor = 10.0**exponent

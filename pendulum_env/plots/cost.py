@@ -15,7 +15,7 @@ from matplotlib.ticker import NullFormatter
 import integrators
 from pendulum_env.plots.style import blank, decades, distinct, styled
 from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, headline, setting, start
+from pendulum_env.plots.titles import footnote, for_figure, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
 from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy, short
@@ -209,7 +209,7 @@ def _label(study: CostStudy, name: str) -> str:
     order = integrators.METHODS[method].order if method in integrators.METHODS else None
     orders = [f"order {order}"] if order and math.isfinite(order) else []
     orders += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
-    return f"{name}\n({', '.join(orders)})" if orders else name
+    return f"{for_figure(name)}\n({', '.join(orders)})" if orders else for_figure(name)
 
 
 def _note(study: CostStudy) -> str:
@@ -223,7 +223,7 @@ def _note(study: CostStudy) -> str:
         text += " Methods that use a series or a closed form have no force evaluations to count."
     if any(effect.dry for effect in study.scene.effects):
         text += " Force evaluations for locating turning points are not counted."
-    return text
+    return for_figure(text)
 
 
 def _title(study: CostStudy) -> str:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from pendulum_env.plots.recorded import BEST, READING
 from pendulum_env.plots.series import joined
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK
 
 if TYPE_CHECKING:
@@ -51,9 +51,9 @@ def driven(fit: DrivenFit, figure: Figure | None = None) -> Figure:
                 panel.tick_params(labelbottom=False)
                 panel.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=3, markerscale=2.0)
             if count > 1:
-                angle.set_title(log.source, loc="right", fontsize=11)
+                angle.set_title(for_figure(log.source), loc="right", fontsize=11)
         rms = f"residual {np.degrees(fit.solution.rms):.2g}° rms"
-        headline(drawing, f"{', '.join(log.source for log in fit.logs)} · {rms} · {fit.grade.word}")
+        headline(drawing, f"{for_figure(fit.source)} · {rms} · {fit.grade.word}")
     return drawing
 
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from pendulum_env.plots.style import blank, distinct, styled
 from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, headline, setting, start
+from pendulum_env.plots.titles import footnote, for_figure, headline, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
 from pendulum_env.study.cost.runs import energy_scale
 from pendulum_env.study.growth.laws import LOST, rounding_of
@@ -146,7 +146,7 @@ def _floor(study: Growth, kind: Kind) -> Any:
 def _entries(study: Growth, beside: Axes) -> None:
     """Draw the legend of a figure of error growth: every method with the laws by which its errors grow in time."""
     look = _looks(study, "angle")
-    entries = [Line2D([], [], label=f"{line.label}\nangle {line.angle.text()}\nenergy {line.energy.text()}",
+    entries = [Line2D([], [], label=f"{for_figure(line.label)}\nangle {line.angle.text()}\nenergy {line.energy.text()}",
                       **look(line)) for line in study.lines]
     beside.legend(handles=entries, loc="upper left", bbox_to_anchor=(-0.05, 1.03), fontsize=9, labelspacing=0.7,
                   handlelength=3.2)
@@ -168,7 +168,7 @@ def _names(study: Growth, beside: Axes) -> None:
         for x, kind, law in ((-0.02, "angle", angle), (0.46, "energy", energy)):
             beside.text(x, y, f"{kind} {law}", color=LAW_COLOURS[law], fontsize=size + 0.7, fontweight="bold", va="top",
                         transform=beside.transAxes)
-        beside.text(-0.02, y - 1.1 * height, "\n".join(text), fontsize=size, va="top", linespacing=1.12,
+        beside.text(-0.02, y - 1.1 * height, for_figure("\n".join(text)), fontsize=size, va="top", linespacing=1.12,
                     transform=beside.transAxes)
         y -= (len(text) + 1.7) * height
 
@@ -177,7 +177,7 @@ def _note(study: Growth) -> str:
     """Return the note below a figure of error growth: remarks on the study, and the meaning of the shaded areas."""
     shaded = ("Shaded: angle errors below ten times the reference solution's own error, and energy errors below random "
               "rounding errors.")
-    return f"{remarks(study)} {shaded}"
+    return for_figure(f"{remarks(study)} {shaded}")
 
 
 def _title(study: Growth) -> str:

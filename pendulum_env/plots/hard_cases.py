@@ -16,7 +16,7 @@ from integrators import Method
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG, Case
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import fitted
+from pendulum_env.plots.titles import fitted, for_figure
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 
@@ -93,7 +93,7 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
             entries = [entry for entry in matrix.entries if id(entry.case) in row]
             _cells(axes, entries, [(column[entry.method.name], row[id(entry.case)]) for entry in entries])
             axes.set(xlim=(-0.75, columns[-1] + 0.75), ylim=(places[-1] + 0.6, -1.4))
-            axes.set_xticks(columns, [method.name for method in methods], rotation=90, fontsize=LABEL)
+            axes.set_xticks(columns, [for_figure(method.name) for method in methods], rotation=90, fontsize=LABEL)
             axes.set_yticks(places, [case.name for case in block], fontsize=LABEL)
             axes.tick_params(length=0, labeltop=True, labelbottom=tall, labelright=broad, pad=2)
             axes.grid(False)

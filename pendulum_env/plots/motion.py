@@ -30,7 +30,7 @@ from pendulum_env.plots.series import (
     within,
 )
 from pendulum_env.plots.style import ALONE, Look, blank, figure, logarithmic, looks, styled
-from pendulum_env.plots.titles import describe, fitted, footnote, headline, legend, named
+from pendulum_env.plots.titles import describe, fitted, footnote, for_figure, headline, legend, named
 from pendulum_env.render.palette import INK
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _over_time(
                 at.plot(runs[key].time[-1], factor * getattr(runs[key], name)[-1], "x", color=look.colour, mew=2)
         if recording is not None:
             time, values = _seen(recording, span, many)
-            at.plot(time, factor * values, label=recording.source, **RECORDING)
+            at.plot(time, factor * values, label=for_figure(recording.source), **RECORDING)
         _cut(at, heights, _first_swing(runs, name, factor), _most(runs) if name == "angle" else BEYOND)
         label += f"\n{EXTREMES[name]}" if many else ""
         at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from pendulum_env.plots.series import DENSE, FloatArray, Span, joined, within
 from pendulum_env.plots.style import LINES, blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
         _envelope(drawing.add_subplot(grid[3, 0]), fit, turns, fine)
         _phase(drawing.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
         rms = f"residual {fit.shown(fit.rms):.2g}{fit.sign} rms"
-        headline(drawing, f"{swing.source} · {fit.damping} damping · {rms} · {fit.grade.word}")
+        headline(drawing, f"{for_figure(swing.source)} · {fit.damping} damping · {rms} · {fit.grade.word}")
     return drawing
 
 

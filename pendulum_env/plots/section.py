@@ -16,7 +16,7 @@ from pendulum_env.lab.fitting.model import unit_of
 from pendulum_env.physics.scene import Scene
 from pendulum_env.plots.style import blank, styled
 from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, headline
+from pendulum_env.plots.titles import footnote, for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 from pendulum_env.study.section.basins import STOPPED, UNSETTLED, Basins, percent
 from pendulum_env.study.section.study import Section
@@ -157,13 +157,13 @@ def _points(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], few: boo
 
 def _labelled(section: Section) -> str:
     """Return the name of the parameter that differs between runs, with its unit."""
-    unit = unit_of(section.scene, section.over)
+    unit = for_figure(unit_of(section.scene, section.over))
     return section.over if unit in ("", "1") else f"{section.over} [{unit}]"
 
 
 def _title(what: str, scene: Scene) -> str:
     """Return the title of a figure: what it shows, and the scene."""
-    return f"{what}: {scene.name}"
+    return for_figure(f"{what}: {scene.name}")
 
 
 def _note(result: Section | Basins) -> str:
@@ -183,4 +183,4 @@ def _note(result: Section | Basins) -> str:
     else:
         parts.append(f"{len(result.angle)} x {len(result.velocity)} starts, followed over {result.transient} periods "
                      f"of the drive; {result.method}, {result.steps} steps per period. Dots: attractors at phase 0.")
-    return "\n".join(parts)
+    return for_figure("\n".join(parts))

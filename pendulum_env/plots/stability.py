@@ -22,7 +22,7 @@ from integrators.analysis import (
     stability_limit,
 )
 from pendulum_env.plots.style import Look, blank, looks_of, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, INK
 
 FloatArray = NDArray[np.float64]
@@ -218,7 +218,7 @@ def _map(axes: Axes, x: FloatArray, y: FloatArray, radii: FloatArray, title: str
     axes.plot([0.0, x.max()], [0.0, 2.0 * x.max()], zorder=3, **CRITICAL)
     axes.grid(visible=False)
     axes.set(xlim=(0.0, x.max()), ylim=(0.0, y.max()))
-    axes.set_title(title, fontsize=12 if len(title) < LONG_NAME else 9)
+    axes.set_title(for_figure(title), fontsize=12 if len(title) < LONG_NAME else 9)
     return image
 
 
@@ -260,7 +260,8 @@ def _entries(
     methods: Sequence[Method], looks: Mapping[str, Look], remark: Callable[[Method], str]
 ) -> list[Line2D]:
     """Return the legend entries of methods: their names, with the text of ``remark`` on every method in brackets."""
-    return [Line2D([], [], label=f"{method.name} ({remark(method)})", **looks[method.name].line) for method in methods]
+    return [Line2D([], [], label=f"{for_figure(method.name)} ({remark(method)})", **looks[method.name].line)
+            for method in methods]
 
 
 def _order(method: Method) -> str:

@@ -21,6 +21,7 @@ from matplotlib.patheffects import Normal, Stroke
 
 from integrators import METHODS
 from pendulum_env.common.replacing import replacing
+from pendulum_env.common.texts import clean
 from pendulum_env.render import palette
 from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, colour, hue
 
@@ -102,8 +103,11 @@ def _marked(mark: str) -> dict[str, Any]:
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Apply the package's style sheet within a ``with`` block; the caller's settings are restored afterwards."""
-    with style.context(_sheet()):
+    """Apply the package's style sheet within a ``with`` block; the caller's settings are restored afterwards.
+
+    The sheet stands on Matplotlib's defaults, whatever style the caller has chosen, as "dark_background".
+    """
+    with style.context(["default", _sheet()]):
         yield
 
 
@@ -124,7 +128,20 @@ def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: 
 
 
 class ShownFigure(Figure):
-    """A figure that notebooks show, as SVG, without pyplot, which would show it a second time."""
+    """A figure that notebooks show, as SVG, without pyplot, which would show it a second time.
+
+    It is drawn and saved in the package's style, because Matplotlib makes ticks and their labels only then.
+    """
+
+    def draw(self, renderer: Any) -> None:
+        """Draw the figure."""
+        with styled():
+            super().draw(renderer)
+
+    def savefig(self, *args: Any, **keywords: Any) -> None:
+        """Save the figure; the arguments are those of Matplotlib."""
+        with styled():
+            super().savefig(*args, **keywords)
 
     def _repr_html_(self) -> str:
         """Return the figure as HTML, which notebooks show."""
@@ -141,8 +158,7 @@ class ShownFigure(Figure):
     def _written(self, form: str) -> bytes:
         """Return the figure as the content of a file in the format "svg" or "png"."""
         file = io.BytesIO()
-        with styled():
-            self.savefig(file, format=form, metadata={"Date": None} if form == "svg" else None)
+        self.savefig(file, format=form, metadata={"Date": None} if form == "svg" else None)
         return file.getvalue()
 
 
@@ -239,7 +255,7 @@ def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | Non
     An error leaves no incomplete file. Raises ValueError for another ending, OSError if the file cannot be written.
     """
     target = Path(path)
-    texts = dict(facts or {})
+    texts = {name: clean(text, None) for name, text in (facts or {}).items()}
     if target.suffix == ".png":
         metadata: dict[str, Any] = texts
     elif target.suffix == ".svg":

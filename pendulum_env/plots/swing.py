@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pendulum_env.plots.recorded import READING, amplitudes
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import FAINT_INK, OKABE_ITO
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def readings(recording: Recording, figure: Figure | None = None) -> Figure:
     drawing = blank((SIZE[0], 0.6 * SIZE[1]), figure)
     with styled():
         _readings(drawing.subplots(), recording, "time [s]")
-        headline(drawing, recording.source)
+        headline(drawing, for_figure(recording.source))
     return drawing
 
 
@@ -56,7 +56,7 @@ def measured(sheet: LabSheet, figure: Figure | None = None) -> Figure:
         amplitudes(below)
         below.set(xlabel="time since the release [s]", ylabel="amplitude [degrees]")
         below.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=2)
-        headline(drawing, f"{swing.source} · T = {sheet.period}")
+        headline(drawing, f"{for_figure(swing.source)} · T = {sheet.period}")
     return drawing
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -29,9 +30,19 @@ EDGES = 24.0
 """Free width at the edges of a figure beside its title and note [points]."""
 
 
+@lru_cache(maxsize=4096)
+def for_figure(text: str) -> str:
+    """Return a text from outside as Matplotlib is to draw it: every ``$`` as it is, not mathematics between two, and a
+    white square for letters that the font lacks, of which Matplotlib would warn one by one."""
+    font = get_font(_file())
+    shown = "".join(c if c == "\n" or font.get_char_index(ord(c)) else "\N{WHITE SQUARE}" for c in text)
+    shown = f" {shown}" if shown.startswith("_") else shown  # Matplotlib leaves labels that begin so out of legends
+    return shown.replace("$", r"\$")
+
+
 def named(label: str, run: Rollout) -> str:
     """Return a run's entry in the legend: its label, with the reason and the time [s] if the run stopped early."""
-    return f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label
+    return for_figure(f"{label} ({run.stop_reason}, {run.time[-1]:.3g} s)" if run.stop_reason else label)
 
 
 def describe(runs: Mapping[str, Rollout]) -> str:
@@ -45,7 +56,7 @@ def describe(runs: Mapping[str, Rollout]) -> str:
         parts.append(start(float(first.angle.flat[0]), float(first.velocity.flat[0])))
     steps = {stepping(run) for run in runs.values()}
     parts += steps if len(steps) == 1 else []
-    parts += list(runs) if len(runs) == 1 else []
+    parts += map(for_figure, runs) if len(runs) == 1 else []
     return " · ".join(parts)
 
 
@@ -66,7 +77,7 @@ def start(angle: float, velocity: float = 0.0) -> str:
 def setting(scene: Scene) -> list[str]:
     """Return the parts of a figure's title that describe a scene: its name and its damping."""
     damping = "+".join(effect.damping for effect in scene.of_kind("dissipative"))
-    return [scene.name, f"{damping} damping" if damping else "no damping"]
+    return [for_figure(scene.name), f"{damping} damping" if damping else "no damping"]
 
 
 def legend(axes: Axes) -> None:
@@ -135,7 +146,7 @@ def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[s
         return [text]
     mark, *finer = marks
     lines: list[str] = []
-    for piece in text.split(mark) if mark else text:
+    for piece in text.split(mark) if mark else re.findall(r"\\\$|.", text):  # \$ is one letter
         longer = f"{lines[-1]}{mark}{piece}" if lines else piece
         if lines and width(longer, size) <= room:
             lines[-1] = longer

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import headline
+from pendulum_env.plots.titles import for_figure, headline
 from pendulum_env.render.palette import HAIRLINE, INK, OKABE_ITO
 
 WIDE, ROW, FRAME, BAR = 9.0, 0.62, 1.9, 0.34
@@ -35,7 +35,7 @@ def draw(transfer: Any, figure: Figure | None = None) -> Figure:
         gap = transfer.gap
         axes.barh(len(differences), gap.value, BAR, color="#8C8C8C", xerr=gap.error, label="all together",
                   error_kw={"ecolor": INK, "capsize": 2.5})
-        names = [f"{one.name}\n{one.values[0]}  to  {one.values[1]}" for one in differences]
+        names = [for_figure(f"{one.name}\n{one.values[0]}  to  {one.values[1]}") for one in differences]
         axes.set_yticks(range(len(names) + 1), [*names, "all differences"])
         axes.axvline(0.0, color=HAIRLINE, linewidth=1.0, zorder=0)
         axes.invert_yaxis()

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.replacing import replacing
+from pendulum_env.common.texts import clean
 
 Frame = NDArray[np.uint8]
 Progress = Callable[[int, "int | None"], None]
@@ -74,14 +75,15 @@ def write_film(
     write = _WRITERS[target.suffix.lower()]
     if target.is_dir():
         raise IsADirectoryError(f"can't write the film {str(target)!r}: there is a folder of that name")
-    tags = {"title": target.stem, **(metadata or {})}
-    comment = json.dumps(dict(metadata), ensure_ascii=False) if metadata else ""
+    facts = {name: clean(text, None) for name, text in (metadata or {}).items()}
+    title = facts.get("title", clean(target.stem, None))
+    comment = json.dumps(facts, ensure_ascii=False) if facts else ""
     with ExitStack() as stack:
         try:
             part = stack.enter_context(replacing(target))
         except OSError as error:
             raise OSError(f"can't write films into {str(target.parent)!r}: {error.strerror}") from error
-        write(part, _checked(frames, total, progress), fps, tags["title"], comment)
+        write(part, _checked(frames, total, progress), fps, title, comment)
     return target
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pendulum_env.render.text import LEAST_SIZE
 
+Rooms = Mapping[str, tuple[float, float]]
+"""Comfortable width and height of panels in font sizes, by the panel's name and in their order."""
 LEAST, MOST = 50, 8192
 TEXT_FROM = 120
 """Frames with a side shorter than this [px] show one panel, without text."""
@@ -15,11 +17,7 @@ ALL_FROM = 200
 """Frames with a side shorter than this [px] leave out panels that would be too small to read."""
 MAIN = "apparatus"
 ENERGY_ROW = 0.88
-ROOM: Mapping[str, tuple[float, float]] = {
-    "apparatus": (8.0, 8.0), "energy": (10.0, ENERGY_ROW), "history": (10.0, 4.5), "phase": (8.0, 7.0),
-    "residual": (10.0, 4.0),
-}
-"""Comfortable width and height of a panel in font sizes; the height of "energy" is that of one bar."""
+"""Height of one energy bar in font sizes."""
 LEAST_ROOM = 0.6
 """Smallest share of its comfortable size at which a panel is still readable."""
 SHARES = (0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65)
@@ -68,12 +66,13 @@ def font_size(width: int, height: int) -> int:
     return max(LEAST_SIZE, round(0.042 * min(width, height)))
 
 
-def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> FrameLayout:
+def lay_out(width: int, height: int, rooms: Rooms, bars: int) -> FrameLayout:
     """Divide a frame of ``width`` by ``height`` pixels into a header and an area for each of its panels (drawings).
 
     The apparatus takes the left part of a wide frame or the upper part of any other; the other panels follow in their
-    order. ``bars`` is the number of energy bars.
+    order. ``rooms`` are their comfortable sizes by name, ``bars`` is the number of energy bars.
     """
+    panels = [*rooms]
     if min(width, height) < TEXT_FROM:
         only = MAIN if MAIN in panels else panels[0]
         return FrameLayout(LEAST_SIZE, None, {only: Box(0, 0, width, height)})
@@ -83,11 +82,11 @@ def lay_out(width: int, height: int, panels: Sequence[str], bars: int) -> FrameL
     body = Box(0, header.bottom, width, height)
     if set(panels) == {MAIN, "energy"}:
         return FrameLayout(font, header, _with_bars(width, height, body, font, bars))
-    shown = list(panels)
-    areas, fit = _arranged(body, shown, font, bars)
+    shown = dict(rooms)
+    areas, fit = _arranged(body, shown, font)
     while min(width, height) < ALL_FROM and fit < LEAST_ROOM and len(shown) > 1:
-        shown.remove(next(name for name in reversed(shown) if name != MAIN))
-        areas, fit = _arranged(body, shown, font, bars)
+        del shown[next(name for name in reversed(shown) if name != MAIN)]
+        areas, fit = _arranged(body, shown, font)
     return FrameLayout(font, header, areas)
 
 
@@ -104,39 +103,40 @@ def _with_bars(width: int, height: int, body: Box, font: int, bars: int) -> dict
     return {MAIN: Box(0, body.top, width, top - 0.2 * font), "energy": below}
 
 
-def _arranged(body: Box, panels: Sequence[str], font: int, bars: int) -> tuple[dict[str, Box], float]:
+def _arranged(body: Box, rooms: Rooms, font: int) -> tuple[dict[str, Box], float]:
     """Return the best arrangement of a frame's panels as area by name, and a measure of its worst panel.
 
     The measure is the smallest ratio of a panel's size to the size at which it is comfortable to read.
     """
-    rest = [name for name in panels if name != MAIN]
+    rest = {name: room for name, room in rooms.items() if name != MAIN}
     if not rest:
         return {MAIN: body}, 1.0
     margin = 0.5 * font
     inside = Box(body.left + margin, body.top, body.right - margin, body.bottom - margin)
     candidates = []
     for columns in range(1, len(rest) + 1):
-        if MAIN not in panels:
-            candidates.append(_stacked(inside, rest, columns, font, bars))
+        if MAIN not in rooms:
+            candidates.append(_stacked(inside, rest, columns, font))
             continue
         for share in SHARES:
             edge, level = body.right - share * body.width, body.bottom - share * body.height
-            beside = _stacked(Box(edge, inside.top, inside.right, inside.bottom), rest, columns, font, bars)
-            below = _stacked(Box(inside.left, level, inside.right, inside.bottom), rest, columns, font, bars)
+            beside = _stacked(Box(edge, inside.top, inside.right, inside.bottom), rest, columns, font)
+            below = _stacked(Box(inside.left, level, inside.right, inside.bottom), rest, columns, font)
             candidates += [{MAIN: Box(body.left, body.top, edge, body.bottom), **beside},
                            {MAIN: Box(body.left, body.top, body.right, level - margin), **below}]
-    areas = max(candidates, key=lambda areas: _worth(areas, body, font, bars))
-    return areas, min(_ease(name, area, font, bars) for name, area in areas.items())
+    areas = max(candidates, key=lambda areas: _worth(areas, body, font, rooms))
+    return areas, min(_ease(rooms[name], area, font) for name, area in areas.items())
 
 
-def _stacked(region: Box, names: Sequence[str], columns: int, font: int, bars: int) -> dict[str, Box]:
+def _stacked(region: Box, rooms: Rooms, columns: int, font: int) -> dict[str, Box]:
     """Return areas for panels in rows of ``columns`` panels, which together fill a region of a frame.
 
     The heights of the rows are in proportion to the heights at which their panels are comfortable to read.
     """
+    names = [*rooms]
     rows = [names[i : i + columns] for i in range(0, len(names), columns)]
     gap = 0.7 * font
-    needs = [max(_need(name, bars)[1] for name in row) for row in rows]
+    needs = [max(rooms[name][1] for name in row) for row in rows]
     unit = max(region.height - gap * (len(rows) - 1), 0.0) / sum(needs)
     areas, top = {}, region.top
     for row, need in zip(rows, needs, strict=True):
@@ -149,27 +149,18 @@ def _stacked(region: Box, names: Sequence[str], columns: int, font: int, bars: i
     return areas
 
 
-def _need(name: str, bars: int) -> tuple[float, float]:
-    """Return the width and height at which a panel is comfortable to read, in units of the font size.
-
-    ``bars`` is the number of energy bars.
-    """
-    wide, high = ROOM[name]
-    return wide, high * bars if name == "energy" else high
-
-
-def _ease(name: str, area: Box, font: int, bars: int) -> float:
+def _ease(room: tuple[float, float], area: Box, font: int) -> float:
     """Return the ratio of the size of an area to the size at which the panel in it is comfortable to read."""
-    wide, high = _need(name, bars)
+    wide, high = room
     return min(area.width / wide, area.height / high) / font
 
 
-def _worth(areas: Mapping[str, Box], body: Box, font: int, bars: int) -> float:
+def _worth(areas: Mapping[str, Box], body: Box, font: int, rooms: Rooms) -> float:
     """Return a score of an arrangement of panels in a frame, by which the best arrangement is chosen.
 
     The score is high if all panels are readable and the drawing of the pendulum is large.
     """
-    ease = min(_ease(name, area, font, bars) for name, area in areas.items())
+    ease = min(_ease(rooms[name], area, font) for name, area in areas.items())
     main = areas.get(MAIN)
     size = min(main.width, main.height) / min(body.width, body.height) if main else 0.0
     return 2.0 * min(ease, 1.0) + 0.1 * min(ease, 2.0) + size

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pendulum_env.common.texts import clean
 from pendulum_env.render.bars import rows
 from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid, spare
 from pendulum_env.render.paint import Image
@@ -182,5 +183,4 @@ def _line(strip: Image, font: int, left: float, right: float, title: str, clock:
 @lru_cache(maxsize=64)
 def _fitted(title: str, font: int, room: float) -> str:
     """Return a title without unprintable characters, shortened to a width of ``room`` pixels."""
-    plain = " ".join("".join(c if c.isprintable() else " " for c in title).split())
-    return fit(plain, font, room)
+    return fit(clean(title, None), font, room)

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from pendulum_env.render.bars import Bars
-from pendulum_env.render.layout import Box, lay_out
+from pendulum_env.render.layout import ENERGY_ROW, Box, lay_out
 from pendulum_env.render.paint import Floats, Image
 from pendulum_env.render.palette import rgb
 from pendulum_env.render.portrait import Portrait
@@ -52,31 +52,41 @@ class Panel:
 
     Attributes:
         what: description of the panel in one line.
+        room: width and height in font sizes at which the panel is comfortable to read.
         made: function that builds the panel from a :class:`Place`.
         needs: data that the panel shows beside angle and velocity: "energies", "trail", "past" or "curves".
+        per_bar: True if ``room`` has the height for one of the frame's energy bars.
     """
 
     what: str
+    room: tuple[float, float]
     made: Callable[[Place], Painted]
     needs: frozenset[str] = frozenset()
+    per_bar: bool = False
+
+    def room_for(self, bars: int) -> tuple[float, float]:
+        """Return the comfortable width and height in font sizes, in a frame with this number of energy bars."""
+        wide, high = self.room
+        return wide, high * bars if self.per_bar else high
 
 
 PANELS: Mapping[str, Panel] = MappingProxyType({
     "apparatus": Panel(
-        "arm, sensor wheel with degree scale, rod or wire, bob to scale, torque arrow, trail",
+        "arm, sensor wheel with degree scale, rod or wire, bob to scale, torque arrow, trail", (8.0, 8.0),
         lambda at: Stand(at.apparatus, at.area, at.font, at.theme, at.shape, at.lettered), frozenset({"trail"})),
     "energy": Panel(
-        "a bar for each entry of the energy ledger, with its value",
-        lambda at: Bars(at.area, at.font, at.bars, at.theme), frozenset({"energies"})),
+        "a bar for each entry of the energy ledger, with its value", (10.0, ENERGY_ROW),
+        lambda at: Bars(at.area, at.font, at.bars, at.theme), frozenset({"energies"}), per_bar=True),
     "history": Panel(
-        "the energies of the last ten seconds, on the scale of the energy bars if it suits",
+        "the energies of the last ten seconds, on the scale of the energy bars if it suits", (10.0, 4.5),
         lambda at: History(at.area, at.font, at.theme, at.lettered, at.bars, "energy" not in at.panels),
         frozenset({"past", "energies"})),
     "phase": Panel(
         "a phase portrait: the last seconds as a line, the present as a dot, with separatrix and exact orbit",
+        (8.0, 7.0),
         lambda at: Portrait(at.area, at.font, at.theme, at.lettered), frozenset({"past", "curves"})),
     "residual": Panel(
-        "the residual of the energy balance over the last ten seconds, on its own scale",
+        "the residual of the energy balance over the last ten seconds, on its own scale", (10.0, 4.0),
         lambda at: Residual(at.area, at.font, at.theme, at.lettered), frozenset({"past", "energies"})),
 })
 """All kinds of panels by name."""
@@ -133,7 +143,8 @@ class Stage:
 
     def __init__(self, apparatus: Apparatus, width: int, height: int, theme: Theme, panels: tuple[str, ...],
                  bars: tuple[str, ...]) -> None:
-        self.layout = lay_out(width, height, panels, len(bars))
+        rooms = {name: PANELS[name].room_for(len(bars)) for name in panels}
+        self.layout = lay_out(width, height, rooms, len(bars))
         lettered, shown = self.layout.header is not None, tuple(self.layout.areas)
         self.panels: list[Painted] = [
             PANELS[name].made(Place(area, self.layout.font, theme, (height, width), apparatus, bars, lettered, shown))

@@ -87,13 +87,18 @@ def against_told(found: Fit, told: float, error: float | None = None) -> str:
         off = found.parameters[LENGTH].value / told - 1.0
         return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} m: {abs(off):.1%} "
                 f"{'above' if off > 0.0 else 'below'}; state its error with --length-error.")
-    if LENGTH not in found.names:
-        free = ", ".join(found.model.free) or "nothing"
-        raise SceneError(f"--length-error is for a fitted length, but the fitted parameters are: {free}.")
+    needs_length(found.model.free)
     away = against(found, {LENGTH: (told, error)})[LENGTH]
     word = next(word for most, word in AGREEMENT if abs(away) < most)
     return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} ± {error:g} m: {abs(away):.1f} sigma "
             f"{'above' if away > 0.0 else 'below'}; the fit {word} the given length.")
+
+
+def needs_length(free: Sequence[str]) -> None:
+    """Raise SceneError unless the length is among the fitted parameters, with which a measured one is compared."""
+    if LENGTH not in free:
+        names = ", ".join(free) or "nothing"
+        raise SceneError(f"--length-error is for a fitted length, but the fitted parameters are: {names}.")
 
 
 def against_track(found: Fit) -> str:

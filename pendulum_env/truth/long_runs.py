@@ -73,6 +73,12 @@ def long_truth(
     return Pair(scene, angle, velocity, marks, reach, backend, tell)
 
 
+def refuse_gusts(scene: Scene) -> None:
+    """Raise StudyError for a scene with gusts, whose motion depends on a seed."""
+    if program(scene, integrators.get("rk4"), ()).shape.drawn:
+        raise StudyError(f"The scene '{scene.name}' has gusts, which depend on a seed: it has no unique motion.")
+
+
 def followers(scene: Scene) -> tuple[Method, Method]:
     """Return the two explicit one-step methods of the highest order that fit a scene, to compute a reference solution.
 
@@ -130,8 +136,7 @@ class Pair:
     def __init__(
         self, scene: Scene, angle: float, velocity: float, marks: Array, reach: float, backend: Backend, tell: Tell
     ) -> None:
-        if program(scene, integrators.get("rk4"), ()).shape.drawn:
-            raise StudyError(f"The scene '{scene.name}' has gusts, which depend on a seed: it has no unique motion.")
+        refuse_gusts(scene)
         scene, values = cut_at_turns(scene), scene.coefficients
         fastest = max(scene.omega0, *(abs(values[effect.beat]) for effect in scene.effects if effect.beat), 0.0)
         self._h = TWO_PI / fastest / STEPS

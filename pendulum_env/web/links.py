@@ -9,6 +9,7 @@ from urllib.parse import parse_qsl
 
 from integrators import get
 from pendulum_env.engine.spec import RunSpec
+from pendulum_env.engine.starts import checked_steps
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of, shown
@@ -57,9 +58,11 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     name, _, step = methods[pendulum - 1]
     angle, velocity, time, control = (number_in(entries.pop(entry, str(usual)), entry) for entry, usual in zip(
         NUMBERS, (scene.run.angle, scene.run.velocity, USUAL_DURATION, 0.0), strict=True))
-    dt = number_in(step, f"the step of {name}")
+    time, dt = max(time, 0.0), number_in(step, f"the step of {name}")
     changed = with_numbers(scene, {entry: number_in(value, entry) for entry, value in entries.items()})
-    steps = max(1, math.floor(time / dt + 1e-9)) if dt > 0 else 1
+    if dt > 0.0:
+        checked_steps(time, dt)
+    steps = max(1, math.floor(time / dt + 1e-9)) if dt > 0.0 else 1
     return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=steps * dt, control=control,
                       warn=False)
 

@@ -35,6 +35,8 @@ HINTS = (
 )
 """Hints on keys, of which the status line shows the longest that fits."""
 FOLDER = Path("out/show")
+NAME = 200
+"""Largest number of bytes of a saved picture's name; file systems allow 255, with the ending."""
 """Folder of saved pictures."""
 MOUSE = ("press", "move", "release")
 """Events of :meth:`pendulum_env.window.screen.Screen.happened` that are handled with their time."""
@@ -397,7 +399,8 @@ class Live:
                for name in facts[0] for values in [[fact[name] for fact in facts]]}
         time, (angle, velocity) = max(view.time for view in self.drawn), self._start
         methods = [str(fact["method"]).split()[0] for fact in facts]
-        name = re.sub(r"[^\w.-]+", "_", f"{self._pendulums[0].apparatus.title}_{'_'.join(methods)}_{time:.2f}s")[:100]
+        name = re.sub(r"[^\w.-]+", "_", f"{self._pendulums[0].apparatus.title}_{'_'.join(methods)}_{time:.2f}s")
+        name = name.encode()[:NAME].decode(errors="ignore")
         folder, count = output_folder(self.folder), 1
         while (path := folder / f"{name}{f'_{count}' if count > 1 else ''}.png").exists():
             count += 1

@@ -8,12 +8,15 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from command_line import Here, table
+from folder_contents import contents
 
 from pendulum_env import SCENES, cli
+from pendulum_env.cli import console
 from pendulum_env.study.compare import files
 
 
@@ -122,6 +125,59 @@ BAD = {
     "list": (["list", "integrator"], "did you mean integrators"),
     "folder": (["compare", "--integrators", "rk4", "--duration", "1", "--out", "file/x"], "cannot be written"),
 }
+
+
+@pytest.mark.parametrize("words", [
+    ["cost", "--growth", "1e12"], ["cost", "--scene", "windy", "--growth", "10"],
+    ["cost", "--integrators", "rk4", "--repeats", "0"], ["section", "--points", "0"], ["section", "--over", "x=0:1:2"],
+    ["stress", "--cases", "none of these"], ["exercise", "--length", "-1"],
+    ["effects", "--tolerance", "0", "--out", "e"], ["compare", "--duration", "-1"],
+    ["record", "--out", "file/film.gif"], ["compare", "--out", "o" * 300], ["compare", "--stability", "-i", "rk5"],
+    ["auto", "--steps", "0"],
+], ids=" ".join)
+def test_everything_is_checked_before_anything_is_made_or_computed(
+    words: list[str], tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Kinds of refusals that once came late; every option of every command is in test_keyword_options.py."""
+    told: list[float] = []
+    monkeypatch.setattr(console, "progress_bar", lambda _: nullcontext(lambda done, _: told.append(done)))
+    (tmp_path / "file").write_text("kept")
+    before = contents(tmp_path)
+    code, printed, said = run_here(*words)
+    assert (code, printed) == (2, "")
+    assert said.count("Error: ") == 1
+    assert contents(tmp_path) == before
+    assert not any(told)
+
+
+@pytest.mark.parametrize(("error", "said"), [
+    (ValueError("a fault of mine"), "Error: a fault of mine"),
+    (SystemExit(0), "ended the command by sys.exit(), so that nothing more was written")])
+def test_a_command_of_ones_own_that_fails_says_so_and_where_with_debug(
+    error: BaseException, said: str, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def mine(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("pendulum_env.web.document.write", mine)
+    code, _, told = run_here("web", "--out", "a.html")
+    assert code == 2
+    assert said in told
+    assert "Traceback" not in told
+    if isinstance(error, ValueError):
+        code, _, told = run_here("--debug", "web", "--out", "a.html")
+        assert code == 2
+        assert "in mine" in told
+        assert told.strip().endswith(said)
+        assert "Traceback" not in run_here("--debug", "web", "--help")[2]
+
+
+def test_a_step_that_exits_is_refused_before_the_report(tmp_path: Path, run_here: Here) -> None:
+    (tmp_path / "step.py").write_text("import sys\nsys.exit(0)\n")
+    code, _, said = run_here("exercise", "--step", "step.py")
+    assert code == 2
+    assert "The step failed with SystemExit" in said
+    assert {path.name for path in tmp_path.iterdir()} == {"step.py"}
 
 
 TYPED = ("scene",)

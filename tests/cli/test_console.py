@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import io
+import os
 import runpy
+import subprocess
 import sys
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
-from pendulum_env import __version__
+from pendulum_env import __version__, cli
 from pendulum_env.cli import app
 from pendulum_env.cli.console import print_table, print_text
 from pendulum_env.common.tables import Table
@@ -70,6 +74,103 @@ def test_text_is_no_wider_than_the_terminal_nor_than_a_line(width, monkeypatch, 
     print_text("seventeen words of text " * 40)
     lines = capsys.readouterr().out.splitlines()
     assert min(width, 118) - 12 < max(map(len, lines)) <= min(width, 118)
+
+
+# --- encodings and closed streams ----------------------------------------------------------------------------------
+
+ENCODINGS = ("gbk", "cp932", "cp1250", "cp1251", "cp437")
+SHORT: Mapping[str, str] = {
+    "compare": "--scene exercise --integrators forward_euler,rk4 --duration 0.5 --no-film",
+    "cost": "--scene vacuum --integrators rk4,heun --duration 1 --repeats 1 --growth 2",
+    "demo": "--no-film",
+    "auto": "--scene vacuum --accuracy 1e-3 --steps 10",
+    "fit": "--effects linear --mass 0.01 --radius 0.02",
+    "measure": "",
+    "exercise": "",
+    "show": "--help",
+    "stress": "--cases upright_for_a_moment --integrators rk4",
+    "effects": "--scene textbook --amplitude 30 --tolerance 1e-2 --out out/effects",
+    "section": "--points 50 --transient 2 --steps 20",
+    "code": "--scene lab --integrator rk4",
+    "web": "--scenes vacuum --integrators rk4 --out lab.html",
+    "record": "--duration 0.2 --size 100 --out out/film.gif",
+    "list": "",
+}
+"""Options of a short run of every command."""
+
+
+def words_of(name: str) -> list[str]:
+    return [name, *(word.replace("upright_for_a_moment", "upright for a moment") for word in SHORT[name].split())]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+def test_output_has_the_terminals_encoding(
+    encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lists, a table of numbers with errors, and a warning; what the encoding lacks is said in words."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "python")
+    printed = {}
+    for words in (["list", "tasks", "--markdown"], ["measure"], ["measure", "\u6446\u00fc.txt"], ["fit", "--help"]):
+        streams = [io.BytesIO(), io.BytesIO()]
+        for name, stream in zip(("stdout", "stderr"), streams, strict=True):
+            monkeypatch.setattr(sys, name, io.TextIOWrapper(stream, encoding=encoding, write_through=True))
+        monkeypatch.setattr(sys, "argv", ["lab-pendulum", *words])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        out, said = (stream.getvalue().decode(encoding) for stream in streams)
+        assert "Traceback" not in said
+        printed[words[-1]] = stop.value.code or 0, out, said
+    assert [code for code, _, _ in printed.values()] == [0, 0, 2, 0]
+    square = "²" if "²".encode(encoding, "ignore") else "^2"
+    assert f"phi{square} + 0.1 (velocity/omega0){square}" in printed["--markdown"][1]
+    sign = "±" if "±".encode(encoding, "ignore") else "+-"
+    assert f"1.201845 {sign} 0.000027 s" in printed["measure"][1]
+    rows = [line for line in printed["measure"][1].splitlines() if line.startswith("|")]
+    assert len({*map(len, rows)}) == 1, "words are as long as their column has room for"
+    assert "Error: " in printed["\u6446\u00fc.txt"][2]
+
+
+def in_a_process(name: str, folder: Path, out: Any, **settings: str) -> tuple[int, bytes, bytes, set[str]]:
+    """Run a command; return its exit code, what it printed and said, and the names of the files that it wrote."""
+    folder.mkdir()
+    done = subprocess.run([sys.executable, "-m", "pendulum_env", *words_of(name)], cwd=folder, stdout=out,
+                          stderr=subprocess.PIPE, env={**os.environ, "COLUMNS": "100", **settings}, timeout=600)
+    return done.returncode, done.stdout, done.stderr, {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHORT)
+def test_every_command_prints_in_every_encoding_after_its_files_are_saved(name: str, tmp_path: Path) -> None:
+    """A full disk behind the standard output, where nothing can be printed, costs no file."""
+    files = set()
+    for encoding in ENCODINGS if name != "demo" else ENCODINGS[-1:]:
+        code, out, said, files = in_a_process(name, tmp_path / encoding, subprocess.PIPE, PYTHONIOENCODING=encoding)
+        assert code == 0, said
+        assert out.decode(encoding)
+        assert b"Traceback" not in said
+    if name != "demo" and Path("/dev/full").exists():  # the tour prints each chapter when its files are written
+        with open("/dev/full", "w") as full:
+            code, _, said, saved = in_a_process(name, tmp_path / "full", full, PYTHONUNBUFFERED="1")
+        assert saved == files, said
+        assert b"Traceback" not in said
+
+
+def test_every_command_has_a_short_run() -> None:
+    assert set(SHORT) == set(COMMANDS)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
+@pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_error(closed: str, tmp_path: Path) -> None:
+    """Nothing is printed, a warning says so where it can, and no file that is written takes a stream's place."""
+    done = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-m", "pendulum_env", "measure"],
+                          cwd=tmp_path, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out" / "measure" / "measured.csv").read_text(encoding="utf-8").startswith("# Software: ")
+    warned = "the standard output is closed, so nothing is printed" in done.stderr
+    assert warned == (closed == ">&-")
+    assert done.stdout == ""
 
 
 COMMANDS: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]

@@ -5,7 +5,8 @@ The kinds of values are those of keywords with the same name, see keyword_kinds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from command_line import Here
 from folder_contents import contents
 from keyword_kinds import KIND_OF, KINDS
 
-from pendulum_env.cli import app
+from pendulum_env.cli import app, console
+from pendulum_env.common.progress import Progress
 
 TEXTS = {
     "empty": "", "word": "x", "long": "9" * 5000, "nan": "nan", "inf": "inf", "-inf": "-inf", "beyond": "1e400",
@@ -43,6 +45,20 @@ def options() -> list[tuple[str, Any]]:
             if option.name not in {"help", *UNSPOILT} and not getattr(option, "is_flag", False)]
 
 
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return the fractions done that commands tell their progress bars, which stay empty until something is computed.
+    """
+    told: list[float] = []
+
+    @contextmanager
+    def bar(_title: str) -> Iterator[Progress]:
+        yield lambda done, _activity: told.append(done) if done > 0.0 else None
+
+    monkeypatch.setattr(console, "progress_bar", bar)
+    return told
+
+
 PAIRS, QUICK = options(), "list"
 
 
@@ -55,7 +71,7 @@ def test_every_option_is_covered() -> None:
     pytest.param(command, option, id=f"{command}-{option.name}", marks=[] if command == QUICK else [pytest.mark.slow])
     for command, option in PAIRS])
 def test_what_cannot_be_is_refused(
-    command: str, option: Any, tmp_path: Path, run_here: Here
+    command: str, option: Any, tmp_path: Path, run_here: Here, computed: list[float]
 ) -> None:
     fine, either = AS_TEXT[OPTIONS.get(option.name) or KIND_OF[option.name]]
     (tmp_path / "kept").write_text("kept")
@@ -70,3 +86,4 @@ def test_what_cannot_be_is_refused(
         assert "Error" in said
         assert len(said) < 3000
         assert contents(tmp_path) == before
+        assert computed == [], (word, said)

@@ -160,7 +160,8 @@ def test_a_scene_without_a_motor_asks_for_a_task() -> None:
             build(careful=True)
 
 
-MEANT = {"g": "gravity=", "m": "mass=", "l": "length=", "max_speed": "speed_limit=", "reward": "task=",
+MEANT = {"frame_skip": "dt.*substeps", "control_freq": "dt=.*substeps", "g": "gravity=",
+         "m": "mass=", "l": "length=", "max_speed": "speed_limit=", "reward": "task=",
          "latency": "observation_delay", "delay": "observation_delay", "noise": "Sensor",
          "drag": "damping=", "max_steps": "max_episode_steps=", "method": "integrator=", "solver": "integrator=",
          "time_step": "dt="}

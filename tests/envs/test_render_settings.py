@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -109,8 +110,8 @@ def test_a_vectors_past_begins_with_each_episode(mode: str, monkeypatch: pytest.
 def test_panels_that_are_not_shown_keep_nothing(panels: tuple[str, ...], kept: set[str],
                                                 monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[str] = []
-    monkeypatch.setattr(stage, "PANELS", {name: stage.Panel(
-        entry.what, lambda at, name=name, entry=entry: made.append(name) or entry.made(at), entry.needs)
+    monkeypatch.setattr(stage, "PANELS", {name: replace(
+        entry, made=lambda at, name=name, entry=entry: made.append(name) or entry.made(at))
         for name, entry in PANELS.items()})
     worked_out: list[Any] = []
     monkeypatch.setattr(picture, "curves", lambda *given, make=picture.curves: worked_out.append(given) or make(*given))

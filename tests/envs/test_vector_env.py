@@ -12,6 +12,7 @@ import pickle
 import re
 import subprocess
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -570,8 +571,10 @@ def test_an_interrupted_restart_has_to_be_followed_by_a_reset(
         patch.setattr(batch, "half_turns", interrupted)
         with pytest.raises(KeyboardInterrupt):
             go_on()
-    with pytest.raises(gym.error.ResetNeeded):
-        env.step(np.zeros((4, 1)))
+    for call in (lambda: env.step(np.zeros((4, 1))), env.get_state,
+                 lambda: env.reset(options={"reset_mask": np.array([True, False, False, False])})):
+        with pytest.raises(gym.error.ResetNeeded, match="was interrupted or failed, so that some"):
+            call()
     env.reset(seed=0)
     other = vector(4, autoreset_mode=mode, max_episode_steps=3)
     other.reset(seed=0)
@@ -646,6 +649,49 @@ def test_the_order_of_calls() -> None:
     env.reset(options={"reset_mask": np.array([True, True, False])})
     with pytest.raises(gym.error.ResetNeeded, match="have ended: 1, the first in environment 2"):
         env.step(np.zeros((3, 1)))
+
+
+def test_a_closed_vector_refuses_to_go_on() -> None:
+    env = vector(3, render_mode="rgb_array")
+    env.reset(seed=0)
+    state = env.get_state()
+    env.close()
+    env.close()
+    for call in (lambda: env.step(np.zeros((3, 1))), env.reset,
+                 lambda: env.reset(options={"reset_mask": np.array([True, False, False])})):
+        with pytest.raises(gym.error.ClosedEnvironmentError, match=r"was closed before .*; make a new one"):
+            call()
+    other = vector(3)
+    other.set_state(state)
+    assert other.step(np.zeros((3, 1)))[4]["time"].tolist() == [0.02] * 3
+
+
+def test_a_vector_is_used_from_one_thread_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second thread is refused in a sentence, and the first one's step is that of a vector that is alone."""
+    env, alone = vector(3), vector(3)
+    for each in (env, alone):
+        each.reset(seed=0)
+    state, step, entered, go_on = env.get_state(), batch.Batch.step, threading.Event(), threading.Event()
+
+    def waiting(*given: Any) -> Any:
+        entered.set()
+        assert go_on.wait(60.0)
+        return step(*given)
+
+    with monkeypatch.context() as patch, ThreadPoolExecutor(1) as pool:
+        patch.setattr(batch.Batch, "step", waiting)
+        first = pool.submit(env.step, np.ones((3, 1)))
+        assert entered.wait(60.0)
+        try:
+            for call in (lambda: env.step(np.ones((3, 1))), env.reset, env.get_state, lambda: env.set_state(state)):
+                with pytest.raises(gym.error.AlreadyPendingCallError, match="while another thread is in a call"):
+                    call()
+        finally:
+            go_on.set()
+        found = first.result()
+    assert found[0].tobytes() == alone.step(np.ones((3, 1)))[0].tobytes()
+    again = pickle.loads(pickle.dumps(env))
+    assert again.step(np.ones((3, 1)))[0].tobytes() == env.step(np.ones((3, 1)))[0].tobytes()
 
 
 def test_importing_the_vector_env_loads_no_compiler() -> None:

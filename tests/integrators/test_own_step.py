@@ -252,6 +252,7 @@ def test_a_step_may_be_given_as_the_text_of_a_function() -> None:
     assert from_step(THREE_LINES).equals == "symplectic_euler"
     for wrong, words in (("def move(theta):\n    return theta", "no function called step; begin it with def step"),
                          ("def step(theta):\n    return theta", "must take the four arguments"),
+                         ("import sys\nsys.exit(0)\ndef step(a, b, c, d):\n    return a, b", "failed with SystemExit"),
                          ("1/0\ndef step(a, b, c, d):\n    return a, b", "failed with ZeroDivisionError"),
                          ("def step(a, b, c, d) return a, b", "are not Python")):
         with pytest.raises(MethodError, match=words):

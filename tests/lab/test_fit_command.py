@@ -374,6 +374,12 @@ BAD = {
     "scene": (["swing.txt", "--scene", "exercize"], "did you mean exercise"),
     "suspension": (["swing.txt", "--suspension", "chain"], "suspension"),
     "folder": (["swing.txt", "--out", "swing.txt/x"], "cannot be written"),
+    "effects": (["swing.txt", "--effects", "liner"], "did you mean linear"),
+    "free": (["swing.txt", "--free", "lenght"], "did you mean length"),
+    "error of a length that is not fitted": (
+        ["swing.txt", "--length", "0.1", "--length-error", "0.01", "--free", ""], "the fitted parameters are: nothing"),
+    "prior": (["swing.txt", "--posterior", "--prior", "gama=0:1"], "did you mean gamma"),
+    "range of a prior": (["swing.txt", "--posterior", "--prior", "gamma=1:0"], "upper end of the prior of gamma"),
 }
 
 
@@ -387,6 +393,7 @@ def test_bad_input_is_one_sentence_and_leaves_files_as_they_were(
     before = contents(tmp_path)
     code, _, said = run_here("fit", *words, *(() if "--out" in words else ("--out", "x")))
     assert code == 2
+    assert not asked, "refused before it is fitted"
     assert expected in said
     assert len(said.strip().splitlines()) == 1
     assert contents(tmp_path) == before

@@ -9,6 +9,7 @@ import sys
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
+import matplotlib
 import numpy as np
 import pytest
 from choice import turn_of
@@ -357,6 +358,17 @@ def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(tmp_path):
     command = [sys.executable, "-c", code, str(tmp_path / "energy.png")]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "False", "False"]
+
+
+def test_a_style_of_the_users_leaves_figures_as_they_are(sheet, tmp_path):
+    def pictures(name):
+        drawn = plots.angle({"rk4": sheet["rk4"]}).figure
+        drawn.savefig(tmp_path / f"{name}.png", dpi=50)
+        return (tmp_path / f"{name}.png").read_bytes(), drawn._repr_html_()
+
+    plain = pictures("plain")
+    with matplotlib.style.context("dark_background"):
+        assert pictures("styled") == plain
 
 
 def test_saved_figures_carry_their_facts(sheet, tmp_path):

@@ -25,6 +25,7 @@ from pendulum_env.render import (
     bars,
     frame,
     side_by_side,
+    stage,
 )
 from pendulum_env.render.curves import graph
 from pendulum_env.render.layout import Box
@@ -53,6 +54,15 @@ BUSY = View(1234.56, -3.0, -88.88, 1.0, -0.888, 1e-9, 1e30, 0.5, -math.inf, (), 
 
 WORDY = Orbits((), (), 1.23e-7, 1.23e-12, periodic=False, notes=("orbit without losses and drives", "ideal orbit"))
 TINY: dict[str, Any] = {"angle": 0.0, "velocity": 0.0, "past": None}
+
+
+def test_a_panel_is_one_entry_of_one_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new entry is accepted, gets an area, and is drawn there, without a line elsewhere."""
+    mine = dataclasses.replace(PANELS["history"], what="a panel of one's own", room=(6.0, 3.0))
+    monkeypatch.setattr(stage, "PANELS", {**PANELS, "mine": mine})
+    stage.stage.cache_clear()
+    alone, shown = (frame(ROD, BUSY, 500, FrameStyle("light", ("apparatus", *more))) for more in ((), ("mine",)))
+    assert not np.array_equal(alone, shown)
 
 
 @pytest.mark.parametrize("size", [200, 500, (900, 500)])

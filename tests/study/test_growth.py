@@ -12,7 +12,7 @@ from stored import stored
 import integrators
 from integrators import MethodError
 from pendulum_env import growth
-from pendulum_env.cli.cost import show_growth
+from pendulum_env.cli.cost import measure_growth, show_growth
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
@@ -378,9 +378,11 @@ def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, capsys
     monkeypatch.setenv("COLUMNS", "200")
     asked = {}
     monkeypatch.setattr("pendulum_env.study.growth.study.growth", lambda *given, **more: asked.update(more) or few)
-    show_growth(few.scene, ["rk4"], 2.0, None, 200.0, tmp_path)
+    grown = measure_growth(few.scene, ["rk4"], 2.0, None, 200.0, tmp_path)
     assert asked["periods"] == 200.0
     assert {path.name for path in tmp_path.iterdir()} == {"growth.png", "growth.csv"}
+    assert capsys.readouterr().out == ""
+    show_growth(*grown)
     assert "quadratic, lost at" in capsys.readouterr().out
 
 

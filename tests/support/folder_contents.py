@@ -6,4 +6,5 @@ from pathlib import Path
 
 
 def contents(place: Path) -> dict[str, bytes]:
-    return {str(path): path.read_bytes() for path in place.rglob("*") if path.is_file()}
+    """Return the bytes of every file below a folder, and b"" for every folder, by path."""
+    return {str(path): path.read_bytes() if path.is_file() else b"" for path in place.rglob("*")}

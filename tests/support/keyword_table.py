@@ -198,6 +198,5 @@ BESIDE_IT: Mapping[str, Mapping[str, Any]] = {
     "even_steps": {"integrator": "dopri5", "rtol": 1e-3},
     "accuracy": {"integrator": "auto"},
     "file": {"angle": [0.1, 0.2]},
-    "num_threads": {"angle": [0.1, 0.2]},
 }
 """What goes with a keyword."""

@@ -41,6 +41,10 @@ def test_a_link_made_in_python() -> None:
             link_of("lab", names)
 
 
+def test_a_link_whose_time_has_not_begun_takes_one_step() -> None:
+    assert run(read_link("v=1&scene=vacuum&methods=rk4:0.3&time=-1e308")).time[-1] == 0.3
+
+
 def test_only_whole_steps_are_taken() -> None:
     ends = [run(read_link("v=1&scene=vacuum&methods=rk4:0.3,rk4:0.01,rk4:2&time=0.7", i)).time[-1] for i in (1, 2, 3)]
     assert ends == pytest.approx([0.6, 0.7, 2.0])
@@ -54,6 +58,8 @@ BAD = {
     "v=1&scene=lab&methods=rk4:0.01&body.lenght=1": "did you mean body.length",
     "v=1&scene=lab&methods=rk4:0.01&body.length=-1": "length", "v=1&scene=lab&methods=rk4:-1": "dt",
     "v=1&scene=lab&methods=rk4:0.01&angle=1&angle=2": "twice",
+    "v=1&scene=lab&methods=rk4:0.01&time=1e308": "takes inf steps, more than the 1e\\+10 allowed",
+    "v=1&scene=lab&methods=rk4:1&time=1e308": "shorter run", "v=1&scene=lab&methods=rk4:5e-324&time=1": "longer steps",
     "v=1&scene=lab&methods=" + ",".join(["rk4:0.01"] * 5): "1 to 4 methods",
 }
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pendulum_env.common.shown import one_line
+from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
@@ -74,7 +75,7 @@ class DrivenLog:
         angle: array [rad], from straight down, without jumps at whole turns.
         drive: array of the action [1], which holds until the next time, or of the measured torque [N m] or current [A].
         kind: "action", "torque" or "current".
-        source: name of the file or other source.
+        source: name of the file or other source, as in :class:`pendulum_env.lab.recording.Recording`.
         notes: one line for everything that was inferred or given.
 
     Raises RecordingError for arrays of different shapes, fewer than 30 readings, values that are not finite, times that
@@ -92,7 +93,9 @@ class DrivenLog:
         if not isinstance(self.source, str):
             raise RecordingError(f"source must be text, got {shown(self.source)}")
         if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
-            raise RecordingError(f"{self.source}: notes must be a tuple of texts, got {shown(self.notes)}")
+            raise RecordingError(f"{clean(self.source)}: notes must be a tuple of texts, got {shown(self.notes)}")
+        object.__setattr__(self, "source", clean(self.source))
+        object.__setattr__(self, "notes", tuple(clean(note, NOTE) for note in self.notes))
         known(self.kind, "kind", DRIVES)
         for name in ("time", "angle", "drive"):
             values = numbers(getattr(self, name), f"{self.source}: {name}")

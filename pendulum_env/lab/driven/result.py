@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import LONGEST, listed
 from pendulum_env.lab.checked import RecordingError, one_number
 from pendulum_env.lab.driven.fitting import BOUNDS, DrivenSolution
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
@@ -97,7 +98,12 @@ class DrivenFit(Plotted):
     peak: float | None = None
 
     def __repr__(self) -> str:
-        return one_line(self, f"{', '.join(log.source for log in self.logs)}, rms {self.solution.rms:.2g} rad")
+        return one_line(self, f"{self.source}, rms {self.solution.rms:.2g} rad")
+
+    @property
+    def source(self) -> str:
+        """Names of the logs in at most 100 characters; of many, the first ones and the number of others."""
+        return listed([log.source for log in self.logs])
 
     @property
     def kind(self) -> str:
@@ -275,7 +281,7 @@ class DrivenFit(Plotted):
         effects = (Gravity(), BearingFriction(bearing_viscosity=own["bearing_viscosity"]),
                    CoulombFriction(friction_torque=own["friction_torque"]),
                    Motor(max_torque=own["max_torque"], lag=own["lag"]))
-        name = f"fitted to {', '.join(log.source for log in self.logs)}"
+        name = f"fitted to {listed([log.source for log in self.logs], LONGEST - len('fitted to '))}"
         return Scene(name, Body(length=own["length"], mass=own["mass"], radius=own["length"] / 20.0), effects=effects,
                      gravity=self.gravity, run=Run(angle=0.0, dt=dt, duration=longest))
 

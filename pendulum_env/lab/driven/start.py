@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.texts import listed
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.drive import mean_drive
 
@@ -106,7 +107,7 @@ def _stretch(logs: Sequence[Readings]) -> float:
 
 
 def _no_restoring(logs: Sequence[Readings]) -> RecordingError:
-    names = ", ".join(log.source for log in logs)
+    names = listed([log.source for log in logs])
     return RecordingError(f"{names}: the motion shows no torque towards the bottom; check that the angle is measured "
                           "from straight down (zero=) and is in the right unit (unit=)")
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from pendulum_env.lab.checked import side
 from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
 from pendulum_env.lab.fitting.grade import as_fault, of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
+from pendulum_env.lab.fitting.priors import priors_of
 from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.robust import pulled, released
 from pendulum_env.lab.fitting.shooting import solve_all
@@ -89,21 +90,9 @@ def fit(
     """
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, for example from Recording.read, got {shown(recording)}")
-    with naming_keywords(fit):
-        place = apparatus(scene, parameters)
+    place, names, wanted, steady = planned(recording, effects, scene, free, robust, parameters)
     for sentence in other_units(place.body, place.gravity):
         warn(sentence)
-    if not place.of_kind("conservative") or not place.omega0 > 0.0:
-        raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")
-    known = scene is not None or all(name in parameters for name in BOB)
-    usual = (place.body.fitted, *([SCALE] if recording.displaced else []))
-    names = _checked(usual if free is None else free, place)
-    steady = truth(robust, "robust")
-    wanted = models_of(effects, place, known)
-    if not isinstance(place.body, Body) and all(_undetermined(place, damping, names) for damping in wanted):
-        raise SceneError(f"free cannot have {' and '.join(name for name in names if name != SCALE)} together: a free "
-                         f"swing of the body '{place.body.shape}' shows only a quotient of them, in its period; "
-                         "measure all but one of them.")
     recording = recording.kept(until=until, drop=drop)
     free_swing = released(recording, above) if steady else recording.released().kept(above=above)
     swing = free_swing if steady else _moving(free_swing)
@@ -133,6 +122,48 @@ def fit(
     if scene is None and LENGTH not in parameters and LENGTH not in names:
         warn(f"the length is taken to be {place.body.reach:g} m, as it is neither given nor fitted; give length=.")
     return replace(best, comparison=comparison) if len(fits) > 1 else best
+
+
+class FitPlan(NamedTuple):
+    """What is fitted: the scene without damping, the free parameters, the models of damping, and whether robustly."""
+
+    place: Scene
+    free: tuple[str, ...]
+    models: list[Names]
+    steady: bool
+
+    def check_priors(self, recording: Recording, priors: Mapping[str, Any]) -> None:
+        """Raise SceneError for a prior that no model of the plan can have; see :func:`priors.priors_of`."""
+        models = [_unchecked(self.place, damping, recording, self.free) for damping in self.models]
+        most = max(models, key=lambda model: len(model.names))
+        for key, entry in priors.items():
+            able = (model for model in models
+                    if key in model.names or key in (name.rpartition(".")[2] for name in model.names))
+            priors_of(next(able, most), {key: entry})
+
+
+def planned(
+    recording: Recording, effects: str | Sequence[str], scene: Any, free: Sequence[str] | None, robust: bool,
+    parameters: Mapping[str, Any],
+) -> FitPlan:
+    """Check the arguments of :func:`fit`, and return what it is to fit; nothing is computed yet.
+
+    Raises the errors of :func:`fit` for invalid names and values.
+    """
+    with naming_keywords(fit):
+        place = apparatus(scene, parameters)
+    if not place.of_kind("conservative") or not place.omega0 > 0.0:
+        raise SceneError(f"The scene '{place.name}' has no restoring force, so it cannot swing; add gravity.")
+    known = scene is not None or all(name in parameters for name in BOB)
+    usual = (place.body.fitted, *([SCALE] if recording.displaced else []))
+    names = _checked(usual if free is None else free, place)
+    steady = truth(robust, "robust")
+    wanted = models_of(effects, place, known)
+    if not isinstance(place.body, Body) and all(_undetermined(place, damping, names) for damping in wanted):
+        raise SceneError(f"free cannot have {' and '.join(name for name in names if name != SCALE)} together: a free "
+                         f"swing of the body '{place.body.shape}' shows only a quotient of them, in its period; "
+                         "measure all but one of them.")
+    return FitPlan(place, names, wanted, steady)
 
 
 def _moving(swing: Recording) -> Recording:
@@ -191,12 +222,17 @@ def _undetermined(place: Scene, damping: Names, free: Names) -> bool:
 def _model(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]) -> Model:
     """Return the model of a swing with the given dampings; RecordingError for too few readings to fit its parameters.
     """
-    model = Model.of(place, damping, swing.time, free, program(place, damping), rate=swing.rate is not None,
-                     mount=swing.mount)
+    model = _unchecked(place, damping, swing, free)
     if len(swing.time) <= len(model.names):
         problem = f"{len(model.names)} parameters needs more readings than the {len(swing.time)} from the release on"
         raise RecordingError(f"{swing.source}: a fit of {problem}")
     return model
+
+
+def _unchecked(place: Scene, damping: Names, swing: Recording, free: tuple[str, ...]) -> Model:
+    """Return the model of a swing with the given dampings, which may have too few readings for it."""
+    return Model.of(place, damping, swing.time, free, program(place, damping), rate=swing.rate is not None,
+                    mount=swing.mount)
 
 
 def _warn_of_mass(best: Fit) -> None:

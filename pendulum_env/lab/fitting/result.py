@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import clean
 from pendulum_env.lab.checked import RecordingError, side
 from pendulum_env.lab.fitting.candidates import shapes
 from pendulum_env.lab.fitting.errors import Errors, at_bound, errors_of, noise_beside
@@ -383,7 +384,7 @@ class Fit(Plotted):
         period = math.tau / scene.omega0
         duration = float(self.recording.time[-1]) + self.rest
         run = {"angle": angle, "velocity": velocity, "duration": duration, "dt": float(f"{period / 100.0:.2g}")}
-        return scene.replace(name=f"fitted to {self.recording.source}", run={**scene.to_dict()["run"], **run})
+        return scene.replace(name=clean(f"fitted to {self.recording.source}"), run={**scene.to_dict()["run"], **run})
 
 
 # --- models compared -------------------------------------------------------------------------------------------------

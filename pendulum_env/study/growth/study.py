@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from pendulum_env.physics.units import SceneError, function, naming_keywords, nu
 from pendulum_env.study.cost.points import FLOOR
 from pendulum_env.study.cost.runs import SAMPLES, energy_scale, evaluations_per_step
 from pendulum_env.study.growth.laws import Law, law_of
-from pendulum_env.truth.long_runs import LongTruth, long_truth, on
+from pendulum_env.truth.long_runs import LongTruth, long_truth, on, refuse_gusts
 from pendulum_env.truth.reference import StudyError
 
 Array = NDArray[np.float64]
@@ -163,33 +163,12 @@ def growth(
     """
     with naming_keywords(growth):
         place, shared = scene_and_shared(scene, damping, parameters)
-    q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
-    v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
-    checked_start(place, q, v)
-    if not place.omega0:
-        raise StudyError(f"The scene '{place.name}' has no restoring torque and so no period; choose one with gravity.")
-    if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):
-        raise StudyError(
-            f"The energy of a start at {q:g} rad and {v:g} rad/s is too small for a float; "
-            "use a larger angle or velocity."
-        )
-    period, tell = TWO_PI / place.omega0, told_by(progress)
-    time = _times(number(periods, "periods", least=1.0))
-    step_of = _steps(step, evaluations_per_period)
     if on_line is not None:
         function(on_line, "on_line")
-    methods = checked_methods(fitting(place) if integrators is None else integrators, place)
-    specs = [RunSpec.of(place, method, angle=q, velocity=v, backend=backend, compensated=compensated, **shared)
-             for method in methods]
-    machines = [spec.machine() for spec in specs]
-    runs = [LongRun(machine, q, v, step_of(machine, q, v, period), period) for machine in machines]
-    for run in runs:
-        if run.h > period:
-            raise SceneError(
-                f"The step of {run.machine.method.name}, {run.h:.3g} s, is longer than a period, {period:.3g} s; "
-                "give a shorter step or more evaluations_per_period."
-            )
-        checked_steps(float(time[-1]) * period, run.h)
+    tell = told_by(progress)
+    q, v, period, time, specs, runs = planned(
+        place, integrators, angle=angle, velocity=velocity, periods=periods, step=step, backend=backend,
+        evaluations_per_period=evaluations_per_period, compensated=compensated, **shared)
     for spec, run in zip(specs, runs, strict=True):
         replace(spec, h=run.h).tell()
     reach = max(run.reach for run in runs)
@@ -216,6 +195,55 @@ def growth(
         done += run.work * study.time[-1]
     tell(1.0, "done")
     return study
+
+
+class GrowthPlan(NamedTuple):
+    """A checked study of error growth: start [rad, rad/s], period [s], times [periods], and the run of every method."""
+
+    angle: float
+    velocity: float
+    period: float
+    time: Array
+    specs: list[RunSpec]
+    runs: list[LongRun]
+
+
+def planned(
+    place: Scene, integrators: Iterable[str | Method] | None = None, *, angle: float | None = None,
+    velocity: float | None = None, periods: float = PERIODS, step: float | None = None,
+    evaluations_per_period: float | None = None, **shared: Any,
+) -> GrowthPlan:
+    """Check the arguments of :func:`growth`, and return the study's plan; nothing is computed yet.
+
+    The start is ``angle`` [rad] and ``velocity`` [rad/s]; ``shared`` are the settings that every run has. Raises the
+    errors of :func:`growth`.
+    """
+    q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
+    v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
+    checked_start(place, q, v)
+    if not place.omega0:
+        raise StudyError(f"The scene '{place.name}' has no restoring torque and so no period; choose one with gravity.")
+    if not place.inertia * (v * v + (place.omega0 * q) ** 2) and (q or v):
+        raise StudyError(
+            f"The energy of a start at {q:g} rad and {v:g} rad/s is too small for a float; "
+            "use a larger angle or velocity."
+        )
+    refuse_gusts(place)
+    period = TWO_PI / place.omega0
+    time = _times(number(periods, "periods", least=1.0))
+    step_of = _steps(step, evaluations_per_period)
+    methods = checked_methods(fitting(place) if integrators is None else integrators, place)
+    specs = [RunSpec.of(place, method, angle=q, velocity=v, **shared) for method in methods]
+    runs = [LongRun(machine, q, v, step_of(machine, q, v, period), period)
+            for machine in (spec.machine() for spec in specs)]
+    for run in runs:
+        if run.h > period:
+            raise SceneError(
+                f"The step of {run.machine.method.name}, {run.h:.3g} s, is longer than a period, {period:.3g} s; "
+                "give a shorter step or more evaluations_per_period."
+            )
+        checked_steps(float(time[-1]) * period, run.h)
+    return GrowthPlan(q, v, period, time, specs, runs)
 
 
 def _times(periods: float) -> Array:
