@@ -20,9 +20,9 @@ NOTE = 1000
 FORMULA = re.compile(r"[=@]|[+-].*(?:[|!]|[A-Za-z]\s*\()")
 """Beginning of a cell that a spreadsheet takes for a formula that calls a function or a program; numbers and formulas
 of errors such as "+(omega0 h)^2/24" are none."""
-MARKDOWN = re.compile(r"[\\|`*<$]|\](?=[(\[:])|(?<!\w)_|_(?!\w)")
-"""Characters with a meaning within a cell of a Markdown table. Brackets have none where no link follows, and an
-underscore has none within a word."""
+MARKDOWN = re.compile(r"[\\|`$]|(?<=\S)\*|\*(?=\S)|<(?=[\w/!?])|\](?=[(\[:])|(?<!\w)_|_(?!\w)")
+"""Characters with a meaning within a cell of a Markdown table. An asterisk or a "<" has none before and after a space,
+a bracket where no link follows, and an underscore within a word."""
 
 WORDS = {
     "²": "^2", "³": "^3", "±": "+-", "·": "*", "°": " deg", "—": "-", "…": "...", "→": "->", "←": "<-", "≤": "<=",

@@ -339,13 +339,12 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         """Return the attributes for a copy or a pickle, without the cached infos, which share arrays with this object.
         """
         state = {**super().__getstate__(), "_told": None}
-        del state["_turn"]
-        return state
+        return {name: value for name, value in state.items() if name not in ("_turn", "_known")}
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         """Set the attributes of a copied or unpickled environment; shared arrays are read-only again."""
         super().__setstate__(state)
-        self._turn = RLock()
+        self._turn, self._known = RLock(), self._begun
         for name in ("stop_reason", "_stop_reason"):
             self._marks[name].flags.writeable = False
 

@@ -169,7 +169,8 @@ def test_formulas_of_spreadsheets(text: str, cell: str) -> None:
 
 
 def test_markdown_keeps_names_and_units_as_they_are() -> None:
-    assert for_markdown("gamma [1/s], boundary_layer") == "gamma [1/s], boundary_layer"
+    for text in ("gamma [1/s], boundary_layer", "control * max_torque", "1 < Re < 2e5", "x <= 0.1"):
+        assert for_markdown(text) == text
     assert for_markdown("a|b *c* $d$ `e` <f> [g](h) _i_\nj") == r"a\|b \*c\* \$d\$ \`e\` \<f> [g\](h) \_i\_ j"
 
 

@@ -323,7 +323,7 @@ def test_the_format_of_pickles_is_that_of_these_attributes(kind: str) -> None:
     env = make() if kind == "LabPendulumEnv" else LabPendulumVectorEnv(2, backend="python")
     env.reset(seed=0)
     assert FORMAT == 7
-    assert {*vars(env)} - {"_np_random", "_np_random_seed", "_made_by"} == {
+    assert {*env.__getstate__()} - {"format", "_np_random", "_np_random_seed", "_made_by"} == {
         *KEPT[kind].split()} - {"_np_random", "_np_random_seed"}
 
 
