@@ -87,7 +87,7 @@ def fit(
     """
     from pendulum_env.cli.driven import fit_logs, is_driven_fit
     from pendulum_env.common.provenance import checked_folder
-    from pendulum_env.lab.checked import side
+    from pendulum_env.lab.checked import check_half_turn, side
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.fit import planned
     from pendulum_env.lab.fitting.robust import calmed
@@ -145,7 +145,9 @@ def fit(
                        length_error=length_error, **known)
 
     with shown_if_refused(lambda: print_text(data.text)):
-        data.released()  # without a swing, there is nothing to fit either
+        swing = data.released()  # without a swing, there is nothing to fit either
+        if not robust:  # a robust fit bears single readings far off
+            check_half_turn(swing.centred().angle, f"{data.source}: a fit needs")
         sheet, no_sheet = side("the lab sheet", measured) if oscillations is None else (measured(), "")
 
     def show_measured() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
@@ -112,6 +113,15 @@ def known(value: Any, name: str, allowed: Iterable[str]) -> str:
     near = difflib.get_close_matches(str(shown(value)), words, 1, 0.3)
     hint = f" (did you mean {near[0]!r}?)" if near else ""
     raise RecordingError(f"{name} must be {' or '.join(map(repr, words))}, got {shown(value)}{hint}")
+
+
+def check_half_turn(angle: FloatArray, what: str) -> None:
+    """Raise RecordingError if an angle [rad] is half a turn or more; ``what`` begins its sentence, as "a fit needs"."""
+    largest = float(np.max(np.abs(angle)))
+    if largest >= math.pi:
+        raise RecordingError(
+            f"{what} swings below half a turn, but the bob goes over the top: read as radians, {largest:.3g} is "
+            f"{math.degrees(largest):.3g}°. If the readings are degrees, give unit=deg (--unit deg).")
 
 
 def chosen(name: str, what: str, parts: Sequence[str], part: str | None, best: Sequence[str] = ()) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pendulum_env.lab.checked import FloatArray, RecordingError, series_of
+from pendulum_env.lab.checked import FloatArray, RecordingError, check_half_turn, series_of
 from pendulum_env.lab.measures import FINEST, Measurement, crossings_with_errors, envelope_rate
 from pendulum_env.lab.noise import noise_level
 from pendulum_env.lab.turning import CLEAR, AngleSeries, hidden_in, turning_points
@@ -118,8 +118,7 @@ def corrected_periods(series: AngleSeries) -> Cycles:
         none = "none without a gap" if complete.any() else "none"
         raise RecordingError(f"corrected periods need a full oscillation about zero, the series has {none}")
     size = points.amplitude
-    if size.max() >= math.pi:
-        raise RecordingError("corrected periods need swings below half a turn, but the bob goes over the top")
+    check_half_turn(size, "corrected periods need")
     spans = np.diff(ends)[kept]
     rate = envelope_rate(points).value if len(size) > SWINGS else 0.0
     damped = math.hypot(1.0, max(rate, 0.0) * float(spans.mean()) / (4.0 * math.pi))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.checked import FloatArray, RecordingError
+from pendulum_env.lab.checked import FloatArray, RecordingError, check_half_turn
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.turning import TurningPoints
 from pendulum_env.physics import exact
@@ -71,8 +71,7 @@ def losses(points: TurningPoints) -> Losses:
     size, error = points.amplitude, np.maximum(points.error, 1e-9 * points.amplitude)
     if len(size) < FEWEST:
         raise RecordingError(f"the law of the damping needs at least {FEWEST} amplitudes, there are {len(size)}")
-    if size.max() >= math.pi:
-        raise RecordingError("the law of the damping needs swings below half a turn, but the bob goes over the top")
+    check_half_turn(size, "the law of the damping needs")
     middle = 0.5 * (size[1:] + size[:-1])
     lasted = np.diff(points.time) / exact.period(middle, math.tau)
     usable = np.flatnonzero(lasted < NEXT * np.median(lasted))

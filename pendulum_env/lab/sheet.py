@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.lab.checked import RecordingError, count, side
+from pendulum_env.lab.checked import RecordingError, check_half_turn, count, side
 from pendulum_env.lab.cycles import SURE, Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
 from pendulum_env.lab.measures import (
@@ -292,6 +292,7 @@ def measure(
         raise SceneError("gravity must be above 0 m/s^2, as the length follows from it and the period.")
     swing = recording.kept(until=until, drop=drop).released().kept(above=above).centred()
     mean, points = period(swing, taken), turning_points(swing)
+    check_half_turn(points.amplitude, "the lab sheet needs")
     if taken is None:
         ends = crossings(swing.time, swing.angle, level=CLEAR * swing.noise)
         taken = round(float(ends[-1] - ends[0]) / mean.value)

@@ -6,6 +6,7 @@ import csv
 import datetime
 import math
 import re
+from itertools import pairwise
 from statistics import mode
 
 import numpy as np
@@ -229,16 +230,23 @@ class TextTable:
 
     def _short_titles(self) -> list[list[str]]:
         """Return the last header line with a few titles, one of a time, as titles of the first columns; of the last
-        ones if only one is missing and the first column numbers the rows, as programs write row names without a title.
+        ones if only one is missing, the first column numbers the rows, as programs write row names without a title, and
+        the second one, which the title of a time would then name, grows.
         """
         lines = [] if self.separator == " " else [split(line, self.separator) for line in self.header]
         short = [fields for fields in lines if 1 < len(fields) < self.width and any(map(TIME.names, fields))]
         if not short:
             return []
-        rows = [self.number(fields[0]) for _, fields in self.rows]
+        rows, second = ([self._numbered(fields, i) for _, fields in self.rows] for i in range(2))
         missing = [""] * (self.width - len(short[-1]))
-        counted = len(missing) == 1 and rows[0] in (0.0, 1.0) and rows == [rows[0] + i for i in range(len(rows))]
+        counted = (len(missing) == 1 and rows[0] in (0.0, 1.0) and rows == [rows[0] + i for i in range(len(rows))]
+                   and all(late > early for early, late in pairwise(second)))
         return [[*missing, *short[-1]] if counted else [*short[-1], *missing]]
+
+    def _numbered(self, fields: list[str], column: int) -> float:
+        """Return the number in a column of a row, NaN for none."""
+        number = self.number(fields[column]) if len(fields) > column else None
+        return math.nan if number is None else number
 
     def _width_with_titles(self, width: int) -> int:
         """Return the number of columns by the rows and the titles: ``width`` by the rows, or more if a header line

@@ -424,7 +424,7 @@ def test_how_a_file_is_read_can_be_told(
     assert code == 0, said
     assert asked[0]["recording"].angle[0] == pytest.approx(2.0 * virtual().angle[0], abs=1e-6)
     assert "models" not in printed
-    assert "--read unit=deg --read scale=2.0 --read columns=2,3 --read separator=comma" in " ".join(printed.split())
+    assert "--read unit=deg --read scale=2 --read columns=2,3 --read separator=comma" in " ".join(printed.split())
 
 
 def test_the_command_that_follows_is_one_line_to_copy(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.lab.checked import check_half_turn
 from pendulum_env.lab.fitting.model import ANGLE, DISTANCE, GRAVITY, LENGTH, SCALE, SENSOR, TILT, VELOCITY, ZERO, Model
 from pendulum_env.lab.losses import NEXT
 from pendulum_env.lab.measures import crossings
@@ -66,8 +67,7 @@ class Measured:
         the top.
         """
         swing = recording.centred()
-        if float(np.max(np.abs(swing.angle))) >= math.pi:
-            raise RecordingError(f"{recording.source}: a fit needs swings below half a turn, the bob goes over the top")
+        check_half_turn(swing.angle, f"{recording.source}: a fit needs")
         points = turning_points(swing)
         if len(points.amplitude) < 3:
             raise RecordingError(f"{recording.source}: a fit needs 3 turning points, found {len(points.amplitude)}")
