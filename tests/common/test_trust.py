@@ -23,7 +23,7 @@ from pendulum_env.engine.stream import read
 MAY_RUN = {
     "pendulum_env/engine/goal.py": "the judge of a task, written from its own formulas",
     "pendulum_env/engine/translated.py": "functions of a task, written anew from a user's own",
-    "pendulum_env/tasks/translate.py": "compares the source of a user's function with its code, without running it",
+    "pendulum_env/common/sources.py": "compares the source of a user's function with its code, without running it",
     "pendulum_env/engine/kernels.py": "the package's own generated text; machine code from a folder of one's own",
     "pendulum_env/engine/compiling.py": "the package's own generated text, without its arithmetic",
     "integrators/analysis/multistep_linear.py": "the package's own generated text",

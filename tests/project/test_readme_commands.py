@@ -27,6 +27,8 @@ SHORTER = {
     "lab-pendulum fit --mass 0.01 --radius 0.02 --effects linear+quadratic --read until=10.6 --posterior":
         "--steps 30",
     "lab-pendulum list integrators": "",
+    "lab-pendulum list formats": "",
+    "lab-pendulum measure --oscillations 6": "",
     "lab-pendulum code --integrator rk4 --scene exercise_large": "",
     "lab-pendulum code --scene lab --integrator dop853 --language javascript": "",
     "lab-pendulum effects --scene lab --amplitude 30 --tolerance 1e-3": "",
@@ -71,6 +73,7 @@ ELSEWHERE = {
     "python tests/support/exponents.py": "hard_cases/test_hard_truths_chaos.py",
     "python tests/support/tolerances.py": "hard_cases/test_stress.py",
     "python tests/support/in_node.py": "engine/test_javascript.py",
+    "python tests/fuzzing/fuzz.py --seconds 60": "fuzzing/test_fuzz.py",
 }
 """Command -> the file of tests that runs it."""
 BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")}

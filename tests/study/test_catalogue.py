@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from readme_code import check_listed, check_table
 
 from pendulum_env import SCENES, SceneError
 from pendulum_env.engine.motion import EVENTS
+from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.study.lists.tables import TABLES, find_table
@@ -14,7 +17,8 @@ from pendulum_env.tasks import TASKS
 
 ELSEWHERE = "integrators"
 """List that another module tests, because its limits take seconds to compute."""
-REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "bodies": BODIES, "events": EVENTS, "tasks": TASKS}
+REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "bodies": BODIES, "events": EVENTS, "tasks": TASKS,
+              "formats": [re.sub("^an? ", "", quantity.name) for quantity in QUANTITIES]}
 
 
 @pytest.mark.parametrize("name", [name for name in TABLES if name != ELSEWHERE])
