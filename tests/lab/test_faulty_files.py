@@ -540,7 +540,10 @@ def check_at_bound(found: Any) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["torque", "action"])
 @pytest.mark.parametrize("seed", range(8))
-def test_benches_without_viscous_friction_have_files(seed: int, kind: str, tmp_path: Path, run_here: Here) -> None:
+def test_benches_without_viscous_friction_have_files(
+    seed: int, kind: str, tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")  # a fit takes a minute interpreted
     truth = drawn(seed, kind, viscous=0.0)
     log = recorded(truth, seed, kind)
     found = fit_driven(DrivenLog(log["time"], log["angle"], log["drive"], kind), mass=truth["mass"])
