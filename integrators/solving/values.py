@@ -82,6 +82,8 @@ def own_copy(value: Any) -> Any:
             return value
     if is_complex(value):
         raise MethodError(f"The acceleration must be real, not {shown(value)}.")
+    if isinstance(value, np.ma.MaskedArray):  # checks of its numbers would skip those that are masked
+        raise MethodError("The acceleration must be a plain array, not a masked one; fill it, as by .filled(0.0).")
     if isinstance(value, np.ndarray):
         value = value.astype(np.float64) if value.dtype.kind in "iuf" else value.copy()
         return value if value.shape else value[()]

@@ -476,6 +476,7 @@ def test_longdouble_is_refused_wherever_it_comes_from(place):
 @pytest.mark.parametrize(("function", "q", "said"), [
     (lambda t, q, v: 1j * q, 1.0, r"The acceleration must be real, not \(?1j"),
     (lambda t, q, v: 1j * q, np.ones(2), "The acceleration must be real, not array"),
+    (lambda t, q, v: np.ma.masked_array(-q, mask=[0, 1]), np.ones(2), "must be a plain array, not a masked one"),
     (lambda t, q, v: [1.0], 1.0, r"must have the shape of q and v, \(\), not \(1,\)"),
     (lambda t, q, v: [[1.0], [1.0, 2.0]], np.ones(2), "must be finite numbers, not"),
     (lambda t, q: -q, 1.0, r"must be a function of \(t, q, v\), not of \(t, q\): too many positional arguments"),
