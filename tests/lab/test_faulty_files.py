@@ -504,12 +504,14 @@ def test_a_measurement_goes_on_without_the_periods_of_cycles(monkeypatch: pytest
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("default:Left out")
 def test_a_driven_fit_goes_on_without_its_figure(
     tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(*_: Any) -> Any:
         raise ValueError("it fails here")
 
+    monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")  # a driven fit takes minutes interpreted
     monkeypatch.setattr("pendulum_env.plots.driven.driven", fails)
     log = recorded(drawn(0, "torque"), 0, "torque")
     (tmp_path / "log.csv").write_text(text_of(log, "t, action, angle", "torque"))

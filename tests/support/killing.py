@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import sys
 import traceback
@@ -161,14 +162,15 @@ def old(folder: Path, job: Callable[[Path, bool], None]) -> Path:
 
 def main(name: str, place: Path) -> int:
     job, look = JOBS[name]
-    after = old(place / "after", job)
-    before = visible(after)
-    assert in_a_child(lambda: job(after, True))
-    whole = visible(after)
+    folder = old(place / "work", job)  # always at one place, which stands in compiled programs
+    before = visible(folder)
+    assert in_a_child(lambda: job(folder, True))
+    whole = visible(folder)
+    folder.rename(place / "after")
     for operation in count(1):
-        folder = old(place / str(operation), job)
+        old(folder, job)
 
-        def disturbed(folder: Path = folder, operation: int = operation) -> None:
+        def disturbed(operation: int = operation) -> None:
             kill_before(operation, folder)
             job(folder, True)
 
@@ -178,10 +180,11 @@ def main(name: str, place: Path) -> int:
         assert (folder / "neighbour.txt").read_text() == "mine"
         for part in folder.glob(".*"):
             os.utime(part, (1e9, 1e9))
-        assert in_a_child(lambda folder=folder: job(folder, True))  # type: ignore[misc]
+        assert in_a_child(lambda: job(folder, True))
         assert visible(folder).keys() == whole.keys()
         assert all(visible(folder)[each] == whole[each] for each in whole if each.endswith((".csv", ".npy", ".gif")))
         assert not [*folder.glob(".*")], "a part is left behind"
+        shutil.rmtree(folder)
     raise AssertionError
 
 
