@@ -17,6 +17,8 @@ from integrators.solving.step_size import next_ratio, step_power
 from integrators.solving.values import is_finite, is_real, like, misshapen
 from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
 
+LONGEST = 1e150
+"""Longest duration in doubles: steps are squared, and grow tenfold where nothing acts."""
 FINEST = 16 * 2.0**-53
 """Smallest rtol that is allowed in double precision, sixteen units of rounding."""
 
@@ -133,11 +135,16 @@ class March:
             self._start(marks[-1] - marks[0], zero)
         for mark in marks[1:]:
             self._to(mark)
+            if np.shape(self.q) != np.shape(rows[0][1]):
+                raise MethodError(misshapen(np.shape(self.q), np.shape(rows[0][1])))
             rows.append((mark, self.q, self.v))
 
     def _start(self, span: Any, zero: Any) -> None:
         """Compute the acceleration at the start of an integration and, unless given, the length of the first step."""
         self.sense, self.span, self._zero = 1 if span > 0 else -1, abs(span), zero
+        if isinstance(span, float) and self.span > LONGEST:
+            raise MethodError(f"times may span at most {LONGEST:g} with rtol, not {self.span:g}; choose a longer unit "
+                              "of time.")
         try:
             with np.errstate(all="ignore"):
                 self.a = self.slope(self.t, self.q, self.v) + (self.q - self.q)

@@ -107,10 +107,11 @@ class DenseOutput:
         t = widened(t)
         try:
             times = np.asarray(t, dtype=float if self._double else object) if np.ndim(t) else None
-        except (TypeError, ValueError) as fault:
+        except (TypeError, ValueError, OverflowError) as fault:
             raise MethodError(f"t must be a finite time or an array of such times, not {shown(t)}.") from fault
         if times is None:
             self._check(t)
+            t = t if isinstance(t, (float, int)) or not self._double else float(t)  # a Decimal or a Fraction
             curve = self.curves[self._index(t)]
             return curve.at(curve.fraction(t))
         if not self._double:

@@ -21,7 +21,7 @@ from integrators.errors import shown
 from integrators.method import MethodError
 from integrators.solving.dense import Curve
 from integrators.solving.probing import check_arguments
-from integrators.solving.values import column, is_real
+from integrators.solving.values import column, is_real, widened
 
 PARTS = 8
 """Number of equal parts of a step at whose ends an event function is evaluated."""
@@ -100,14 +100,15 @@ def _checked(event: Any) -> Event:
         raise MethodError(f"The direction of event {event.name} must be a number: below zero, zero or above zero, "
                           f"not {shown(event.direction)}.")
     check_arguments(event.function, f"Event {event.name}", "t, q, v")
+    terminal = widened(bool(event.terminal) if isinstance(event.terminal, np.bool_) else event.terminal)
     try:
-        count = operator.index(event.terminal)
+        count = operator.index(terminal)
     except TypeError:
         count = -1
     if count < 0:
         raise MethodError(f"terminal of event {event.name} must be True, False or the number of the event that ends "
                           f"the solution, not {shown(event.terminal)}.")
-    return Event(event.function, event.direction, event.terminal)
+    return Event(event.function, event.direction, terminal)
 
 
 class Watch:
@@ -159,7 +160,10 @@ class Watch:
         one = curve.h / curve.h
 
         def g(place: Any) -> Any:
-            value = event.function(curve.time(place), *curve.at(place))
+            try:
+                value = event.function(curve.time(place), *curve.at(place))
+            except (ArithmeticError, ValueError) as fault:
+                raise MethodError(f"Event {event.name} fails at t = {curve.time(place)}: {fault}.") from fault
             value = value.item() if getattr(value, "shape", None) == () else value
             if not is_real(value):
                 raise MethodError(f"Event {event.name} must return one finite real number, not {shown(value)}, its "

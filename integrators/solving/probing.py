@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -42,46 +43,64 @@ def check_arguments(function: Callable[..., Any], name: str, arguments: str) -> 
         raise MethodError(f"{name} must be a function of ({arguments}), not of {signature}: {fault}.") from None
 
 
-def problem(acceleration: Acceleration | System, times: Sequence[Any], q: Any, v: Any) -> System:
+def problem(acceleration: Acceleration | System, times: Sequence[Any], q: Any, v: Any, double: bool) -> System:
     """Return a System, made from a bare acceleration if need be, whose functions may return an array that they reuse.
 
-    See :func:`bare`. Raises MethodError if the acceleration is not callable, takes other arguments, changes its
-    arguments, fails at the start, or returns values that are not finite or have the wrong shape.
+    ``double`` says that the solution is computed with doubles. See :func:`bare`. Raises MethodError if the acceleration
+    is not callable, takes other arguments, changes its arguments, fails at the start, or returns values that are not
+    finite or have the wrong shape.
     """
     if not isinstance(acceleration, System):
-        return bare(acceleration, times, q, v)
+        return bare(acceleration, times, q, v, double)
     functions = {name: getattr(acceleration, name) for name in ARGUMENTS if getattr(acceleration, name) is not None}
     for name, function in functions.items():
         check_arguments(function, name, ARGUMENTS[name])
     if isinstance(q, np.ndarray):
-        _first(acceleration.acceleration, times[0], q, v)
-    copies: dict[str, Any] = {name: copying(function, name in SEVERAL) for name, function in functions.items()}
+        with unchanged(q, v):
+            for t in _moments(times):
+                _at(acceleration.acceleration, t, q, v)
+    copies: dict[str, Any] = {name: copying(function, double, name in SEVERAL) for name, function in functions.items()}
     return replace(acceleration, **copies)
 
 
-def copying(function: Callable[..., Any], several: bool = False) -> Callable[..., Any]:
+def copying(function: Callable[..., Any], double: bool, several: bool = False) -> Callable[..., Any]:
     """Return a user's function whose results are copied, see :func:`integrators.solving.values.own_copy`.
 
     ``several`` is True for a function that returns several values.
     """
     if several:
-        return lambda *arguments: [own_copy(value) for value in function(*arguments)]
-    return lambda *arguments: own_copy(function(*arguments))
+        return lambda *arguments: [own_copy(value, double) for value in function(*arguments)]
+    return lambda *arguments: filling(own_copy(function(*arguments), double), arguments[1])
 
 
-def _first(acceleration: Acceleration, t: Any, q: Any, v: Any) -> Any:
-    """Return the acceleration at the start as it is; MethodError if it changes q or v, arrays, in place."""
+def filling(value: Any, q: Any) -> Any:
+    """Return an acceleration in the shape of q, where it is one number for all components.
+
+    Raises MethodError for another shape that does not fit q.
+    """
+    shape = np.shape(q)
+    if np.shape(value) == shape:
+        return value
+    try:
+        return np.broadcast_to(value, shape).copy()
+    except ValueError:
+        raise MethodError(misshapen(np.shape(value), shape)) from None
+
+
+@contextmanager
+def unchanged(q: Any, v: Any) -> Iterator[None]:
+    """Restore q and v, arrays, and raise MethodError if an acceleration in this ``with`` block changes them in place.
+    """
     before = [x.copy() if isinstance(x, np.ndarray) else x for x in (q, v)]
-    value = acceleration(t, q, v)
+    yield
     for x, old, name in zip((q, v), before, "qv", strict=True):
         if isinstance(x, np.ndarray) and not np.array_equal(x, old):
             x[...] = old
             raise MethodError(f"The acceleration changes its argument {name} in place; it must leave q and v as they "
                               "are, and may return an array of its own.")
-    return value
 
 
-def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> System:
+def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any, double: bool) -> System:
     """Make a System from an acceleration alone.
 
     Whether it depends on the velocity is probed near ``q`` and ``v``, at the first and the last time and evenly between
@@ -101,25 +120,22 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -> Sy
 
     t = times[0]
     try:
-        with np.errstate(all="ignore"):
-            given = _first(acceleration, t, q, v)
-            first = own_copy(given)
+        with np.errstate(all="ignore"), unchanged(q, v):
+            given = acceleration(t, q, v)
+            first = own_copy(given, double)
+            first = filling(first, q) if is_finite(first) else first
     except MethodError:
         raise
-    except (ArithmeticError, ValueError) as fault:
+    except (ArithmeticError, TypeError, ValueError) as fault:
         raise MethodError(f"The acceleration fails at the start, t = {t}: {fault}.") from fault
     if not is_finite(first):
         raise MethodError(f"The acceleration at the start, t = {t}, must be finite numbers, not {shown(first)}.")
-    try:
-        shape = np.broadcast_shapes(np.shape(first), np.shape(q))
-    except ValueError:
-        shape = np.shape(first)
-    if shape != np.shape(q):
-        raise MethodError(misshapen(np.shape(first), np.shape(q)))
-    if first is not given:  # a function that returns plain numbers does without the call that copies them
-        acceleration = copying(acceleration)
+    if first is not given:  # a function of floats does without the call that copies them
+        acceleration = copying(acceleration, double)
     places = (q, q + like(q - q, 0.5772157))
-    velocity_free = all(_ignores_velocity(acceleration, when, place, v) for when in _moments(times) for place in places)
+    with unchanged(q, v):
+        velocity_free = all(
+            _ignores_velocity(acceleration, when, place, v) for when in _moments(times) for place in places)
     mean, by_end = averaged(acceleration)
     return System(
         acceleration, velocity_free=velocity_free, jacobian=jacobian, mean_acceleration=mean, mean_jacobian=by_end,
@@ -133,16 +149,21 @@ def _moments(times: Sequence[Any]) -> list[Any]:
     return [t, *(t + (last - t) * k / PROBES for k in range(1, PROBES)), last]
 
 
+def _at(acceleration: Acceleration, t: Any, q: Any, v: Any) -> Any:
+    """Return the acceleration at a place where it is probed; nan if it fails there."""
+    try:
+        with np.errstate(all="ignore"):
+            return acceleration(t, q, v)
+    except (ArithmeticError, ValueError):
+        return math.nan
+
+
 def _ignores_velocity(acceleration: Acceleration, t: Any, q: Any, v: Any) -> bool:
     """Return True if the acceleration at (t, q) is equal for four trial velocities, or not finite for all of them."""
     values: list[Any] = []
     zero = v - v
     for w in (v, v + like(zero, 0.7390851), -v - like(zero, 1.2020569), zero):
-        try:
-            with np.errstate(all="ignore"):
-                values.append(acceleration(t, q, w))
-        except (ArithmeticError, ValueError):
-            values.append(math.nan)
+        values.append(_at(acceleration, t, q, w))
     exists = [is_finite(a) for a in values]
     return not any(exists) or (all(exists) and all(bool(np.all(values[0] == a)) for a in values))
 
@@ -177,11 +198,7 @@ def _couples(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -
     the binary digits of the components' numbers, so that every pair of components is separated by some probe.
     """
     def values(t: Any, q: Any, v: Any) -> Any:
-        try:
-            with np.errstate(all="ignore"):
-                return np.broadcast_to(acceleration(t, q, v), np.shape(q))
-        except (ArithmeticError, ValueError):
-            return np.full(np.shape(q), np.nan)
+        return np.broadcast_to(_at(acceleration, t, q, v), np.shape(q))
 
     number = np.arange(np.size(q)).reshape(np.shape(q))
     digits = [(number >> k) % 2 == one for k in range(max(np.size(q) - 1, 0).bit_length()) for one in (0, 1)]

@@ -136,7 +136,8 @@ def solve(
         acceleration: ``a(t, q, v)`` in units of q per time squared, or a :class:`System` with more functions. Whether a
             bare function depends on the velocity is tested near the given q and v, at nine times from the first to the
             last. A function that depends on the velocity only elsewhere must be given as a System. A function may
-            return a list, or an array that it uses again in its next call; it must not change q or v.
+            return a list, an array that it uses again in its next call, or one number for all components; it must not
+            change q or v.
         q, v: state at ``times[0]``: floats, lists or arrays of one shape, or other real numbers with arithmetic (of
             mpmath, Fraction, Decimal). The method's coefficients have the highest precision among q, v, times and h;
             NumPy's numbers narrower than float64 are converted to float64. Complex numbers, NumPy's longdouble and
@@ -218,7 +219,7 @@ def solve_unchecked(
     q, v = (of_kind(zero, value) for value in (q, v))
     if tolerance is not None and is_double(q + zero):
         tolerance.check_rounding()
-    system = with_couplings(problem(acceleration, marks, q, v), chosen, method, marks, q, v)
+    system = with_couplings(problem(acceleration, marks, q, v, is_double(q + zero)), chosen, method, marks, q, v)
     calls = [0]
     system = counted(system, calls, chosen.counted)
     watch = Watch(watched, unit) if watched else None
@@ -245,10 +246,10 @@ def solve_unchecked(
         ended_by, taken = end.index, recorder.steps if march is None else march.steps + 1
         rows += [(end.t, end.q, end.v)] if end.t != rows[-1][0] else []
     except TypeError as fault:
-        if is_double(q + zero):
-            raise
-        raise MethodError(f"{chosen.name} cannot compute with numbers of the type {type(zero).__name__}: {fault}; use "
-                          "floats, numbers of mpmath, or an explicit method.") from fault
+        remedy = ("the acceleration must return real numbers that fit q and v" if is_double(q + zero) else
+                  "use floats, numbers of mpmath, or an explicit method")
+        raise MethodError(f"{chosen.name} cannot compute with numbers of the type {type(zero).__name__}: {fault}; "
+                          f"{remedy}.") from fault
     if march is not None:
         rejected = march.rejected
     if restarts > FEW_RESTARTS and not chosen.one_step:

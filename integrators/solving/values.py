@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from decimal import Decimal
 from numbers import Complex, Real
 from typing import Any
 
@@ -43,9 +44,11 @@ def widened(value: Any) -> Any:
 def state(value: Any, name: str) -> Any:
     """Return q or v as ``solve`` computes with it: a real number, or a new array of real numbers.
 
-    Lists and tuples become arrays. Raises MethodError for complex numbers, for NumPy's longdouble, and for arrays of
-    anything else.
+    Lists and tuples become arrays. Raises MethodError for complex numbers, for NumPy's longdouble, for masked and empty
+    arrays, and for arrays of anything else.
     """
+    if isinstance(value, np.ma.MaskedArray):
+        raise MethodError(f"{name} must be a plain array, not a masked one; fill it, as by .filled(0.0).")
     try:
         array = np.array(value) if isinstance(value, (list, tuple, np.ndarray)) else None
     except ValueError:  # rows of several lengths
@@ -56,6 +59,8 @@ def state(value: Any, name: str) -> Any:
     if array is not None and array.dtype.kind not in "iuf":
         raise MethodError(f"{name} must be a number or an array of real numbers, not {shown(value)}; numbers of mpmath "
                           "and other exact numbers are integrated one by one, not in an array.")
+    if array is not None and not array.size:
+        raise MethodError(f"{name} must have at least one component, not the shape {array.shape}.")
     return widened(value if array is None else array)
 
 
@@ -67,11 +72,12 @@ def is_complex(value: Any) -> bool:
     return isinstance(value, Complex) and not isinstance(value, Real)
 
 
-def own_copy(value: Any) -> Any:
+def own_copy(value: Any, double: bool) -> Any:
     """Return what a user's function returned, as it will stay: arrays are copied, as a function may reuse its array.
 
-    Lists and tuples become arrays, arrays of numbers those of float64, and an array of shape () a number. Other values
-    are returned unchanged. Raises MethodError for complex numbers.
+    Lists and tuples become arrays, arrays of numbers those of float64, and an array of shape () a number. ``double``
+    says that the state is of doubles, to which other numbers are converted then. Raises MethodError for what is no real
+    number and no array of real numbers.
     """
     if type(value) is float:
         return value
@@ -86,8 +92,17 @@ def own_copy(value: Any) -> Any:
         raise MethodError("The acceleration must be a plain array, not a masked one; fill it, as by .filled(0.0).")
     if isinstance(value, np.ndarray):
         value = value.astype(np.float64) if value.dtype.kind in "iuf" else value.copy()
-        return value if value.shape else value[()]
-    return widened(value)
+        value = value if value.shape else value[()]
+    value = widened(value)
+    kind = getattr(value, "dtype", None)
+    if value is None or isinstance(value, (bool, str, bytes)) or (kind is not None and kind.kind not in "fO"):
+        raise MethodError(f"The acceleration must be finite numbers, not {shown(value)}.")
+    if not (double and kind is None and isinstance(value, (Real, Decimal))):
+        return value  # also the symbols with which a Taylor method records an acceleration
+    try:
+        return float(value)
+    except OverflowError:
+        return math.copysign(math.inf, value)
 
 
 def of_kind(zero: Any, value: Any) -> Any:

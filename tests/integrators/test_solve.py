@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import math
 from decimal import Decimal
+from fractions import Fraction
 
 import mpmath
 import numpy as np
@@ -325,7 +326,7 @@ def test_problems_that_are_none():
     with pytest.raises(MethodError, match=r"must be a function a\(t, q, v\) or an integrators.System"):
         solve(3.0, 1.0, 0.0, TIMES, h=0.1)
     for faulty in (lambda t, q, v: NAN, lambda t, q, v: None, lambda t, q, v: "a"):
-        with pytest.raises(MethodError, match=r"at the start, t = 0\.0, must be finite numbers, not"):
+        with pytest.raises(MethodError, match="must be finite numbers, not"):
             solve(faulty, 1.0, 0.0, TIMES, h=0.1)
     with pytest.raises(MethodError, match=r"fails at the start, t = 0\.0: float division by zero"):
         solve(lambda t, q, v: 1.0 / t, 1.0, 0.0, TIMES, h=0.1)
@@ -479,6 +480,8 @@ def test_longdouble_is_refused_wherever_it_comes_from(place):
     (lambda t, q, v: np.ma.masked_array(-q, mask=[0, 1]), np.ones(2), "must be a plain array, not a masked one"),
     (lambda t, q, v: [1.0], 1.0, r"must have the shape of q and v, \(\), not \(1,\)"),
     (lambda t, q, v: [[1.0], [1.0, 2.0]], np.ones(2), "must be finite numbers, not"),
+    (lambda t, q, v: q > 0.0, np.ones(2), "must be finite numbers, not array"),
+    (np.add, 1.0, "The acceleration fails at the start, t = 0.0"),
     (lambda t, q: -q, 1.0, r"must be a function of \(t, q, v\), not of \(t, q\): too many positional arguments"),
     (lambda t, q, v, k: -k * q, 1.0, r"must be a function of \(t, q, v\).*missing a required argument: 'k'"),
 ])
@@ -494,18 +497,65 @@ def test_functions_of_a_system_and_events_of_other_arguments_are_named():
         solve(oscillator, 1.0, 0.0, TIMES, h=0.1, events=lambda t, y: y[0])
 
 
+@pytest.mark.parametrize("after", [-1.0, 1.0])
 @pytest.mark.parametrize("name", ["q", "v"])
 @pytest.mark.parametrize("wrap", [lambda a: a, System])
-def test_an_acceleration_that_changes_the_state_in_place_is_refused(name, wrap):
+def test_an_acceleration_that_changes_the_state_in_place_is_refused(name, wrap, after):
     def acceleration(t, q, v):
         changed = q if name == "q" else v
-        changed += 1.0
+        if t > after:
+            changed += 1.0
         return -q
 
     q, v = np.array([1.0, 2.0]), np.zeros(2)
     with pytest.raises(MethodError, match=f"changes its argument {name} in place"):
-        solve(wrap(acceleration), q, v, TIMES, h=0.1)
+        solve(wrap(acceleration), q, v, [0.0, 3.0], h=0.1)
     assert (q.tolist(), v.tolist()) == ([1.0, 2.0], [0.0, 0.0])
+
+
+@pytest.mark.parametrize("way", [{"h": 0.1}, {"method": "dopri5", "rtol": 1e-8}, {"method": "taylor", "rtol": 1e-8}])
+@pytest.mark.parametrize("wrap", [lambda a: a, System])
+@pytest.mark.parametrize("value", [-9.81, -10, np.float32(-10.0), Decimal("-9.81"), [-9.81], np.full(1, -9.81)])
+def test_one_number_accelerates_all_components(value, wrap, way):
+    if wrap is System and "taylor" in way.values():
+        return
+    found = solve(wrap(lambda t, q, v: value), np.array([1.0, 2.0]), np.zeros(2), [0.0, 2.0], **way)
+    assert found.q[-1] == pytest.approx(np.array([1.0, 2.0]) + 2.0 * float(np.ravel(value)[0]), abs=1e-12)
+
+
+@pytest.mark.parametrize("way", [{"h": 0.1}, {"method": "dopri5", "rtol": 1e-8}])
+@pytest.mark.parametrize("later", [None, Decimal(1), np.zeros(3)])
+@pytest.mark.parametrize("q", [1.0, np.ones(2)])
+def test_what_an_acceleration_returns_later_is_checked_too(q, later, way):
+    if isinstance(q, np.ndarray) and isinstance(later, Decimal):
+        return  # converted
+    with pytest.raises(MethodError, match=r"acceleration must (return real numbers|be finite|have the shape)"):
+        solve(lambda t, q, v: -q if t < 1.3 else later, q, 0 * q, [0.0, 3.0], **way)
+
+
+@pytest.mark.parametrize(("q", "said"), [
+    (np.ma.masked_array([1.0, 2.0], mask=[0, 1]), "q must be a plain array, not a masked one"),
+    ([], r"q must have at least one component, not the shape \(0,\)"),
+])
+def test_states_without_numbers_are_refused(q, said):
+    with pytest.raises(MethodError, match=said):
+        solve(oscillator, q, q, TIMES, h=0.1)
+
+
+def test_a_duration_that_doubles_cannot_square_is_refused():
+    with pytest.raises(MethodError, match=r"times may span at most 1e\+150 with rtol, not 1e\+200"):
+        solve(lambda t, q, v: 0.0 * q, 0.0, 1.0, [0.0, 1e200], method="dopri5", rtol=1e-8)
+    found = solve(lambda t, q, v: 0.0 * q, 0.0, 1.0, [0.0, 1e150], method="dopri5", rtol=1e-8)
+    assert found.q[-1] == pytest.approx(1e150, rel=1e-14)
+
+
+def test_dense_output_takes_times_of_any_real_number():
+    found = solve(oscillator, 1.0, 0.0, [0.0, 3.0], method="dop853", rtol=1e-12, dense=True)
+    for t in (Decimal("1.5"), Fraction(3, 2), np.float32(1.5), 1.5):
+        assert found(t)[0] == pytest.approx(math.cos(1.5), abs=1e-11)
+    for t in (10**400, [10**400], None):
+        with pytest.raises(MethodError, match="t must be a finite time"):
+            found(t)
 
 
 def test_a_solution_does_not_change_with_the_arrays_that_it_began_with():
