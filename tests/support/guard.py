@@ -1,14 +1,16 @@
 """Guard of every motion: digests of each method in each scene that it fits, to show that a redesign changed no bit.
 
 ``python tests/support/guard.py`` computes them interpreted, in some minutes, and names each that differs from
-guard.json; ``--store`` writes those that are not there yet. For a change that is meant, delete the digest first, so
-that it shows in the commit. ``same_bits.json`` holds a sample of each method, this all of them, in each way to run:
+guard.json. ``python tests/support/regenerate.py`` adds those that are not there yet. For a change that is meant, delete
+the digest first, so that it shows in the commit. ``same_bits.json`` holds a sample of each method, this all of them, in
+each way to run:
 
 =============  =======================================================================================================
 motion         every method in every scene that it fits: angle, velocity and the ledger over 50 steps
 adaptive       every method that estimates its error, in every scene that it fits without dry friction, with ``rtol``
 dense          every method in one scene: dense output, and the times of events
 compensated    every method that can be compensated, in one scene
+watched        every scene with rk4: tension, and the numbers of the flow where there is a medium
 sensors        environments that hold every pair of settings of sensors, delays, tasks and motors
 vectors        every method in a vector of three environments
 javascript     every method's program, run by Node (left out where Node is missing)
@@ -84,6 +86,14 @@ def followed(env: Any, action: Callable[[Any], Any]) -> str:
     return digest(*map(np.asarray, found))
 
 
+def watched(scene: str) -> str:
+    """Return the digest of a run's tension, and of the numbers of its flow."""
+    flow = () if SCENES[scene].medium.empty else ("flow",)
+    run = rollout(scene, integrator="rk4", backend="python", duration=STEPS * SCENES[scene].run.dt, seed=7, warn=False,
+                  diagnostics=("energy", "tension", *flow))
+    return of_run(run, *(run.watched[name] for name in sorted(run.watched)))
+
+
 def vector(scene: str, method: str) -> str:
     env = gym.make_vec("LabPendulum-v0", num_envs=3, scene=scene, integrator=method, backend="python", substeps=2)
     return followed(env, lambda share: np.tile(share.astype(np.float32), (3, 1)))
@@ -131,10 +141,13 @@ GROUPS: dict[str, tuple[Callable[[], list[str]], Callable[[str], str]]] = {
     "dense": (lambda: in_one_scene("dense"), by_pair(between)),
     "compensated": (lambda: in_one_scene("compensated"),
                     by_pair(lambda scene, method: of_run(moved(scene, method, compensated=True)))),
+    "watched": (lambda: list(SCENES), watched),
     "sensors": (lambda: list(PAIRS), sensed),
     "vectors": (lambda: in_one_scene("vectors"), by_pair(vector)),
 }
 """Group -> its samples, and the digest of one."""
+EVERY = (*GROUPS, "javascript")
+"""All groups; programs for Node are made and run together."""
 
 
 def found(group: str, part: Callable[[str], bool] = lambda sample: True) -> dict[str, str]:
@@ -152,30 +165,38 @@ def found(group: str, part: Callable[[str], bool] = lambda sample: True) -> dict
     return digests
 
 
+def stored() -> dict[str, dict[str, str]]:
+    """Return the stored digests by group and sample."""
+    kept: dict[str, dict[str, str]] = json.loads(STORED.read_text(encoding="utf-8"))
+    return kept
+
+
+def with_new() -> dict[str, dict[str, str]]:
+    """Return the stored digests with those of new samples; those that are there stay."""
+    kept = stored()
+    kept |= {group: {} for group in EVERY if group not in kept}
+    return {group: known | found(group, lambda sample, known=known: sample not in known)  # type: ignore[misc]
+            for group, known in kept.items()}
+
+
 def main() -> int:
-    """Compare, or store what is new; return 1 if a digest differs."""
+    """Compare with the stored digests; return 1 if one differs, is gone or is new."""
     parser = argparse.ArgumentParser(description="Digests of every method in every scene, beside the stored ones.")
-    parser.add_argument("--store", action="store_true", help="add the digests that guard.json lacks")
-    parser.add_argument("--out", type=Path, default=STORED, help="another file than guard.json")
-    parser.add_argument("groups", nargs="*", help=f"{', '.join([*GROUPS, 'javascript'])}; all by default")
-    asked = parser.parse_args()
+    parser.add_argument("groups", nargs="*", help=f"{', '.join(EVERY)}; all by default")
     warnings.simplefilter("ignore")
-    kept = json.loads(asked.out.read_text(encoding="utf-8")) if asked.out.exists() else {}
     different = 0
-    for group in asked.groups or [*GROUPS, "javascript"]:
-        begun, known = perf_counter(), kept.get(group, {})
-        here = found(group)
+    for group in parser.parse_args().groups or EVERY:
+        begun, known, here = perf_counter(), stored()[group], found(group)
+        if not here and group == "javascript":
+            print("javascript: left out, as Node is missing")
+            continue
         changed = [sample for sample, value in here.items() if known.get(sample, value) != value]
-        gone = [sample for sample in known if sample not in here] if here else []
-        new = [sample for sample in here if sample not in known]
-        different += len(changed) + len(gone) + (0 if asked.store else len(new))
+        gone, new = [[each for each in one if each not in other] for one, other in ((known, here), (here, known))]
+        different += len(changed) + len(gone) + len(new)
         print(f"{group}: {len(here)} digests, {len(changed)} differ, {len(gone)} are gone, {len(new)} are new, "
               f"{perf_counter() - begun:.0f} s", flush=True)
-        for words, samples in (("differs", changed), ("is gone", gone), ("is new", [] if asked.store else new)):
+        for words, samples in (("differs", changed), ("is gone", gone), ("is new", new)):
             print(*(f"  {sample} {words}" for sample in samples[:20]), sep="\n", end="\n" if samples else "")
-        kept[group] = {**{sample: here[sample] for sample in new}, **known}
-    if asked.store:
-        asked.out.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     return 1 if different else 0
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import guard
 import matplotlib
 from choice import chosen
 from coefficients import COEFFICIENTS, checked, digest
@@ -154,6 +155,7 @@ def main() -> int:
         made[LIMITS_FILE] = limits()
         made |= [pictures()]
         made[DIGESTS] = json.dumps(digests(), indent=1) + "\n"
+        made[guard.STORED] = json.dumps(guard.with_new(), indent=1) + "\n"
     except RefusedError as error:
         print(error, file=sys.stderr)
         return 1
