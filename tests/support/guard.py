@@ -27,6 +27,7 @@ import json
 import sys
 import warnings
 from collections.abc import Callable, Iterable
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
@@ -115,9 +116,18 @@ def javascript(methods: Iterable[str]) -> dict[str, str]:
 FITS = {scene: list(fitting(SCENES[scene])) for scene in SCENES}
 
 
+@cache
+def stored() -> dict[str, dict[str, str]]:
+    """Return the stored digests by group and sample."""
+    kept: dict[str, dict[str, str]] = json.loads(STORED.read_text(encoding="utf-8"))
+    return kept
+
+
 def one_scene(method: str, group: str) -> str:
-    """Return the scene in which a group runs a method; it follows from their names, so that new ones change no other.
-    """
+    """Return the scene in which a group runs a method: the stored one, or for a new method one by its name."""
+    for sample in stored().get(group, ()):
+        if sample.endswith(f"/{method}"):
+            return sample.partition("/")[0]
     return chosen([scene for scene in SCENES if method in FITS[scene]], f"{method} {group}")
 
 
@@ -165,16 +175,9 @@ def found(group: str, part: Callable[[str], bool] = lambda sample: True) -> dict
     return digests
 
 
-def stored() -> dict[str, dict[str, str]]:
-    """Return the stored digests by group and sample."""
-    kept: dict[str, dict[str, str]] = json.loads(STORED.read_text(encoding="utf-8"))
-    return kept
-
-
 def with_new() -> dict[str, dict[str, str]]:
     """Return the stored digests with those of new samples; those that are there stay."""
-    kept = stored()
-    kept |= {group: {} for group in EVERY if group not in kept}
+    kept = {group: stored().get(group, {}) for group in EVERY}
     return {group: known | found(group, lambda sample, known=known: sample not in known)  # type: ignore[misc]
             for group, known in kept.items()}
 
