@@ -66,6 +66,7 @@ ELSEWHERE = {
         "window/test_show.py",
     'pip install -e ".[docs]"': "project/test_api_pages.py",
     "python -m pendulum_env.cli.api_pages out/api": "project/test_api_pages.py",
+    "python tests/support/guard.py": "engine/test_guard.py",
     "python tests/support/regenerate.py": "project/test_one_entry.py",
     "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",
     "python tests/support/mutants.py": "hard_cases/test_predicted.py",
