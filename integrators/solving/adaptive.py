@@ -18,7 +18,7 @@ from integrators.solving.values import is_finite, is_real, like, misshapen
 from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
 
 LONGEST = 1e150
-"""Longest duration in doubles: steps are squared, and grow tenfold where nothing acts."""
+"""Longest duration in doubles. Where nothing accelerates, a step becomes as long, and its square must be finite."""
 FINEST = 16 * 2.0**-53
 """Smallest rtol that is allowed in double precision, sixteen units of rounding."""
 
@@ -142,9 +142,9 @@ class March:
     def _start(self, span: Any, zero: Any) -> None:
         """Compute the acceleration at the start of an integration and, unless given, the length of the first step."""
         self.sense, self.span, self._zero = 1 if span > 0 else -1, abs(span), zero
-        if isinstance(span, float) and self.span > LONGEST:
-            raise MethodError(f"times may span at most {LONGEST:g} with rtol, not {self.span:g}; choose a longer unit "
-                              "of time.")
+        if isinstance(zero, float) and self.span > LONGEST:
+            raise MethodError(f"times may span at most {LONGEST:g} with rtol, not {float(self.span):g}; choose a "
+                              "longer unit of time.")
         try:
             with np.errstate(all="ignore"):
                 self.a = self.slope(self.t, self.q, self.v) + (self.q - self.q)

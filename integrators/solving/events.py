@@ -21,7 +21,7 @@ from integrators.errors import shown
 from integrators.method import MethodError
 from integrators.solving.dense import Curve
 from integrators.solving.probing import check_arguments
-from integrators.solving.values import column, is_real, widened
+from integrators.solving.values import column, is_real
 
 PARTS = 8
 """Number of equal parts of a step at whose ends an event function is evaluated."""
@@ -100,7 +100,7 @@ def _checked(event: Any) -> Event:
         raise MethodError(f"The direction of event {event.name} must be a number: below zero, zero or above zero, "
                           f"not {shown(event.direction)}.")
     check_arguments(event.function, f"Event {event.name}", "t, q, v")
-    terminal = widened(bool(event.terminal) if isinstance(event.terminal, np.bool_) else event.terminal)
+    terminal = bool(event.terminal) if isinstance(event.terminal, np.bool_) else event.terminal
     try:
         count = operator.index(terminal)
     except TypeError:
@@ -162,7 +162,7 @@ class Watch:
         def g(place: Any) -> Any:
             try:
                 value = event.function(curve.time(place), *curve.at(place))
-            except (ArithmeticError, ValueError) as fault:
+            except (ArithmeticError, TypeError, ValueError) as fault:
                 raise MethodError(f"Event {event.name} fails at t = {curve.time(place)}: {fault}.") from fault
             value = value.item() if getattr(value, "shape", None) == () else value
             if not is_real(value):

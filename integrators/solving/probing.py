@@ -154,7 +154,7 @@ def _at(acceleration: Acceleration, t: Any, q: Any, v: Any) -> Any:
     try:
         with np.errstate(all="ignore"):
             return acceleration(t, q, v)
-    except (ArithmeticError, ValueError):
+    except (ArithmeticError, TypeError, ValueError):
         return math.nan
 
 

@@ -246,10 +246,11 @@ def solve_unchecked(
         ended_by, taken = end.index, recorder.steps if march is None else march.steps + 1
         rows += [(end.t, end.q, end.v)] if end.t != rows[-1][0] else []
     except TypeError as fault:
-        remedy = ("the acceleration must return real numbers that fit q and v" if is_double(q + zero) else
-                  "use floats, numbers of mpmath, or an explicit method")
-        raise MethodError(f"{chosen.name} cannot compute with numbers of the type {type(zero).__name__}: {fault}; "
-                          f"{remedy}.") from fault
+        if is_double(q + zero):
+            raise MethodError(f"{chosen.name} stopped at a TypeError: {fault}; the acceleration must return real "
+                              "numbers at every time.") from fault
+        raise MethodError(f"{chosen.name} cannot compute with numbers of the type {type(zero).__name__}: {fault}; use "
+                          "floats, numbers of mpmath, or an explicit method.") from fault
     if march is not None:
         rejected = march.rejected
     if restarts > FEW_RESTARTS and not chosen.one_step:

@@ -183,6 +183,8 @@ def test_bad_events_are_refused_in_a_sentence(events: Any, said: str) -> None:
 def test_an_event_that_fails_and_one_that_ends_by_numpys_true() -> None:
     with pytest.raises(MethodError, match=r"Event <lambda> fails at t = 0.0125: division by zero"):
         solve(oscillator, 1.0, 0.0, [0.0, 1.0], method="rk4", h=0.1, events=lambda t, q, v: 1 / 0)
+    with pytest.raises(MethodError, match=r"Event <lambda> fails at t = 0\.0125: 'float'"):
+        solve(oscillator, 1.0, 0.0, [0.0, 1.0], method="rk4", h=0.1, events=lambda t, q, v: t[0])
     for last in (np.True_, np.int64(1)):
         found = solve(oscillator, 1.0, 0.0, [0.0, 3.0], method="dop853", rtol=1e-12, events=Event(velocity, 0, last))
         assert found.ended_by is None  # v = -sin(t) begins at zero and changes its sign at pi only

@@ -431,7 +431,7 @@ def test_a_digit_of_a_table_is_seen(name: str) -> None:
     """One part in 1e8 of the largest coefficient changes the digest, and breaks the conditions."""
     method = mutants.changed(METHODS[name], lambda x: x * (1 + Fraction(1, 10**8)))
     assert digest(METHODS[name]) == checked()[name] != digest(method)
-    with pytest.raises((AssertionError, ValueError)):  # ValueError: not even consistent
+    with pytest.raises(ValueError if name == "stoermer6" else AssertionError):  # its mutant is not even consistent
         check_order_conditions(method)
 
 

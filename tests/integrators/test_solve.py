@@ -513,23 +513,26 @@ def test_an_acceleration_that_changes_the_state_in_place_is_refused(name, wrap, 
     assert (q.tolist(), v.tolist()) == ([1.0, 2.0], [0.0, 0.0])
 
 
-@pytest.mark.parametrize("way", [{"h": 0.1}, {"method": "dopri5", "rtol": 1e-8}, {"method": "taylor", "rtol": 1e-8}])
-@pytest.mark.parametrize("wrap", [lambda a: a, System])
+@pytest.mark.parametrize(("wrap", "way"), [
+    *((wrap, way) for wrap in (lambda a: a, System) for way in ({"h": 0.1}, {"method": "dopri5", "rtol": 1e-8})),
+    (lambda a: a, {"method": "taylor", "rtol": 1e-8}),
+])
 @pytest.mark.parametrize("value", [-9.81, -10, np.float32(-10.0), Decimal("-9.81"), [-9.81], np.full(1, -9.81)])
 def test_one_number_accelerates_all_components(value, wrap, way):
-    if wrap is System and "taylor" in way.values():
-        return
     found = solve(wrap(lambda t, q, v: value), np.array([1.0, 2.0]), np.zeros(2), [0.0, 2.0], **way)
     assert found.q[-1] == pytest.approx(np.array([1.0, 2.0]) + 2.0 * float(np.ravel(value)[0]), abs=1e-12)
 
 
 @pytest.mark.parametrize("way", [{"h": 0.1}, {"method": "dopri5", "rtol": 1e-8}])
-@pytest.mark.parametrize("later", [None, Decimal(1), np.zeros(3)])
-@pytest.mark.parametrize("q", [1.0, np.ones(2)])
-def test_what_an_acceleration_returns_later_is_checked_too(q, later, way):
-    if isinstance(q, np.ndarray) and isinstance(later, Decimal):
-        return  # converted
-    with pytest.raises(MethodError, match=r"acceleration must (return real numbers|be finite|have the shape)"):
+@pytest.mark.parametrize(("q", "later", "said"), [
+    (1.0, None, "TypeError: .*NoneType.*; the acceleration must return real numbers at every time"),
+    (1.0, Decimal(1), "TypeError: .*Decimal.*; the acceleration must return real numbers at every time"),
+    (1.0, np.zeros(3), r"must have the shape of q and v, \(\), not \(3,\)"),
+    (np.ones(2), None, "The acceleration must be finite numbers, not None"),
+    (np.ones(2), np.zeros(3), r"must have the shape of q and v, \(2,\), not \(3,\)"),
+])
+def test_what_an_acceleration_returns_later_is_checked_too(q, later, said, way):
+    with pytest.raises(MethodError, match=said):
         solve(lambda t, q, v: -q if t < 1.3 else later, q, 0 * q, [0.0, 3.0], **way)
 
 
@@ -543,8 +546,9 @@ def test_states_without_numbers_are_refused(q, said):
 
 
 def test_a_duration_that_doubles_cannot_square_is_refused():
-    with pytest.raises(MethodError, match=r"times may span at most 1e\+150 with rtol, not 1e\+200"):
-        solve(lambda t, q, v: 0.0 * q, 0.0, 1.0, [0.0, 1e200], method="dopri5", rtol=1e-8)
+    for times in ([0.0, 1e200], [0.0, -1e200]):
+        with pytest.raises(MethodError, match=r"times may span at most 1e\+150 with rtol, not 1e\+200"):
+            solve(lambda t, q, v: 0.0 * q, 0.0, 1.0, times, method="dopri5", rtol=1e-8)
     found = solve(lambda t, q, v: 0.0 * q, 0.0, 1.0, [0.0, 1e150], method="dopri5", rtol=1e-8)
     assert found.q[-1] == pytest.approx(1e150, rel=1e-14)
 

@@ -1,6 +1,6 @@
 """Guard of every motion: digests of each method in each scene that it fits, to show that a redesign changed no bit.
 
-``python tests/support/guard.py`` computes them interpreted, in some minutes, and names each that differs from
+``python tests/support/guard.py`` computes them interpreted, in a minute, and names each that differs from
 guard.json. ``python tests/support/regenerate.py`` adds those that are not there yet. For a change that is meant, delete
 the digest first, so that it shows in the commit. ``same_bits.json`` holds a sample of each method, this all of them, in
 each way to run:
@@ -60,10 +60,12 @@ def of_run(run: Rollout, *more: Any) -> str:
     return digest(run.angle, run.velocity, ledger.kinetic, ledger.potential, ledger.work, ledger.heat, *heats, *more)
 
 
-def moved(scene: str, method: str, **options: Any) -> Rollout:
+def moved(
+    scene: str, method: str, diagnostics: tuple[str, ...] = ("energy", "heat_by_effect"), **options: Any
+) -> Rollout:
     """Return an interpreted run of a method in a scene, from the scene's usual start."""
     return rollout(scene, integrator=method, backend="python", duration=STEPS * SCENES[scene].run.dt, seed=7,
-                   warn=False, diagnostics=("energy", "heat_by_effect"), **options)
+                   warn=False, diagnostics=diagnostics, **options)
 
 
 def between(scene: str, method: str) -> str:
@@ -90,8 +92,7 @@ def followed(env: Any, action: Callable[[Any], Any]) -> str:
 def watched(scene: str) -> str:
     """Return the digest of a run's tension, and of the numbers of its flow."""
     flow = () if SCENES[scene].medium.empty else ("flow",)
-    run = rollout(scene, integrator="rk4", backend="python", duration=STEPS * SCENES[scene].run.dt, seed=7, warn=False,
-                  diagnostics=("energy", "tension", *flow))
+    run = moved(scene, "rk4", ("energy", "tension", *flow))
     return of_run(run, *(run.watched[name] for name in sorted(run.watched)))
 
 
