@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import singledispatch
 from typing import Any, cast
@@ -13,27 +13,23 @@ import jax.numpy as jnp
 import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
-from integrators import Method
-from integrators.solving.solve import MOST_STEPS
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
-from pendulum_env.engine.machine import check_diagnostics, find_method
+from pendulum_env.engine.machine import find_method
+from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
-from pendulum_env.envs.settings import UNBOUNDED, spaces_of, usual
+from pendulum_env.envs.settings import UNBOUNDED, EpisodeSettings, spaces_of, task_of, usual
 from pendulum_env.jax.gymnax import Gymnax
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, smoothed, twin
 from pendulum_env.jax.sensing import TwinSensing
 from pendulum_env.physics import random
-from pendulum_env.physics.damping import Damping, build_scene
-from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, nearest, number, shown, truth, whole_number
-from pendulum_env.tasks import USUAL_TASK, Task, find_task
+from pendulum_env.physics.damping import build_scene
+from pendulum_env.physics.units import SceneError, count, naming_keywords, nearest, setting, shown
 from pendulum_env.tasks.task import steps_of
 
 LONGEST = 2**31 - 1
@@ -99,6 +95,17 @@ def replaced(one: Any, changes: Mapping[str, Any], remedy: str) -> Any:
     return replace(one, **changes)
 
 
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class TwinSettings(EpisodeSettings):
+    """Settings of :class:`LabPendulum`."""
+
+    max_steps: int | None = count(None, "control steps in an episode, in place of `duration`", LONGEST)
+    smooth: float | None = setting(
+        None, "velocity over which dry friction is smoothed, as in :func:`pendulum_env.jax.rollout`", unit="rad/s")
+    dtype: Any = setting(None, '"float32", "float64", or JAX\'s type of this name',
+                         note="None for float64 where JAX has it enabled")
+
+
 class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     """LabPendulum in JAX: pure functions of a state, an action, a random key and parameters.
 
@@ -107,21 +114,14 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     ``gym.make("LabPendulum-v0")``; random numbers are JAX's. ``gymnax()`` returns an adapter with gymnax's ``reset``
     and ``step``.
 
-    Args:
-        scene, integrator, damping, task, dt, substeps, diagnostics, speed_limit: as in ``gym.make``.
-        max_steps: control steps in an episode; ``duration``: its length [s], in its place.
-        velocity_bound, speed_penalty, reward_rate: as in ``gym.make``.
-        randomize: parameters drawn for every episode, as in ``gym.make``: ranges by name, such as ``(low, high)``, a
-            fit, its bootstrap or posterior, or a list of these. A draw from a bootstrap or posterior is one of its
-            rows.
-        observation, history, sensor, observation_delay, action_delay: as in ``gym.make``. Delays that are drawn, and
-            the first reading, take the key of ``initial``; later noise takes that of ``transition``. The derivative of
-            a reading rounded to a quantum is 0, as that of ``jnp.round``, so that learning by gradients needs a sensor
-            without quantum, such as one with the noise ``quantum / sqrt(12)`` in its place.
-        smooth: velocity [rad/s] over which dry friction is smoothed, as in :func:`pendulum_env.jax.rollout`.
-        dtype: "float32" or "float64", or JAX's type of this name, such as ``jnp.float32``; by default float64 where JAX
-            has it enabled.
-        **parameters: parameters of the scene, such as ``length=0.5``.
+    Keywords are those of ``gym.make``, but for backends, tolerances, compensated sums and frames, and:
+
+    {arguments}
+
+    A draw from a bootstrap or posterior is one of its rows. Delays that are drawn, and the first reading, take the key
+    of ``initial``; later noise takes that of ``transition``. The derivative of a reading rounded to a quantum is 0, as
+    that of ``jnp.round``, so that learning by gradients needs a sensor without quantum, such as one with the noise
+    ``quantum / sqrt(12)`` in its place.
 
     Attributes:
         noisy: True if ``transition`` needs a key, because the sensor draws random numbers.
@@ -130,59 +130,34 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     without ``smooth``, steps that call Python, functions of a NumPy generator in ``randomize``, gusts in float32.
     """
 
-    def __init__(
-        self,
-        scene: str | Scene | Mapping[str, object] = "lab",
-        *,
-        integrator: str | Method | None = None,
-        damping: Damping = "scene",
-        task: str | Task = USUAL_TASK,
-        dt: float | None = None,
-        substeps: int = 1,
-        diagnostics: Sequence[str] = ("energy",),
-        speed_limit: float | None = None,
-        max_steps: int | None = None,
-        duration: float | None = None,
-        velocity_bound: float | None = None,
-        speed_penalty: float = 0.0,
-        reward_rate: bool = False,
-        randomize: Any = None,
-        observation: str = "full",
-        history: int | None = None,
-        sensor: Sensor | Mapping[str, Any] | None = None,
-        observation_delay: float | Sequence[float] = 0.0,
-        action_delay: float | Sequence[float] = 0.0,
-        smooth: float | None = None,
-        dtype: Any = None,
-        **parameters: Any,
-    ) -> None:
-        self.kind = kind_of(dtype)
-        integrator, dt = usual(scene, integrator, dt)
-        self.scene = with_parameters(smoothed(build_scene(scene, damping, {}), smooth), parameters)
-        self.task = find_task(task)
-        self.method = find_method(integrator, self.scene)
+    @taking(TwinSettings)
+    def __init__(self, given: TwinSettings) -> None:
+        self._settings, self.kind = given, kind_of(given.dtype)
+        integrator, self.dt = usual(given)
+        with naming_keywords(type(self)):
+            self.scene = with_parameters(smoothed(build_scene(given.scene, given.damping, {}), given.smooth),
+                                         given.parameters)
+        self.task, self.method = task_of(given), find_method(integrator, self.scene)
         check_fits(self.scene, self.method, self.kind)
-        self.dt = number(dt, "dt", above=0.0, unit="s")
-        self.substeps = whole_number(substeps, "substeps", MOST_STEPS)
-        self.h = self.dt / self.substeps
-        if max_steps is not None and duration is not None:
+        self.substeps, self.h = given.substeps, self.dt / given.substeps
+        steps = given.max_steps
+        if steps is None:
+            steps = self.task.steps(self.dt) if given.duration is None else steps_of(given.duration, self.dt)
+        elif given.duration is not None:
             raise SceneError("Give duration or max_steps, not both.")
-        steps = (whole_number(max_steps, "max_steps", LONGEST) if max_steps is not None else
-                 self.task.steps(self.dt) if duration is None else steps_of(duration, self.dt))
         self.max_steps = REGISTERED if steps is None else steps
-        self._limit = speed_limit
-        self.twin: Twin = twin(self.scene, self.method, check_diagnostics(diagnostics))
+        self.twin: Twin = twin(self.scene, self.method, tuple(given.diagnostics))
         self._judge = functions(goal_text(self.task.goal))
-        plan = plan_of(observation, history, sensor, observation_delay, action_delay, self.h, self.substeps)
+        plan = plan_of(given, self.h, self.substeps)
         remembers = bool(self.twin.program.shape.remembered)
         self._hold = 1 if plan is not None and remembers and plan.changes else self.substeps
         self._sensing = None if plan is None else TwinSensing(plan, self.scene.periodic, remembers, self.kind)
         self.noisy = plan is not None and plan.draws
-        self._bound, self.observation_space, self.action_space = spaces_of(velocity_bound, self.task, plan)
+        self._bound = given.velocity_bound
+        self.observation_space, self.action_space = spaces_of(self._bound, self.task, plan)
         self._bounded = self._bound < UNBOUNDED and (plan is None or bool(plan.swift))
-        self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        self._rate = self.dt if truth(reward_rate, "reward_rate") else 1.0
-        self._randomization = randomization(randomize)
+        self._penalty, self._rate = given.speed_penalty, self.dt if given.reward_rate else 1.0
+        self._randomization = randomization(given.randomize)
         if self._randomization:
             self._check_draws(self._randomization)
         self.default_params: EnvParams
@@ -199,7 +174,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         """
         place = with_parameters(self.scene, parameters)
         values = {HOLD[0]: float(self._hold), **numbers(place)}
-        limit = checked_limit(self._limit, place)
+        limit = checked_limit(self._settings.speed_limit, place)
         return EnvParams(
             tuple(jnp.asarray(values[name], self.kind) for name in self.twin.parameters),
             jnp.asarray(traced(frequency(place)), self.kind), jnp.asarray(traced(limit), self.kind),
@@ -422,6 +397,9 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         reward, lost = self._judge.call("judge", *place.values(), phi, share, used.omega0, self.h, *before)
         shape = jnp.shape(place["angle"])
         return jnp.broadcast_to(jnp.asarray(reward, self.kind), shape), jnp.broadcast_to(jnp.asarray(lost, bool), shape)
+
+
+documented(LabPendulum, arguments=described(TwinSettings, EpisodeSettings))
 
 
 # --- random parameters ------------------------------------------------------------------------------------------------
