@@ -24,7 +24,6 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import Checked, count, flag, setting, si
 
 S = TypeVar("S")
-F = TypeVar("F", bound=Callable[..., Any])
 SceneLike = str | Scene | Mapping[str, object]
 """Preset name, Scene, or scene as a dict."""
 WIDTH = 120
@@ -35,7 +34,7 @@ WIDTH = 120
 class CommonSettings(Checked):
     """Settings that all functions with ``**parameters`` take beside a scene's parameters."""
 
-    warn: bool = flag(True, "warnings before a run, and of its end")
+    warn: bool = flag(True, "False turns off the warnings before a run and at its end")
     careful: bool = flag(False, "True raises a SceneError in place of a warning before a run")
 
 
@@ -45,7 +44,7 @@ class SceneSettings(Checked):
 
     scene: SceneLike = setting("lab", "preset name, dict, Scene, or a scene's JSON file")
     _: KW_ONLY
-    integrator: str | Method | None = setting("rk4", "name of a method (`lab-pendulum list`), or a Method")
+    integrator: str | Method | None = setting("rk4", "name of a method (lab-pendulum list), or a Method")
     damping: Damping = setting(
         "scene", 'losses in place of the scene\'s: "none", names as "linear+quadratic", or with numbers, as '
         '{"linear": {"gamma": 0.1}}')
@@ -67,11 +66,11 @@ class RunSettings(CommonSettings, SceneSettings):
     backend: Backend = setting("auto", "how the programs are run; all give the same bits", allowed=BACKENDS)
     rtol: float | None = setting(
         None, "relative tolerance, for a method that estimates its error, such as \"dop853\"",
-        note="every step of the integrator is then divided so that the error of each part is below `atol + rtol |y|`")
-    atol: float | None = setting(None, "absolute tolerance", unit="rad, rad/s", note="None for the number of `rtol`")
+        note="every step of the integrator is then divided so that the error of each part is below atol + rtol |y|")
+    atol: float | None = setting(None, "absolute tolerance", unit="rad, rad/s", note="None for the number of rtol")
     compensated: bool = setting(
         False, "compensated summation, which carries the rounding error of each sum over to the next",
-        note="info then has `lost_angle` and `lost_velocity`; not with `rtol`")
+        note="info then has lost_angle and lost_velocity; not with rtol")
 
 
 def declared(settings: type) -> Iterator[Field[Any]]:
@@ -91,20 +90,25 @@ def meaning(entry: Field[Any]) -> str:
     return f"{said}; {about['note']}" if about["note"] else said
 
 
-def described(settings: type, beside: type = object) -> str:
-    """Return one paragraph ``name (default): meaning`` for each setting that another class does not declare alike."""
-    known = {} if beside is object else {entry.name: entry for entry in declared(beside)}
+def described(settings: type, beside: type = object, form: str = "- `{name}` ({default!r})", hang: int = 2) -> str:
+    """Return one paragraph ``name (default): meaning`` for each setting that another class does not declare alike.
+
+    ``form`` is what stands before the meaning, ``hang`` the indentation of the lines after the first.
+    """
+    known = {} if beside is object else {entry.name: entry.metadata for entry in declared(beside)}
     return "\n".join(
-        textwrap.fill(f"- `{entry.name}` ({entry.default!r}): {meaning(entry)}", WIDTH - 4, subsequent_indent="  ")
-        for entry in declared(settings) if entry.name not in known or known[entry.name].metadata != entry.metadata)
+        textwrap.fill(f"{form.format(name=entry.name, default=entry.default)}: {meaning(entry)}", WIDTH - 8,
+                      subsequent_indent=" " * hang)
+        for entry in declared(settings) if known.get(entry.name) != entry.metadata)
 
 
-def documented(entry: F, **texts: str) -> F:
-    """Fill texts in for ``{name}`` in the docstring of a class or function, at their indentation; return it."""
-    for name, text in texts.items():
-        said = inspect.getdoc(entry) or ""
-        entry.__doc__ = said.replace(f"{{{name}}}", text)
-    return entry
+def documented(entry: Any, **texts: str) -> None:
+    """Put texts in place of the lines ``{name}`` in the docstring of a class or function, at their indentation."""
+    def filled(line: str) -> str:
+        name = line.strip().strip("{}")
+        return textwrap.indent(texts[name], line.partition("{")[0]) if line.strip() == f"{{{name}}}" else line
+
+    entry.__doc__ = "\n".join(map(filled, (inspect.getdoc(entry) or "").split("\n")))
 
 
 def signature_of(settings: type) -> inspect.Signature:

@@ -98,36 +98,36 @@ class EpisodeSettings(SceneSettings):
     """Settings of the environments of the package and of its twin in JAX."""
 
     integrator: str | Method | None = setting(
-        None, 'name of a method (`lab-pendulum list`), a Method, or in ``gym.make`` "auto" with `accuracy`',
-        note='None for "rk4", in the scenes `gymnasium` and `dm_control` for "symplectic_euler"')
-    dt: float | None = si(None, "s", "control step; the integrator's step is `dt / substeps`", above=0.0, optional=True,
-                          note="None for 0.02 s, in `gymnasium` for 0.05 s")
+        None, 'name of a method (lab-pendulum list), a Method, or in gym.make "auto" with accuracy',
+        note='None for "rk4", in the scenes gymnasium and dm_control for "symplectic_euler"')
+    dt: float | None = si(None, "s", "control step", above=0.0, optional=True,
+                          note="the integrator's step is dt / substeps; None for 0.02 s, in gymnasium for 0.05 s")
     speed_limit: Any = setting(None, "speed that ends an episode", unit="rad/s",
                                note="None for 100 omega0; the speed is never clipped")
     task: str | Task | None = setting(
-        None, "reward, start and end of an episode: a name of the table above, or a :class:`pendulum_env.Task`",
+        None, "reward, start and end of an episode: a name (lab-pendulum list tasks), or a Task",
         lambda task, _: find_task(task), optional=True, note='None for "swing_up"; without a motor take "free"')
-    duration: float | None = si(None, "s", "length of an episode, in whole steps of `dt`", above=0.0, optional=True,
-                                note="None for the task's, or 500 steps")
-    reward_rate: bool = flag(False, "True gives rewards per second: the task's reward times `dt` in each step")
+    duration: float | None = si(None, "s", "length of an episode", above=0.0, optional=True,
+                                note="a whole number of steps of dt; None for the task's, or 500 steps")
+    reward_rate: bool = flag(False, "True gives rewards per second: the task's reward times dt in each step")
     speed_penalty: float = si(0.0, "1", "reward that is lost where an episode ends by its speed or by diverging",
                               least=0.0)
     velocity_bound: Any = setting(
-        None, "bound of the velocity in the observation, which is cut to it", checked_bound, unit="rad/s",
-        note="None for the largest float32, inf for none")
+        None, "bound of the velocity in the observation", checked_bound, unit="rad/s",
+        note="the observed velocity is cut to it, the motion is not; None for the largest float32, inf for none")
     randomize: Any = setting(
         None, "parameters drawn for every episode: ranges by name, as {\"length\": (0.3, 0.4)}, a fit, a function of a "
         "NumPy generator, or a list of these", form=plain_form)
     observation: str = choice("full", KINDS, "what the agent sees")
     history: int | None = count(None, 'readings in the observation "history"', MOST_HISTORY, note="None for 4")
     sensor: Sensor | Mapping[str, Any] | None = setting(
-        None, "how the angle is read: a :class:`pendulum_env.Sensor`, or a dict of its values", checked_sensor,
+        None, "how the angle is read: a Sensor, or a dict of its values", checked_sensor,
         optional=True)
     observation_delay: float | Sequence[float] = setting(
-        0.0, "delay of readings, in whole steps of the integrator", unit="s",
-        note="(low, high) for a delay that is drawn at every reset")
+        0.0, "delay of readings", unit="s",
+        note="a whole number of steps of the integrator; (low, high) for a delay that is drawn at every reset")
     action_delay: float | Sequence[float] = setting(
-        0.0, "delay of actions, as of readings", unit="s", note="until the first one arrives, the action is 0")
+        0.0, "delay of actions", unit="s", note="as of readings; until the first one arrives, the action is 0")
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -137,8 +137,9 @@ class EnvSettings(EpisodeSettings, RunSettings):
     accuracy: float | None = setting(
         None, 'with the integrator "auto", the largest error of the angle in an episode', unit="rad",
         note="method and substeps are measured once per scene")
-    render_mode: str | None = choice(None, RENDER_MODES, "what `render` gives: frames, or a window in real time")
-    render_size: Any = setting(500, "size of frames, or (width, height)", checked_size, unit="px")
+    render_mode: str | None = choice(None, RENDER_MODES, "what render gives: frames, or a window in real time")
+    render_size: Any = setting(500, "size of frames", checked_size, unit="px",
+                               note="one number, or (width, height)")
     render_theme: str = choice("light", THEMES, "colours of frames")
     render_panels: Sequence[str] = setting(("apparatus", "energy"), "parts of frames", allowed=tuple(PANELS))
 
@@ -156,16 +157,16 @@ class VectorSettings(EnvSettings, Counted):
 
     speed_limit: Any = setting(None, "speed that ends an episode, or one for each environment", unit="rad/s",
                                note="None for 100 omega0")
-    render_mode: str | None = setting(None, "what `render` gives", mode_of_many, optional=True,
+    render_mode: str | None = setting(None, "what render gives", mode_of_many, optional=True,
                                       allowed=("rgb_array",))
     max_episode_steps: int | None = count(None, "control steps until an episode is truncated", MOST_STEPS,
-                                          note="None for never; with `duration`, the registered 500 do not count")
+                                          note="None for never; with duration, the registered 500 do not count")
     autoreset_mode: str | AutoresetMode = setting(
-        AutoresetMode.NEXT_STEP, "when ended episodes begin anew (https://farama.org/Vector-Autoreset-Mode)",
+        "NextStep", "when ended episodes begin anew (https://farama.org/Vector-Autoreset-Mode)",
         autoreset_mode_of, allowed=tuple(entry.value for entry in AutoresetMode))
     num_threads: int | None = count(None, "threads of the compiled loops", MOST_THREADS,
                                     note="None for one per core, and one for few environments")
-    copy: bool = flag(True, "False makes `step` overwrite the arrays that it returned before, which is faster")
+    copy: bool = flag(True, "False makes step overwrite the arrays that it returned before, which is faster")
 
 
 FORMS: Mapping[str, Callable[[Any], Any]] = {

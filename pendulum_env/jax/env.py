@@ -99,9 +99,9 @@ def replaced(one: Any, changes: Mapping[str, Any], remedy: str) -> Any:
 class TwinSettings(EpisodeSettings):
     """Settings of :class:`LabPendulum`."""
 
-    max_steps: int | None = count(None, "control steps in an episode, in place of `duration`", LONGEST)
+    max_steps: int | None = count(None, "control steps in an episode, in place of duration", LONGEST)
     smooth: float | None = setting(
-        None, "velocity over which dry friction is smoothed, as in :func:`pendulum_env.jax.rollout`", unit="rad/s")
+        None, "velocity over which dry friction is smoothed, as in pendulum_env.jax.rollout", unit="rad/s")
     dtype: Any = setting(None, '"float32", "float64", or JAX\'s type of this name',
                          note="None for float64 where JAX has it enabled")
 
