@@ -5,21 +5,23 @@ from __future__ import annotations
 import dataclasses
 import enum
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from inspect import signature
 from typing import Any
 
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
+from numpy.typing import NDArray
 
 from integrators import METHODS, Method
 from pendulum_env.common.checks import MEANT
 from pendulum_env.common.shown import Displayed
+from pendulum_env.engine.elementwise import elementwise
 from pendulum_env.engine.sensing import Plan
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.envs.randomize import randomization
 from pendulum_env.envs.sensing import plan_of
-from pendulum_env.envs.settings import FORMS, UNBOUNDED, EnvSettings, settled, task_of, usual
+from pendulum_env.envs.settings import FORMS, UNBOUNDED, EnvSettings, acting, settled, task_of, usual
 from pendulum_env.films.look import checked_look
 from pendulum_env.physics.bodies import BODIES, body_data
 from pendulum_env.physics.body import RigidBody
@@ -199,6 +201,7 @@ class Portable(Displayed):
         self._randomization, self._checks = draws, task.own
         self._rate, self._penalty = dt if given.reward_rate else 1.0, given.speed_penalty
         self._velocity_bound, self._bounded = given.velocity_bound, given.velocity_bound < UNBOUNDED
+        self._acts = acting(given)
         self._delays: dict[str, Any] = {}
         self._turning = spec.turning_speed()
         return plan
@@ -206,6 +209,16 @@ class Portable(Displayed):
     def _counted(self, steps: int | None) -> int | None:
         """Return the control steps in an episode, from those that duration and task make it."""
         return steps
+
+    def _acted(self, shares: NDArray[np.float64], uniform: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Return the actions that settings such as ``action_noise`` make of others; all are clipped to [-1, 1].
+
+        ``uniform`` draws a random number in [0, 1) for each.
+        """
+        for function, value in self._acts:
+            change = elementwise(function, self._spec.backend)
+            shares = change(shares, np.full(len(shares), value), uniform(), uniform()).clip(-1.0, 1.0)
+        return shares
 
     def _tell(self) -> None:
         """Emit the warnings before the first episode."""

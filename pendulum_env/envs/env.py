@@ -138,7 +138,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._before, self._upright = self._task.goal.before, self._task.goal.upright
         self._last = math.inf if self._episode_steps is None else (self._episode_steps - 1.0) * self._substeps
         self._make_judge()
-        self._plain = self._sensing is None and self._ahead is None and not (self._bounded or self._upright)
+        self._plain = self._sensing is None and self._ahead is None and not (
+            self._bounded or self._upright or self._acts)
         self._cut_told = False
         self._state: Any = None
         self._share, self._explained = 0.0, False
@@ -221,7 +222,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._share = 0.0
         observation, _, values = self._run(0)
         if self._sensing is not None:
-            drawn, steps = drawn_delays(self._sensing.plan, lambda: np.array([self.np_random.random()]))
+            drawn, steps = drawn_delays(self._sensing.plan, self._uniform)
             self._delays = {name: float(late[0]) * self._h for name, late in steps.items()}
             self._sensing.begin(self._row(), np.zeros(1, dtype=np.intp), *drawn)
         observation, info = self._seen(observation), self._info(values)
@@ -248,6 +249,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if self._plain:
             observation, code, values = self._run(self._substeps)
         else:
+            if self._acts:
+                self._share = share = float(self._acted(np.array([share]), self._uniform)[0])
             parts = self._sensing is not None
             observation, code, values = self._run_in_parts(share) if parts else self._run(self._substeps)
             observation, share = self._seen(observation), self._share
@@ -279,6 +282,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             if code != LOST:
                 reward -= self._penalty
         return observation, reward, code != 0, late, info
+
+    def _uniform(self) -> NDArray[np.float64]:
+        """Return the next random number in [0, 1) of the environment, as an array."""
+        return np.array([self.np_random.random()])
 
     def _judged(self, *state: Any) -> tuple[float, bool]:
         """Return reward and loss of a step by a user's functions; TaskError if they fail or the reward is not finite.

@@ -22,6 +22,7 @@ from pendulum_env.envs.randomize import check_parameters, plain_form
 from pendulum_env.films.look import checked_size
 from pendulum_env.physics.data import known
 from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
+from pendulum_env.physics.random import normal
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import (
@@ -87,6 +88,11 @@ def mode_of_many(value: Any, name: str) -> str:
     return str(value)
 
 
+def noisy(share: float, size: float, first: float, second: float) -> float:
+    """Return an action with Gaussian noise of the standard deviation ``size``."""
+    return share + size * normal(1.0 - first, second)
+
+
 def autoreset_mode_of(mode: Any, name: str = "autoreset_mode") -> AutoresetMode:
     """Return Gymnasium's autoreset mode for a mode or its name; raises SceneError for an unknown name."""
     names = [entry.value for entry in AutoresetMode]
@@ -128,6 +134,8 @@ class EpisodeSettings(SceneSettings):
         note="a whole number of steps of the integrator; (low, high) for a delay that is drawn at every reset")
     action_delay: float | Sequence[float] = setting(
         0.0, "delay of actions", unit="s", note="as of readings; until the first one arrives, the action is 0")
+    action_noise: float = si(0.0, "1", "standard deviation of noise that each control step adds to the action",
+                             least=0.0, acts=noisy)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -181,6 +189,12 @@ def settings_table() -> Table:
     entries = [*single.values(), *(entry for name, entry in named.items() if name not in single)]
     return Table(("keyword", "default", "meaning"), tuple(
         (entry.name, repr(entry.default), meaning(entry)) for entry in entries))
+
+
+def acting(given: EpisodeSettings) -> tuple[tuple[Callable[..., float], Any], ...]:
+    """Return the functions by which settings change actions, with their values, but for those that are off."""
+    values = ((entry, getattr(given, entry.name)) for entry in declared(type(given)) if "acts" in entry.metadata)
+    return tuple((entry.metadata["acts"], value) for entry, value in values if value != entry.default)
 
 
 def usual(given: EpisodeSettings) -> tuple[Any, float]:

@@ -97,6 +97,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._batch = spec.batch(self._num_envs, task.goal, most, given.num_threads)
         self._bank = Bank(self._num_envs) if self._randomization else None
         self._sensing = readings_of_many(spec, self._batch, plan)
+        self._plain = self._sensing is None and not self._acts
         self._seen_before: NDArray[np.float32] | None = None
         self._tell()
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
@@ -188,12 +189,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         if not self._begun or self.closed:
             raise self._unready("the next step()" if self._known else "the first step()")
         waiting = self._over
-        action = checked_actions(actions, self._num_envs, later=self._sensing is None and not waiting.size)
+        action = checked_actions(actions, self._num_envs, later=self._plain and not waiting.size)
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
                 f"Episodes that have ended: {waiting.size}, the first in environment {waiting[0]}; reset them with "
                 "options={'reset_mask': ...} before the next step."
             )
+        if self._acts:
+            action = self._acted_by_all(action, waiting)
         results = self._batch.results() if self._reused is None else self._reused
         try:
             if self._sensing is None:
@@ -264,6 +267,13 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         cameras, most = self._ready_to_render(), whole_number(count, "count", MOST_ENVS)
         across = None if columns is None else whole_number(columns, "columns", MOST_ENVS)
         return None if cameras is None else cameras.tiles(min(most, self._num_envs), across)
+
+    def _acted_by_all(self, action: NDArray[Any], waiting: Places) -> Array:
+        """Return the actions that settings make of those given, but for environments that only begin anew."""
+        shares = np.clip(action.astype(np.float64), -1.0, 1.0)
+        which = np.setdiff1d(np.arange(self._num_envs), waiting, assume_unique=True)
+        shares[which] = self._acted(shares[which], lambda: self._seeded().uniform(which))
+        return shares
 
     def _ready_to_render(self) -> Cameras | None:
         if self._camera is None:

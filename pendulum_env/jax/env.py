@@ -21,7 +21,7 @@ from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
-from pendulum_env.envs.settings import UNBOUNDED, EpisodeSettings, spaces_of, task_of, usual
+from pendulum_env.envs.settings import UNBOUNDED, EpisodeSettings, acting, spaces_of, task_of, usual
 from pendulum_env.jax.gymnax import Gymnax
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
@@ -73,6 +73,7 @@ class EnvState:
         params: numbers drawn for this episode; None without ``randomize``.
         sensed: a :class:`pendulum_env.jax.sensing.SensedState`, readings and actions on their way; None without a
             sensor, delays, or another kind of observation.
+        acted: the last action, as settings such as ``action_noise`` have changed it; None without them.
     """
 
     values: tuple[Any, ...]
@@ -80,6 +81,7 @@ class EnvState:
     time: Any
     params: EnvParams | None
     sensed: Any = None
+    acted: Any = None
 
     def replace(self, **changes: Any) -> EnvState:
         """Return the state with other values of these fields; SceneError for other names."""
@@ -124,7 +126,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     ``quantum / sqrt(12)`` in its place.
 
     Attributes:
-        noisy: True if ``transition`` needs a key, because the sensor draws random numbers.
+        noisy: True if ``transition`` needs a key, because the sensor or the action draws random numbers.
 
     Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction
     without ``smooth``, steps that call Python, functions of a NumPy generator in ``randomize``, gusts in float32.
@@ -152,7 +154,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         remembers = bool(self.twin.program.shape.remembered)
         self._hold = 1 if plan is not None and remembers and plan.changes else self.substeps
         self._sensing = None if plan is None else TwinSensing(plan, self.scene.periodic, remembers, self.kind)
-        self.noisy = plan is not None and plan.draws
+        self._acts = acting(given)
+        self.noisy = bool(self._acts) or (plan is not None and plan.draws)
         self._bound = given.velocity_bound
         self.observation_space, self.action_space = spaces_of(self._bound, self.task, plan)
         self._bounded = self._bound < UNBOUNDED and (plan is None or bool(plan.swift))
@@ -257,18 +260,23 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         values = self.twin.start(angle, velocity, used.numbers, stream, self.kind)
         rest = uniform[len(names):] if self._draws else None
         sensed = None if self._sensing is None else self._sensing.begin(self._motion((values, None)), rest)
-        return EnvState(values, jnp.zeros_like(values[1]), jnp.zeros(values[1].shape, jnp.int32), own, sensed)
+        return EnvState(values, jnp.zeros_like(values[1]), jnp.zeros(values[1].shape, jnp.int32), own, sensed,
+                        jnp.zeros_like(values[1]) if self._acts else None)
 
     def transition(self, state: EnvState, action: Any, rng: Any = None, params: EnvParams | None = None) -> EnvState:
         """Return the state after one control step of a constant action, which is clipped to [-1, 1].
 
-        A sensor that draws random numbers needs a key, ``rng``.
+        A sensor that draws random numbers, and noise of actions, need a key, ``rng``.
         """
         used, share = self._of(state, params), self._share(action)
         carry, sensed = (state.values, state.stop), state.sensed
         if self.noisy and rng is None:
-            raise SceneError("A control step with a sensor that draws random numbers takes a key, as in "
+            raise SceneError("A control step with random numbers, of a sensor or of the action, takes a key, as in "
                              "transition(state, action, jax.random.key(0)).")
+        acted = state.acted
+        if self._acts:
+            rng, own = jax.random.split(rng)
+            acted = share = self._acted(share, state.stop.shape, own)
         if self._sensing is None:
             values, stop = self._advanced(carry, used, share, self.substeps)
         else:
@@ -278,7 +286,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             share = self._sensing.acting(sensed, share, self._sensing.last)
         _, lost = self._judged(state, values, share, used)
         stop = jnp.where((stop == 0.0) & lost, FELL, stop)
-        return replace(state, values=values, stop=stop, time=state.time + 1, sensed=sensed)
+        return replace(state, values=values, stop=stop, time=state.time + 1, sensed=sensed, acted=acted)
 
     def observation(self, state: EnvState, rng: Any = None, params: EnvParams | None = None) -> Any:
         """Return cosine and sine of the angle and the velocity, float32; with a reference four more entries.
@@ -306,7 +314,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         With ``reward_rate`` it is a rate per second, times ``dt``. ``speed_penalty`` is subtracted where the episode
         ends in this step, unless because the task is lost.
         """
-        share = self._share(action)
+        share = next_state.acted if self._acts else self._share(action)
         if self._sensing is not None:
             share = self._sensing.acting(next_state.sensed, share, self._sensing.last)
         reward, _ = self._judged(state, next_state.values, share, self._of(state, params))
@@ -376,6 +384,13 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     def _share(self, action: Any) -> Any:
         action = jnp.asarray(action, self.kind)
         return jnp.clip(action[..., 0] if action.ndim and action.shape[-1] == 1 else action, -1.0, 1.0)
+
+    def _acted(self, share: Any, shape: tuple[int, ...], key: Any) -> Any:
+        """Return the actions that settings such as ``action_noise`` make of others, with random numbers of a key."""
+        for place, (function, value) in enumerate(self._acts):
+            first, second = jax.random.uniform(jax.random.fold_in(key, place), (2, *shape), self.kind)
+            share = jnp.clip(on_arrays(function)(jnp.broadcast_to(share, shape), value, first, second), -1.0, 1.0)
+        return share
 
     def _reports(self, values: Any, used: EnvParams) -> dict[str, Any]:
         """Return the observation and the entries of ``info`` of a state of the program, by name."""

@@ -81,7 +81,8 @@ def setting(
             value that is checked elsewhere.
         note: what a reader needs to know beside the meaning, such as what None stands for.
         optional: None is allowed.
-        more: further metadata: "unit"; "allowed" words; "form", the function that returns a value as JSON holds it.
+        more: further metadata: "unit"; "allowed" words; "form", the function that returns a value as JSON holds it;
+            "acts", a function of an action, the value and two random numbers in [0, 1) that returns another action.
     """
     checks = {} if check is None else {"check": check}
     return field(default=default, metadata={"doc": doc, "note": note, "optional": optional, **checks, **more})
@@ -89,18 +90,18 @@ def setting(
 
 def si(
     default: Any, unit: str, doc: str, *, above: float | None = None, least: float | None = None,
-    optional: bool = False, note: str = "",
+    optional: bool = False, **more: Any,
 ) -> Any:
     """Return a dataclass field for a number in SI units.
 
     Args:
-        default, doc, note: as in :func:`setting`.
+        default, doc, more: as in :func:`setting`.
         unit: for example "m" or "N m"; "1" for a pure number.
         above, least: the number must be greater than ``above``, or at least ``least``.
         optional: None is allowed, and means "derived from the scene" unless the note says otherwise.
     """
     check = partial(number, above=above, least=least, unit=unit)
-    return setting(default, doc, check, note=note, optional=optional, unit=unit)
+    return setting(default, doc, check, optional=optional, unit=unit, **more)
 
 
 def count(default: int | None, doc: str, most: int, *, note: str = "") -> Any:
