@@ -191,6 +191,13 @@ def settings_table() -> Table:
         (entry.name, repr(entry.default), meaning(entry)) for entry in entries))
 
 
+def split_settings(given: Mapping[str, Any], others: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Separate keywords of ``gym.make`` by name into settings, but for ``others``, and parameters of the scene."""
+    names = {entry.name for entry in declared(EnvSettings)} - {*others}
+    return ({name: value for name, value in given.items() if name in names},
+            {name: value for name, value in given.items() if name not in names})
+
+
 def acting(given: EpisodeSettings) -> tuple[tuple[Callable[..., float], Any], ...]:
     """Return the functions by which settings change actions, with their values, but for those that are off."""
     values = ((entry, getattr(given, entry.name)) for entry in declared(type(given)) if "acts" in entry.metadata)

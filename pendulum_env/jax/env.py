@@ -103,7 +103,7 @@ class TwinSettings(EpisodeSettings):
 
     max_steps: int | None = count(None, "control steps in an episode, in place of duration", LONGEST)
     smooth: float | None = setting(
-        None, "velocity over which dry friction is smoothed, as in pendulum_env.jax.rollout", unit="rad/s")
+        None, "velocity over which dry friction is smoothed", unit="rad/s", note="as in pendulum_env.jax.rollout")
     dtype: Any = setting(None, '"float32", "float64", or JAX\'s type of this name',
                          note="None for float64 where JAX has it enabled")
 

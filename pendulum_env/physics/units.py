@@ -77,7 +77,7 @@ def setting(
     Args:
         default: default value of the field.
         doc: the meaning, in a few words.
-        check: function of a value and the field's name that returns the checked value, or raises SceneError; None for a
+        check: function of a value and the field's name that returns the checked value, or refuses it; None for a
             value that is checked elsewhere.
         note: what a reader needs to know beside the meaning, such as what None stands for.
         optional: None is allowed.
