@@ -30,7 +30,7 @@ from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, naming_keywords, nearest, shown
-from pendulum_env.tasks.task import steps_of
+from pendulum_env.tasks.task import Task, steps_of
 
 FORMAT = 8
 """Number of the form in which environments are pickled.
@@ -148,9 +148,7 @@ def _plain(value: Any) -> Any:
         return value.name
     if isinstance(value, RigidBody):
         return body_data(value)
-    if isinstance(value, Sensor):
-        return {entry.name: getattr(value, entry.name) for entry in dataclasses.fields(Sensor)}
-    if isinstance(value, Medium):
+    if isinstance(value, (Sensor, Medium)):
         return dataclasses.asdict(value)
     if isinstance(value, (np.ndarray, np.generic)):
         return value.tolist()
@@ -177,6 +175,12 @@ class Portable(Displayed):
     Notebooks show it as HTML.
     """
 
+    scene: Scene
+    integrator: str
+    dt: float
+    substeps: int
+    task: Task
+    render_size: tuple[int, int]
     _settings: EnvSettings
     _spec: RunSpec
 

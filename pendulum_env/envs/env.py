@@ -18,16 +18,7 @@ from pendulum_env.common.version import REGISTERED
 from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import looking_ahead
-from pendulum_env.engine.machine import (
-    ANGLE,
-    INDEX,
-    NOWHERE,
-    TURNS,
-    TWO_PI,
-    UNSEEN,
-    VELOCITY,
-    Machine,
-)
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.sensing import copied
 from pendulum_env.engine.settings import described, documented, taking
@@ -36,13 +27,7 @@ from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
 from pendulum_env.envs.saved import checked_parameters, checked_random, checked_sensing, checked_state
 from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings_of
-from pendulum_env.envs.settings import (
-    METADATA,
-    START,
-    EnvSettings,
-    checked_options,
-    spaces_of,
-)
+from pendulum_env.envs.settings import METADATA, START, EnvSettings, checked_options, spaces_of
 from pendulum_env.envs.switch import carried, following
 from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel, motion
@@ -50,7 +35,7 @@ from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import line, number, shown, truth, whole_number
 from pendulum_env.render import View
-from pendulum_env.tasks import TASKS, Task, TaskError
+from pendulum_env.tasks import TASKS, TaskError
 from pendulum_env.tasks.action import SINGLE, torque_share
 from pendulum_env.window import Shown, window_of
 
@@ -116,14 +101,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     """
 
     metadata: dict[str, Any] = METADATA
-    scene: Scene
-    integrator: str
-    dt: float
-    substeps: int
-    task: Task
     speed_limit: float
     omega0: float
-    render_size: tuple[int, int]
 
     @taking(EnvSettings)
     def __init__(self, given: EnvSettings) -> None:

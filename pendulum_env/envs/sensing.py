@@ -53,19 +53,12 @@ def plan_of(given: EpisodeSettings, h: float, substeps: int) -> Plan | None:
         kind=kind, history=history or (USUAL_HISTORY if kind == "history" else 1), substeps=substeps, spacing=spacing,
         every=every, follows=device.rate is None, window=window,
         filtered=kind == "encoder" and device.corner is not None,
-        ideal=Sensor(rate=device.rate, window=device.window, corner=device.corner) == as_sensor(device),
+        ideal=Sensor(rate=device.rate, window=device.window, corner=device.corner) == device,
         noisy=device.noise > 0.0, dropping=device.dropout > 0.0, rounding=device.quantum > 0.0,
         zeroed=device.zero == "at_start", seen_late=seen, acts_late=acts,
         numbers=(device.scale, device.offset, device.noise, device.quantum or 1.0, device.dropout,
                  gain_of(device.corner, between), between, window * between),
     )
-
-
-def as_sensor(device: Sensor) -> Sensor:
-    """Return the plain sensor with the values of one of a class derived from it."""
-    return Sensor(quantum=device.quantum, rate=device.rate, noise=device.noise, scale=device.scale,
-                  offset=device.offset, dropout=device.dropout, zero=device.zero, window=device.window,
-                  corner=device.corner)
 
 
 def checked_delay(value: Any, name: str, h: float, substeps: int) -> tuple[int, int]:

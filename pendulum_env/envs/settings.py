@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -25,18 +25,7 @@ from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
 from pendulum_env.physics.random import normal
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import (
-    Checked,
-    SceneError,
-    choice,
-    count,
-    flag,
-    number,
-    one_of,
-    setting,
-    shown,
-    si,
-)
+from pendulum_env.physics.units import Checked, SceneError, choice, count, flag, number, one_of, setting, shown, si
 from pendulum_env.render import PANELS, THEMES
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
 
@@ -67,7 +56,7 @@ def checked_bound(value: Any, name: str) -> float:
     return value if value <= UNBOUNDED else math.inf
 
 
-def checked_sensor(value: Any, name: str) -> Sensor:
+def checked_sensor(value: Any, name: str) -> Any:
     """Return a sensor, which may be given as a dict; raises SceneError for anything else."""
     device = Sensor(**known(value, Sensor, "A sensor")) if isinstance(value, Mapping) else value
     if not isinstance(device, Sensor):
@@ -75,7 +64,14 @@ def checked_sensor(value: Any, name: str) -> Sensor:
     if getattr(device, "jitter", 0.0):
         raise SceneError(f"jitter={device.jitter:g} is for recordings; in an environment, a sensor reads "  # type: ignore[attr-defined]
                          "at whole steps, so make it with jitter=0.")
-    return device
+    return as_sensor(device)
+
+
+def as_sensor(value: Any) -> Any:
+    """Return the plain sensor with the values of one of a class derived from it; any other value unchanged."""
+    if not isinstance(value, Sensor):
+        return value
+    return Sensor(**{entry.name: getattr(value, entry.name) for entry in fields(Sensor)})
 
 
 def mode_of_many(value: Any, name: str) -> str:
@@ -128,7 +124,7 @@ class EpisodeSettings(SceneSettings):
     history: int | None = count(None, 'readings in the observation "history"', MOST_HISTORY, note="None for 4")
     sensor: Sensor | Mapping[str, Any] | None = setting(
         None, "how the angle is read: a Sensor, or a dict of its values", checked_sensor,
-        optional=True)
+        optional=True, form=as_sensor)
     observation_delay: float | Sequence[float] = setting(
         0.0, "delay of readings", unit="s",
         note="a whole number of steps of the integrator; (low, high) for a delay that is drawn at every reset")

@@ -26,17 +26,8 @@ from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.members import Members, alone
 from pendulum_env.envs.randomize import Bank
 from pendulum_env.envs.sensing import drawn_delays, readings_of_many
-from pendulum_env.envs.settings import (
-    MANY,
-    START,
-    EnvSettings,
-    VectorSettings,
-    batched,
-    checked_options,
-    spaces_of,
-)
+from pendulum_env.envs.settings import MANY, START, EnvSettings, VectorSettings, batched, checked_options, spaces_of
 from pendulum_env.physics.flow import regime_of_damping
-from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 from pendulum_env.tasks import Task, TaskError
 from pendulum_env.tasks.action import checked_actions
@@ -76,13 +67,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
     MAKER = "gym.make_vec"
     metadata: dict[str, Any] = MANY
-    scene: Scene
-    integrator: str
-    dt: float
-    substeps: int
-    task: Task
     num_threads: int
-    render_size: tuple[int, int]
     _settings: VectorSettings
 
     @taking(VectorSettings)
