@@ -7,8 +7,8 @@ One declaration serves the signature, the check, the help text, the error messag
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field, fields
-from functools import partial
+from dataclasses import MISSING, Field, field, fields
+from functools import cache, partial
 from typing import Any
 
 from pendulum_env.common.checks import (
@@ -120,6 +120,21 @@ def flag(default: bool, doc: str, *, note: str = "") -> Any:
     return setting(default, doc, truth, note=note, allowed=("true", "false"))
 
 
+@cache
+def _checks(kind: Any) -> list[tuple[str, Any, Any, Any]]:
+    """Return the name, the check, the default and the checked default of each field of a dataclass that has a check."""
+    found = ((entry.name, check, entry.default) for entry in fields(kind) if (check := _check(entry)))
+    return [(name, check, value, None if value is MISSING else check(value, name)) for name, check, value in found]
+
+
+def _check(entry: Field[Any]) -> Any:
+    """Return the check of a field, which lets None pass if the field allows it; None for a field without one."""
+    check = entry.metadata.get("check")
+    if check is None or not entry.metadata.get("optional"):
+        return check
+    return lambda value, name: None if value is None else check(value, name)
+
+
 class Checked:
     """Base of dataclasses whose fields from :func:`si`, :func:`choice` and others here are checked on construction.
 
@@ -131,10 +146,10 @@ class Checked:
             cls.__repr__ = Checked.__repr__  # type: ignore[method-assign]
 
     def __post_init__(self) -> None:
-        for entry in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, entry.name)
-            if "check" in entry.metadata and not (value is None and entry.metadata.get("optional")):
-                object.__setattr__(self, entry.name, entry.metadata["check"](value, entry.name))
+        kept = vars(self)
+        for name, check, default, checked in _checks(type(self)):  # type: ignore[arg-type]
+            value = kept[name]
+            kept[name] = checked if value is default else check(value, name)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(self._changed())})"
