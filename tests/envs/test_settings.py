@@ -127,7 +127,6 @@ def test_noise_of_zero_draws_nothing_and_has_the_program_without_it() -> None:
         one.reset(seed=3)
         one.step(np.array([0.5], np.float32))
     assert env.get_state() == off.get_state()
-    assert off._plain
 
 
 def test_noise_of_actions_is_in_the_specification() -> None:
