@@ -121,12 +121,14 @@ def test_noise_of_actions_is_resumed_with_a_saved_state() -> None:
     assert [env.step(np.array([0.5], np.float32))[0].tobytes() for _ in range(3)] == after
 
 
-def test_noise_of_zero_draws_nothing_and_has_the_program_without_it() -> None:
-    env, off = (LabPendulumEnv(backend="python", **more) for more in ({}, {"action_noise": 0}))
-    for one in (env, off):
+@pytest.mark.parametrize("more", [{}, {"action_noise": 0}, {"action_noise": 0.3}], ids=str)
+def test_a_step_draws_random_numbers_only_for_noise_of_actions(more: dict[str, Any]) -> None:
+    env, usual = LabPendulumEnv(backend="python", **more), LabPendulumEnv(backend="python")
+    for one in (env, usual):
         one.reset(seed=3)
-        one.step(np.array([0.5], np.float32))
-    assert env.get_state() == off.get_state()
+    before = env.get_state()["random"]
+    seen, other = (one.step(np.array([0.5], np.float32))[0].tobytes() for one in (env, usual))
+    assert (env.get_state()["random"] == before) is (seen == other) is (not more.get("action_noise"))
 
 
 def test_noise_of_actions_is_in_the_specification() -> None:
