@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,12 +19,10 @@ from pendulum_env.cli.options import (
     Damping,
     Panels,
     SceneName,
-    Settings,
     Step,
     Theme,
     Velocity,
     radians,
-    scene_of,
     split,
 )
 from pendulum_env.window.controls import METHOD_KEYS, keys_in_words
@@ -64,7 +63,10 @@ def show(
     theme: Theme = "light",
     panels: Panels = "apparatus,energy,phase",
     out: Annotated[Path, typer.Option(help="Folder for the pictures that the key P saves.")] = Path("out/show"),
-    settings: Settings = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A scene's parameter, or a setting of gym.make, as in --set action_noise=0.1."),
+    ] = None,
 ) -> None:
     """Show pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
 
@@ -73,11 +75,14 @@ def show(
     The methods of the keys 1 to 5 are compiled before the window opens, once for each scene.
     """
     from pendulum_env.engine.starts import checked_start
+    from pendulum_env.envs.settings import split_settings
+    from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
     from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
     names = split(",".join(integrators))
-    bench = Bench(scene_of(scene, damping, settings), names, dt, theme, split(panels))
+    more, own = split_settings(parse_settings(settings or ()), Bench.CHOSEN)
+    bench = Bench(build_scene(scene, parse_damping(damping), own), names, dt, theme, split(panels), more)
     run, released = bench.scene.run, radians(angle)
     checked_start(bench.scene, run.angle if released is None else released,
                   run.velocity if velocity is None else velocity)
@@ -111,16 +116,21 @@ def _window_size(text: str) -> tuple[int, int]:
 class Bench:
     """Pendulums of one scene with different methods, which start together, take the same steps and meet the same gusts.
 
-    Raises SceneError or MethodError for invalid arguments.
+    ``more`` are other settings of the environments, such as ``action_noise``. Raises SceneError or MethodError for
+    invalid arguments.
     """
 
+    CHOSEN = ("scene", "integrator", "damping", "dt", "task", "render_mode", "render_size", "render_theme",
+              "render_panels")
+    """Settings of the environments that the command's other options give."""
+
     def __init__(self, scene: Scene, integrators: Sequence[str], dt: float | None, theme: str, panels: Sequence[str],
-                 ) -> None:
+                 more: Mapping[str, Any] = MappingProxyType({})) -> None:
         from pendulum_env.engine.machine import find_method
         from pendulum_env.engine.starts import none_twice
         from pendulum_env.physics.units import SceneError
 
-        self.scene, self.theme, self.panels = scene, theme, panels
+        self.scene, self.theme, self.panels, self.more = scene, theme, panels, more
         self.dt = scene.run.dt if dt is None else dt
         if len(integrators) > MOST:
             raise SceneError(f"A window shows 1 to {MOST} integrators, not {len(integrators)}.")
@@ -133,8 +143,8 @@ class Bench:
         """Return the environment of one pendulum with the present step."""
         from pendulum_env.envs.env import LabPendulumEnv
 
-        return LabPendulumEnv(self.scene, integrator, dt=self.dt, task="free", render_mode="rgb_array",
-                              render_theme=self.theme, render_panels=self.panels)
+        return LabPendulumEnv(self.scene, integrator=integrator, dt=self.dt, task="free", render_mode="rgb_array",
+                              render_theme=self.theme, render_panels=self.panels, **self.more)
 
     def prepare(self) -> None:
         """Compile the methods of the keys 1 to 5 and those of the pendulums, with a progress bar.

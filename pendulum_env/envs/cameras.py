@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.envs.settings import Settings
 from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel
-from pendulum_env.render import View, side_by_side
+from pendulum_env.render import FrameStyle, View, side_by_side
 
 Places = NDArray[np.intp]
 
@@ -23,9 +22,9 @@ class Cameras:
     It records the motor's torques and the earlier states that panels such as "history" show.
     """
 
-    def __init__(self, batch: Batch, spec: RunSpec, settings: Settings) -> None:
-        self._batch, self._spec, self._made = batch, spec, settings
-        self._reel = Reel(settings.look, settings.dt, "energy" in batch.diagnostics)
+    def __init__(self, batch: Batch, spec: RunSpec, dt: float, size: tuple[int, int], look: FrameStyle) -> None:
+        self._batch, self._spec, self._size, self._look = batch, spec, size, look
+        self._reel = Reel(look, dt, "energy" in batch.diagnostics)
         self._shares = np.zeros(batch.size)
         self._cameras: dict[int, Camera] = {}
 
@@ -56,13 +55,12 @@ class Cameras:
         views: list[View] = [camera.view(*self._shown(place)) for place, camera in enumerate(cameras)]
         apart = len({view.time for view in views}) > 1
         pairs = [(camera.apparatus, view) for camera, view in zip(cameras, views, strict=True)]
-        return side_by_side(pairs, self._made.render_size, columns, self._made.look, own_clocks=apart)
+        return side_by_side(pairs, self._size, columns, self._look, own_clocks=apart)
 
     def _camera(self, place: int) -> Camera:
         if place not in self._cameras:
             machine = self._spec.one(place).machine()
-            self._cameras[place] = Camera(machine, self._batch.h, self._spec.hold, self._made.render_size,
-                                           self._made.look)
+            self._cameras[place] = Camera(machine, self._batch.h, self._spec.hold, self._size, self._look)
         return self._cameras[place]
 
     def _shown(self, place: int) -> tuple[Any, ...]:

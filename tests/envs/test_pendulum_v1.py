@@ -220,7 +220,8 @@ def mujoco(folders: pytest.TempPathFactory, *cases: dict[str, Any]) -> list[Any]
 
 def ours(case: dict[str, Any]) -> np.ndarray[Any, Any]:
     """Return the same of the scene dm_control."""
-    env = LabPendulumEnv("dm_control", case["method"], task="dm_control", substeps=case["substeps"], warn=False)
+    env = LabPendulumEnv("dm_control", integrator=case["method"], task="dm_control", substeps=case["substeps"],
+                         warn=False)
     env.reset(options={"angle": case["angle"] + math.pi, "velocity": case["velocity"]})
     rows = []
     for share in case["controls"]:

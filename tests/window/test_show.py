@@ -87,6 +87,18 @@ def windows(monkeypatch: pytest.MonkeyPatch) -> Windows:
     return found
 
 
+def test_settings_of_environments_may_be_set(clock: Clock, run_here: Here, steps: Steps) -> None:
+    clock.plan = [nothing, nothing, key("q")]
+    code, _, wrong = run_here("show", "--set", "action_noise=0.2", "--set", "length=0.5", "--size", "200",
+                              "--angle", "0", "--dt", "0.02")
+    assert code == 0, wrong
+    assert {(env.action_noise, env.length, push) for env, push, _ in steps} == {(0.2, 0.5, 0.0)}
+    assert steps[-1][2]["angle"] != 0.0  # moved by the noise alone
+    code, _, wrong = run_here("show", "--set", "action_nois=0.2")
+    assert code == 2
+    assert "action_nois" in wrong
+
+
 def test_the_arrow_keys_push(clock: Clock, run_here: Here, steps: Steps) -> None:
     clock.plan = [nothing, key("right"), nothing, key("right", False), nothing, key("q")]
     code, said, wrong = run_here("show", "--angle", "0", "--size", "200", "--dt", "0.02")
