@@ -6,6 +6,7 @@ import dataclasses
 import enum
 import os
 from collections.abc import Iterable, Mapping
+from copy import copy
 from inspect import signature
 from typing import Any
 
@@ -15,6 +16,7 @@ from gymnasium.envs.registration import EnvSpec
 from integrators import METHODS, Method
 from pendulum_env.common.checks import MEANT
 from pendulum_env.common.shown import Displayed
+from pendulum_env.envs.limits import Registered
 from pendulum_env.envs.randomize import plain_form
 from pendulum_env.physics.bodies import BODIES, body_data
 from pendulum_env.physics.body import RigidBody
@@ -24,7 +26,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, nearest, shown
 
-FORMAT = 7
+FORMAT = 8
 """Number of the form in which environments are pickled.
 
 It is raised by one whenever their attributes change, or what their programs return: pickles hold the programs' texts.
@@ -110,7 +112,12 @@ class PortableSpec(EnvSpec):
 
     Scenes, effects, media, registered methods, arrays and paths are kept as the dicts, names, lists and texts that make
     the same environment.
+
+    Attributes:
+        own_steps: number of control steps in the environment's duration, None without one.
     """
+
+    own_steps = None  # no annotation, so that it is not a field of Gymnasium's class
 
     def __eq__(self, other: object) -> bool:
         """Return True for a specification with equal values, also of Gymnasium's class, as ``from_json`` returns it."""
@@ -120,12 +127,22 @@ class PortableSpec(EnvSpec):
     __hash__ = None  # type: ignore[assignment]  # as Gymnasium's, because the keywords may change
 
     def to_json(self) -> str:
-        """Return the specification as JSON; SceneError names an argument that JSON cannot hold."""
+        """Return the specification as JSON; SceneError names an argument that JSON cannot hold.
+
+        JSON does not tell a registered number of steps from an argument, which would count whatever the duration is, so
+        that the number in the duration stands in its place.
+        """
         for name, value in self.kwargs.items():
             if not _is_plain(value):
                 raise SceneError(f"{name}={shown(value)} cannot be written as JSON; give it by the name of a method of "
                                  "the package, or a scene of the package's own effects.")
-        return super().to_json()
+        numbers = copy(self)
+        if self.own_steps is not None:
+            if isinstance(self.max_episode_steps, Registered):
+                numbers.max_episode_steps = self.own_steps
+            if isinstance(self.kwargs.get("max_episode_steps"), Registered):
+                numbers.kwargs = {**self.kwargs, "max_episode_steps": self.own_steps}
+        return super(PortableSpec, numbers).to_json()
 
 
 def _plain(value: Any) -> Any:
@@ -177,6 +194,7 @@ class Portable(Displayed):
                                    if entry.init})
             spec.kwargs = {name: _plain(plain_form(value) if name == "randomize" else value)
                            for name, value in spec.kwargs.items()}
+            spec.own_steps = vars(self).get("_own_steps")
         vars(self)["_made_by"] = spec
 
     def __getstate__(self) -> dict[str, Any]:

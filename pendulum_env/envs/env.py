@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.shown import one_line
-from pendulum_env.common.version import REGISTERED
-from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.kernels import Backend
@@ -36,6 +34,7 @@ from pendulum_env.engine.sensing import copied
 from pendulum_env.engine.shape import DIVERGED, LOST, SLACK, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
+from pendulum_env.envs.limits import check_duration, episode_steps, time_limit
 from pendulum_env.envs.randomize import randomization
 from pendulum_env.envs.saved import checked_parameters, checked_random, checked_sensing, checked_state
 from pendulum_env.envs.sensing import OBSERVED, drawn_delays, plan_of, readings_of
@@ -113,7 +112,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     Terminated, with ``info["stop_reason"]``: "speed_limit" (faster than ``speed_limit``), "diverged" (the numbers are
     no longer finite or, with the diagnostic "energy", the energy residual is absurdly large; the last finite state is
     returned), "slack" (the bob on a wire is no longer held by tension), "fell" (the task `balance` is lost),
-    "step_too_short" (no step meets `rtol`). Truncated after 500 steps, or after `duration`.
+    "step_too_short" (no step meets `rtol`). Truncated after `max_episode_steps` control steps, by default after those
+    of the id: 500 in LabPendulum-v0.
 
     ## Info
 
@@ -159,9 +159,9 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     - `task`: "swing_up" (the default), another name of the table above, or a :class:`pendulum_env.Task`; a scene
       without a motor needs "free". `pendulum_env.tasks.track(f)` makes the task of following the angle `f(time)`; its
       observation has four more entries: cosine and sine of the reference now, and after the next control step.
-    - `duration`: length of an episode [s], a whole number of steps of `dt`; the environment then truncates by itself.
-      `gym.make` still ends episodes after the registered 500 steps, unless it gets `max_episode_steps=-1`; a warning
-      says if this has ended an episode early. In `gym.make_vec` the 500 steps give way to the duration.
+    - `duration`: length of an episode [s], a whole number of steps of `dt`. Give `max_episode_steps` with the same
+      number of steps, because wrappers read it: without it, the first reset refuses a duration longer than the id's 500
+      steps, and warns of a shorter one. A `max_episode_steps` always counts, and -1 leaves the end to the duration.
     - `reward_rate`: True makes the reward a rate per second: each step gives the task's reward times `dt`, so that the
       return of an episode is its integral over time, and does not change with `dt`.
     - `speed_limit`: speed that ends the episode [rad/s], by default 100 omega0; the speed is never clipped.
@@ -175,7 +175,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     - `velocity_bound`: bound of the velocity in the observation space [rad/s], `inf` for none; by default the largest
       float32, for which Gymnasium's wrappers `RescaleObservation` and `DiscretizeObservation` cannot be used: give a
       bound for them. The observed velocity is cut to the bound, the motion is not.
-    - `render_mode`: "rgb_array", or "rgb_array_list" in `gym.make`: a list of the frames since the last `render()`; or
+    - `render_mode`: "rgb_array", or "rgb_array_list" by Gymnasium's makers: the frames since the last `render()`; or
       "human": a window in real time. In it a person can pause (`step` waits then), take single steps, slow down, change
       the integrator, drag the bob or type a start; `info["by_hand"]` names such a change before the step, else it is
       "". The key H lists all keys; see :class:`pendulum_env.window.live.Live`.
@@ -289,11 +289,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._h = self._spec.h
         self._checks, self._rate = setup.task.own, setup.rate
         self._before, self._upright = setup.task.goal.before, setup.task.goal.upright
-        self._steps = setup.steps
-        self._last = math.inf if setup.steps is None else (setup.steps - 1.0) * self._substeps
+        self._own_steps, self._settled = setup.steps, setup.steps is None
+        self._last = self._last_of(setup.steps)
         self._make_judge()
         self._plain = self._sensing is None and self._ahead is None and not (self._bounded or self._upright)
-        self._cut_told = False
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened = self._machine.kept.get("slackened", 0)  # its index in a state; 0 when no warning is due
@@ -326,8 +325,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             given = {name: number(value, name) for name, value in given.items()}
             self._machine.check(self._scene.replace(**given))
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
+        self._settle_length()
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
-        self._tell_of_cut()
         if self._randomization:
             given = {**self._randomization.one(self.np_random), **given}
         self._take_parameters(given)
@@ -361,14 +360,19 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         """The scene of the present episode: ``scene`` with the parameters that were drawn, or set by options."""
         return self._machine.scene
 
-    def _tell_of_cut(self) -> None:
-        """Warn once if an episode was ended after the registered number of steps, before its duration."""
-        steps, taken = self._steps or 0, 0.0 if self._state is None else float(self._state[INDEX])
-        if steps > REGISTERED and taken == REGISTERED * self._substeps and self._spec.warn and not self._cut_told:
-            self._cut_told = True
-            warn(f"An episode of {steps} steps (duration={steps * self._dt:g} s) has ended after {REGISTERED} steps, "
-                 "the number that LabPendulum-v0 is registered with; gym.make(..., max_episode_steps=-1) leaves the "
-                 "end to the duration.")
+    def _settle_length(self) -> None:
+        """Decide between the duration and the time limit of ``gym.make``, once an episode starts with such a limit.
+
+        Raises SceneError for a duration that is longer than the registered limit; warns once if it is shorter.
+        """
+        limit = None if self._settled or self.spec is None else time_limit(self)
+        if limit is not None:
+            check_duration(self._spec.tell, self.spec, self._own_steps, limit, self._dt, self._task.name)
+            self._last, self._settled = self._last_of(episode_steps(self._own_steps, limit)), True
+
+    def _last_of(self, steps: int | None) -> float:
+        """Return the index of the last integration step before the control step that ends an episode of ``steps``."""
+        return math.inf if steps is None else (steps - 1.0) * self._substeps
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode from an angle [rad] and a velocity [rad/s]."""

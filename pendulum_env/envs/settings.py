@@ -31,7 +31,7 @@ USUAL_EPISODE = "rk4", 0.02
 """Method and control step [s] of an environment that is made without them."""
 RENDER_MODES = ("rgb_array", "human")
 METADATA: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
-MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array"]}
+MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array", "rgb_array_list"]}
 """Metadata of a vector environment."""
 
 
@@ -85,7 +85,7 @@ def checked_settings(
     count = whole_number(substeps, "substeps", MOST_SUBSTEPS)
     aim = find_task(USUAL_TASK if task is None else task)
     if render_mode is not None:
-        one_of(render_mode, "render_mode", RENDER_MODES)
+        one_of(render_mode, "render_mode", ("rgb_array_list", *RENDER_MODES) if many else RENDER_MODES)
         if many and render_mode == "human":
             raise SceneError(
                 "render_mode='human' is for a single environment; for a vector use render_mode='rgb_array', and "

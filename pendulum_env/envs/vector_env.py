@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.shown import one_line
-from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
@@ -26,6 +25,7 @@ from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds, words_o
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
+from pendulum_env.envs.limits import check_duration, checked_steps, episode_steps
 from pendulum_env.envs.members import Members, alone
 from pendulum_env.envs.randomize import Bank, randomization
 from pendulum_env.envs.sensing import drawn_delays, plan_of, readings_of_many
@@ -68,9 +68,11 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
     Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
 
     - any parameter of the scene, and ``speed_limit``, may be an array with one value for each environment.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``duration`` the
-      registered 500 steps do not count. With ``integrator="auto"`` the accuracy holds for an episode of this length
-      (500 steps for None), tested in the environments with the smallest and the largest value of each array.
+    - ``max_episode_steps``: control steps until an episode is truncated, whatever the ``duration`` is; -1 for no such
+      number. ``make_vec`` gives that of the id, 500, where it is left out. With ``integrator="auto"`` the accuracy
+      holds for an episode of this length (500 steps for None), tested in the environments with the smallest and the
+      largest value of each array.
+    - ``render_mode``: "rgb_array", or "rgb_array_list" for one list of frames for each environment.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default one thread per core for many environments, and one thread for few. With a number given
       and ``copy=False`` the threads look out for the next step for up to 1 ms before they sleep, which shortens steps.
@@ -140,9 +142,8 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._render_mode, self._render_size = setup.render_mode, setup.render_size
         self.autoreset_mode = autoreset_mode_of(autoreset_mode)
         self.metadata = {**MANY, "render_fps": 1.0 / setup.dt, "autoreset_mode": self.autoreset_mode}
-        given = None if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
-        if setup.steps is not None:  # the registered number gives way to a duration, any other holds too
-            given = setup.steps if given in (None, REGISTERED) else min(given, setup.steps)
+        self._own_steps, self._limit = setup.steps, checked_steps(max_episode_steps)
+        given, self._settled = episode_steps(setup.steps, self._limit), False
         most = np.inf if given is None else given
         wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
         draws = self._randomization = randomization(randomize)
@@ -211,6 +212,9 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else self._everyone
         if self.closed or (some and not self._begun):
             raise self._unready("reset() with reset_mask" if some else "reset()")
+        if not self._settled:
+            check_duration(self._spec.tell, self.spec, self._own_steps, self._limit, self.dt, self.task.name)
+            self._settled = True
         which = np.flatnonzero(mask)
         asked, task, given = checked_options(rest, self.scene, self.task)
         own = {name: checked_values(name, values, which, size) for name, values in given.items()}
@@ -309,13 +313,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             infos.update(extra)
         return seen, results.reward, results.terminated, results.truncated, infos
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+    def render(self) -> tuple[Any, ...] | None:
         """Return one frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
 
+        With "rgb_array_list" there is one list for each environment, of the frames of its episode since the last call.
         Raises ResetNeeded before the first reset.
         """
         cameras = self._ready_to_render()
-        return None if cameras is None else tuple(map(cameras.frame, range(self._num_envs)))
+        return None if cameras is None else cameras.render()
 
     def render_tiles(self, count: int = 9, columns: int | None = None) -> NDArray[np.uint8] | None:
         """Return one picture of the first ``count`` environments, row by row; None without a render mode.

@@ -15,11 +15,11 @@ from gymnasium.experimental.functional import FuncEnv
 
 from integrators import Method
 from integrators.solving.solve import MOST_STEPS
-from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.shape import HOLD
+from pendulum_env.envs.limits import REGISTERED
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
 from pendulum_env.envs.settings import UNBOUNDED, spaces_of, usual
@@ -169,7 +169,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             raise SceneError("Give duration or max_steps, not both.")
         steps = (whole_number(max_steps, "max_steps", LONGEST) if max_steps is not None else
                  self.task.steps(self.dt) if duration is None else steps_of(duration, self.dt))
-        self.max_steps = REGISTERED if steps is None else steps
+        self.max_steps = int(REGISTERED) if steps is None else steps
         self._limit = speed_limit
         self.twin: Twin = twin(self.scene, self.method, check_diagnostics(diagnostics))
         self._judge = functions(goal_text(self.task.goal))
