@@ -9,10 +9,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
-import sys
 from collections.abc import Callable, Iterable, Mapping
-from types import FrameType, MappingProxyType
+from types import MappingProxyType
 from typing import Any
 
 import gymnasium
@@ -104,9 +104,9 @@ def time_limit(env: gymnasium.Env[Any, Any]) -> int | None:
     ``gym.make`` adds the wrapper afterwards and tells the environment nothing, so that only the calls show it.
     """
     limits: list[int] = []
-    frame: FrameType | None = sys._getframe(1)
+    frame = inspect.currentframe()
     while frame is not None:
         if frame.f_code is TimeLimit.reset.__code__ and frame.f_locals["self"].unwrapped is env:
-            limits.append(frame.f_locals["self"]._max_episode_steps)
+            limits.append(frame.f_locals["self"].get_wrapper_attr("_max_episode_steps"))
         frame = frame.f_back
     return min(limits, default=None)

@@ -301,7 +301,7 @@ def test_pickles_of_another_version_are_refused_in_a_sentence() -> None:
 
 
 KEPT = {
-    "LabPendulumEnv": """_ahead _before _checks _cut_told _judge _last _rate _steps _upright
+    "LabPendulumEnv": """_ahead _before _checks _judge _last _rate _upright
         _velocity_bound _bounded _camera _dt _explained _h _integrator _machine _np_random
         _np_random_seed _omega0 _penalty _reel _render_mode _render_size _scene _share _in_flow _slackened _spec
         _speed_limit _state _substeps _task _turning action_space metadata observation_space window

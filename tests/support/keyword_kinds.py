@@ -37,6 +37,7 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "wait": ({"zero", "half", "tiny"}, {"huge"}),
     "count": (set(), {"beyond"}),
     "count or none": ({"zero"}, {"beyond"}),
+    "count or endless": ({"negative"}, {"beyond"}),
     "seed": ({"zero"}, {"beyond"}),
     "seeds": ({"zero"}, {"list of none"}),
     "share": (ORDER, {"tiny"}),
@@ -93,8 +94,9 @@ KIND_OF: Mapping[str, str] = DECLARED | {
                 " separator decimal y_axis time_unit states zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
         "least": "observation_delay action_delay level tau friction_ratio speed_penalty",
-        "count": "history substeps every num_envs max_episode_steps num_threads repeats in_flight per_task steps n"
+        "count": "history substeps every num_envs num_threads repeats in_flight per_task steps n"
                  " render_size size",
+        "count or endless": "max_episode_steps",
         "number": "release at until",
         "one and more": "periods",
         "wait": "hand",

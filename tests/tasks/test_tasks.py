@@ -250,7 +250,8 @@ def test_a_name_is_written_as_json_and_an_object_refused() -> None:
 
 @pytest.mark.parametrize("name", OWN)
 def test_gymnasium_and_the_vector_check_are_content(name: str) -> None:
-    options: dict[str, Any] = {"task": OWN[name], "backend": "python", "duration": 0.4, "reward_rate": True}
+    options: dict[str, Any] = {"task": OWN[name], "backend": "python", "duration": 0.4, "reward_rate": True,
+                               "max_episode_steps": 20}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gym.make("LabPendulum-v0", render_mode="rgb_array", **options).unwrapped, skip_render_check=True)
