@@ -6,6 +6,7 @@ import dataclasses
 import enum
 import os
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from inspect import signature
 from typing import Any
 
@@ -19,6 +20,7 @@ from pendulum_env.common.shown import Displayed
 from pendulum_env.engine.elementwise import elementwise
 from pendulum_env.engine.sensing import Plan
 from pendulum_env.engine.spec import RunSpec
+from pendulum_env.envs.limits import Registered, episode_steps
 from pendulum_env.envs.randomize import randomization
 from pendulum_env.envs.sensing import plan_of
 from pendulum_env.envs.settings import FORMS, UNBOUNDED, EnvSettings, acting, settled, task_of, usual
@@ -120,7 +122,12 @@ class PortableSpec(EnvSpec):
 
     Scenes, effects, media, registered methods, arrays and paths are kept as the dicts, names, lists and texts that make
     the same environment.
+
+    Attributes:
+        own_steps: number of control steps in the environment's duration, None without one.
     """
+
+    own_steps = None  # no annotation, so that it is not a field of Gymnasium's class
 
     def __eq__(self, other: object) -> bool:
         """Return True for a specification with equal values, also of Gymnasium's class, as ``from_json`` returns it."""
@@ -130,12 +137,22 @@ class PortableSpec(EnvSpec):
     __hash__ = None  # type: ignore[assignment]  # as Gymnasium's, because the keywords may change
 
     def to_json(self) -> str:
-        """Return the specification as JSON; SceneError names an argument that JSON cannot hold."""
+        """Return the specification as JSON; SceneError names an argument that JSON cannot hold.
+
+        JSON does not tell a registered number of steps from an argument, which would count whatever the duration is, so
+        that the number in the duration stands in its place.
+        """
         for name, value in self.kwargs.items():
             if not _is_plain(value):
                 raise SceneError(f"{name}={shown(value)} cannot be written as JSON; give it by the name of a method of "
                                  "the package, or a scene of the package's own effects.")
-        return super().to_json()
+        numbers = copy(self)
+        if self.own_steps is not None:
+            if isinstance(self.max_episode_steps, Registered):
+                numbers.max_episode_steps = self.own_steps
+            if isinstance(self.kwargs.get("max_episode_steps"), Registered):
+                numbers.kwargs = {**self.kwargs, "max_episode_steps": self.own_steps}
+        return super(PortableSpec, numbers).to_json()
 
 
 def _plain(value: Any) -> Any:
@@ -184,22 +201,24 @@ class Portable(Displayed):
     _settings: EnvSettings
     _spec: RunSpec
 
-    def _set_up(self, given: EnvSettings, size: int | None = None) -> Plan | None:
+    def _set_up(self, given: EnvSettings, size: int | None = None, limit: int | None = None) -> Plan | None:
         """Set all attributes that follow from the settings alone; return the plan of readings and delays.
 
-        ``size`` is the number of environments in a vector. Raises SceneError, MethodError or EngineError for invalid
+        ``size`` is the number of environments in a vector, ``limit`` its number of control steps in an episode.
+        Raises SceneError, MethodError or EngineError for invalid
         settings.
         """
         self._settings = given
         integrator, dt = usual(given)
         task, draws = task_of(given), randomization(given.randomize)
         look = checked_look(given.render_theme, given.render_panels, given.diagnostics)
-        steps = self._counted(task.steps(dt) if given.duration is None else steps_of(given.duration, dt))
+        own = task.steps(dt) if given.duration is None else steps_of(given.duration, dt)
+        steps = episode_steps(own, limit)
         with naming_keywords(type(self)):
             spec = RunSpec.of_episodes(given, dt=dt, size=size, others=draws.scenes if draws else None,
                                        choose=lambda scenes: settled(given, scenes, integrator, dt, steps))
         plan = plan_of(given, spec.h, spec.hold)
-        self._spec, self._look, self._episode_steps = spec, look, steps
+        self._spec, self._look, self._own_steps, self._episode_steps = spec, look, own, steps
         self._scene, self._integrator, self._task = spec.scene, spec.integrator, task
         self._dt, self._substeps, self._h = dt, spec.hold, spec.h
         self._randomization, self._checks = draws, task.own
@@ -209,10 +228,6 @@ class Portable(Displayed):
         self._delays: dict[str, Any] = {}
         self._turning = spec.turning_speed()
         return plan
-
-    def _counted(self, steps: int | None) -> int | None:
-        """Return the control steps in an episode, from those that duration and task make it."""
-        return steps
 
     def _acted(self, shares: NDArray[np.float64], uniform: Callable[[], NDArray[np.float64]]) -> NDArray[np.float64]:
         """Return the actions that settings such as ``action_noise`` make of others; all are clipped to [-1, 1].
@@ -242,6 +257,7 @@ class Portable(Displayed):
                                    if entry.init})
             spec.kwargs = {name: _plain(FORMS[name](value) if name in FORMS else value)
                            for name, value in spec.kwargs.items()}
+            spec.own_steps = vars(self).get("_own_steps")
         vars(self)["_made_by"] = spec
 
     def __getstate__(self) -> dict[str, Any]:

@@ -22,11 +22,14 @@ class Cameras:
     It records the motor's torques and the earlier states that panels such as "history" show.
     """
 
-    def __init__(self, batch: Batch, spec: RunSpec, dt: float, size: tuple[int, int], look: FrameStyle) -> None:
+    def __init__(
+        self, batch: Batch, spec: RunSpec, dt: float, size: tuple[int, int], look: FrameStyle, listed: bool
+    ) -> None:
         self._batch, self._spec, self._size, self._look = batch, spec, size, look
         self._reel = Reel(look, dt, "energy" in batch.diagnostics)
         self._shares = np.zeros(batch.size)
         self._cameras: dict[int, Camera] = {}
+        self._frames: list[list[NDArray[np.uint8]]] | None = [[] for _ in range(batch.size)] if listed else None
 
     def keep(self, shares: Any, begun: Places, info: NDArray[np.float64]) -> None:
         """Record the states of all environments after a step, for later frames.
@@ -44,6 +47,21 @@ class Cameras:
         if self._spec.each is not None and self._spec.each.episode:  # other parameters, drawn for the new episodes
             for place in begun.tolist():
                 self._cameras.pop(place, None)
+        if self._frames is not None:
+            for place in begun.tolist():
+                self._frames[place] = []
+            for place in begun.tolist() if shares is None else range(self._batch.size):
+                self._frames[place].append(self.frame(place))
+
+    def render(self) -> tuple[Any, ...]:
+        """Return one frame for each environment or, with "rgb_array_list", one list of those since the last call.
+
+        As with Gymnasium's RenderCollection, a list begins anew with each episode.
+        """
+        if self._frames is None:
+            return tuple(map(self.frame, range(self._batch.size)))
+        frames, self._frames = self._frames, [[] for _ in range(self._batch.size)]
+        return tuple(frames)
 
     def frame(self, place: int) -> NDArray[np.uint8]:
         """Return the picture of one environment, the one with index ``place``."""

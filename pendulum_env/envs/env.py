@@ -14,8 +14,6 @@ from numpy import empty
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
-from pendulum_env.common.version import REGISTERED
-from pendulum_env.common.warn import warn
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
@@ -25,6 +23,7 @@ from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import DIVERGED, LOST, SLACK, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
+from pendulum_env.envs.limits import check_duration, episode_steps, time_limit
 from pendulum_env.envs.saved import checked_parameters, checked_random, checked_sensing, checked_state
 from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings_of
 from pendulum_env.envs.settings import METADATA, START, EnvSettings, checked_options, spaces_of
@@ -76,7 +75,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     ## Episode End
 
     Terminated, with ``info["stop_reason"]``: "speed_limit", "diverged", "slack" (the wire), "fell" (`balance`) or
-    "step_too_short" (`rtol`). Truncated after 500 steps, or after `duration`.
+    "step_too_short" (`rtol`). Truncated after `max_episode_steps` control steps, by default after those of the id: 500
+    in LabPendulum-v0.
 
     ## Info
 
@@ -115,11 +115,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         self._parameters: dict[str, float] = {}
         self.observation_space, self.action_space = spaces_of(self._velocity_bound, self._task, plan)
         self._before, self._upright = self._task.goal.before, self._task.goal.upright
-        self._last = math.inf if self._episode_steps is None else (self._episode_steps - 1.0) * self._substeps
+        self._settled, self._last = self._own_steps is None, self._last_of(self._own_steps)
         self._make_judge()
         self._plain = self._sensing is None and self._ahead is None and not (
             self._bounded or self._upright or self._acts)
-        self._cut_told = False
         self._state: Any = None
         self._share, self._explained = 0.0, False
         self._slackened = self._machine.kept.get("slackened", 0)  # its index in a state; 0 when no warning is due
@@ -151,8 +150,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             given = {name: number(value, name) for name, value in given.items()}
             self._machine.check(self._scene.replace(**given))
         angle, velocity = one_start(self._spec, asked.get("angle", 0.0), asked.get("velocity", 0.0))
+        self._settle_length()
         super().reset(seed=None if seed is None else whole_number(seed, "seed", least=0))
-        self._tell_of_cut()
         if self._randomization:
             given = {**self._randomization.one(self.np_random), **given}
         self._take_parameters(given)
@@ -186,14 +185,19 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         """The scene of the present episode: ``scene`` with the parameters that were drawn, or set by options."""
         return self._machine.scene
 
-    def _tell_of_cut(self) -> None:
-        """Warn once if an episode was ended after the registered number of steps, before its duration."""
-        steps, taken = self._episode_steps or 0, 0.0 if self._state is None else float(self._state[INDEX])
-        if steps > REGISTERED and taken == REGISTERED * self._substeps and self._spec.warn and not self._cut_told:
-            self._cut_told = True
-            warn(f"An episode of {steps} steps (duration={steps * self._dt:g} s) has ended after {REGISTERED} steps, "
-                 "the number that LabPendulum-v0 is registered with; gym.make(..., max_episode_steps=-1) leaves the "
-                 "end to the duration.")
+    def _settle_length(self) -> None:
+        """Decide between the duration and the time limit of ``gym.make``, once an episode starts with such a limit.
+
+        Raises SceneError for a duration that is longer than the registered limit; warns once if it is shorter.
+        """
+        limit = None if self._settled or self.spec is None else time_limit(self)
+        if limit is not None:
+            check_duration(self._spec.tell, self.spec, self._own_steps, limit, self._dt, self._task.name)
+            self._last, self._settled = self._last_of(episode_steps(self._own_steps, limit)), True
+
+    def _last_of(self, steps: int | None) -> float:
+        """Return the index of the last integration step before the control step that ends an episode of ``steps``."""
+        return math.inf if steps is None else (steps - 1.0) * self._substeps
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode from an angle [rad] and a velocity [rad/s]."""

@@ -18,6 +18,7 @@ from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.sensing import KINDS, Plan
 from pendulum_env.engine.settings import RunSettings, SceneSettings, declared, meaning
 from pendulum_env.engine.threads import MOST_THREADS
+from pendulum_env.envs.limits import checked_steps
 from pendulum_env.envs.randomize import check_parameters, plain_form
 from pendulum_env.films.look import checked_size
 from pendulum_env.physics.data import known
@@ -36,12 +37,11 @@ START = ("angle", "velocity")
 USUAL_HISTORY, MOST_HISTORY = 4, 64
 """Usual and largest number of readings in an observation of the kind "history"."""
 MOST_ENVS = 2**26
-MOST_STEPS = 2**53
 USUAL_EPISODE = "rk4", 0.02
 """Method and control step [s] of an environment that is made without them."""
 RENDER_MODES = ("rgb_array", "human")
 METADATA: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
-MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array"]}
+MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array", "rgb_array_list"]}
 """Metadata of a vector environment."""
 
 
@@ -76,7 +76,7 @@ def as_sensor(value: Any) -> Any:
 
 def mode_of_many(value: Any, name: str) -> str:
     """Return the mode of rendering of a vector; raises SceneError for "human", and for unknown ones."""
-    if one_of(value, name, RENDER_MODES) == "human":
+    if one_of(value, name, ("rgb_array_list", *RENDER_MODES)) == "human":
         raise SceneError(
             "render_mode='human' is for a single environment; for a vector use render_mode='rgb_array', and "
             "render_tiles() for a picture of the first environments."
@@ -110,7 +110,8 @@ class EpisodeSettings(SceneSettings):
         None, "reward, start and end of an episode: a name (lab-pendulum list tasks), or a Task",
         lambda task, _: find_task(task), optional=True, note='None for "swing_up"; without a motor take "free"')
     duration: float | None = si(None, "s", "length of an episode", above=0.0, optional=True,
-                                note="a whole number of steps of dt; None for the task's, or 500 steps")
+                                note="a whole number of steps of dt; None for the task's, or the id's steps; beyond "
+                                     "these give max_episode_steps, too")
     reward_rate: bool = flag(False, "True gives rewards per second: the task's reward times dt in each step")
     speed_penalty: float = si(0.0, "1", "reward that is lost where an episode ends by its speed or by diverging",
                               least=0.0)
@@ -161,10 +162,11 @@ class VectorSettings(EnvSettings, Counted):
 
     speed_limit: Any = setting(None, "speed that ends an episode, or one for each environment", unit="rad/s",
                                note="None for 100 omega0")
-    render_mode: str | None = setting(None, "what render gives", mode_of_many, optional=True,
-                                      allowed=("rgb_array",))
-    max_episode_steps: int | None = count(None, "control steps until an episode is truncated", MOST_STEPS,
-                                          note="None for never; with duration, the registered 500 do not count")
+    render_mode: str | None = setting(None, "what render gives: a frame for each environment, or a list of frames",
+                                      mode_of_many, optional=True, allowed=("rgb_array", "rgb_array_list"))
+    max_episode_steps: int | None = setting(
+        None, "control steps until an episode is truncated, whatever the duration", checked_steps, optional=True,
+        note="-1 leaves the end to the duration; make_vec gives the id's steps, 500, where it is left out")
     autoreset_mode: str | AutoresetMode = setting(
         "NextStep", "when ended episodes begin anew (https://farama.org/Vector-Autoreset-Mode)",
         autoreset_mode_of, allowed=tuple(entry.value for entry in AutoresetMode))

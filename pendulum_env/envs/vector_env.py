@@ -13,7 +13,6 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
-from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.report import SEEN
@@ -23,6 +22,7 @@ from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
+from pendulum_env.envs.limits import check_duration
 from pendulum_env.envs.members import Members, alone
 from pendulum_env.envs.randomize import Bank
 from pendulum_env.envs.sensing import drawn_delays, readings_of_many
@@ -75,8 +75,8 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         super().__init__()
         self._turn = RLock()
         self._num_envs, self.autoreset_mode = given.num_envs, AutoresetMode(given.autoreset_mode)
-        plan = self._set_up(given, given.num_envs)
-        spec, task = self._spec, self._task
+        plan = self._set_up(given, given.num_envs, given.max_episode_steps)
+        spec, task, self._settled = self._spec, self._task, False
         self.metadata = {**MANY, "render_fps": 1.0 / self._dt, "autoreset_mode": self.autoreset_mode}
         most = np.inf if self._episode_steps is None else self._episode_steps
         self._batch = spec.batch(self._num_envs, task.goal, most, given.num_threads)
@@ -93,7 +93,8 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._reused = None if given.copy else self._batch.results(lasting=True)
         if self._reused is not None:
             self._batch.reuse(self._reused)
-        self._camera = (Cameras(self._batch, spec, self._dt, given.render_size, self._look)
+        self._camera = (Cameras(self._batch, spec, self._dt, given.render_size, self._look,
+                                given.render_mode == "rgb_array_list")
                         if given.render_mode else None)
         self._streams: Streams | None = None
         self._seeds: NDArray[Any] | range = range(0)
@@ -106,12 +107,6 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._begun = self._explained = False
         self._steps = 0
         self._slack = not self._batch.layout.shape.lenient  # True once no warning of a slack wire is due
-
-    def _counted(self, steps: int | None) -> int | None:
-        """Return the control steps in an episode: the registered number gives way to a duration, any other holds too.
-        """
-        given = self._settings.max_episode_steps
-        return given if steps is None else steps if given in (None, REGISTERED) else min(given, steps)
 
     def __repr__(self) -> str:
         return one_line(self, f"{self._num_envs} x {self.scene.name}, {self.integrator}, task {self.task.name}, "
@@ -134,6 +129,10 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else self._everyone
         if self.closed or (some and not self._begun):
             raise self._unready("reset() with reset_mask" if some else "reset()")
+        if not self._settled:
+            check_duration(self._spec.tell, self.spec, self._own_steps, self._settings.max_episode_steps, self._dt,
+                           self._task.name)
+            self._settled = True
         which = np.flatnonzero(mask)
         asked, task, given = checked_options(rest, self.scene, self.task)
         own = {name: checked_values(name, values, which, size) for name, values in given.items()}
@@ -234,13 +233,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             infos.update(extra)
         return seen, results.reward, results.terminated, results.truncated, infos
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+    def render(self) -> tuple[Any, ...] | None:
         """Return one frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
 
+        With "rgb_array_list" there is one list for each environment, of the frames of its episode since the last call.
         Raises ResetNeeded before the first reset.
         """
         cameras = self._ready_to_render()
-        return None if cameras is None else tuple(map(cameras.frame, range(self._num_envs)))
+        return None if cameras is None else cameras.render()
 
     def render_tiles(self, count: int = 9, columns: int | None = None) -> NDArray[np.uint8] | None:
         """Return one picture of the first ``count`` environments, row by row; None without a render mode.

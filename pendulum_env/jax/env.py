@@ -13,12 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
-from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import find_method
 from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import HOLD
+from pendulum_env.envs.limits import REGISTERED
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
 from pendulum_env.envs.settings import UNBOUNDED, EpisodeSettings, acting, spaces_of, task_of, usual
@@ -147,7 +147,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             steps = self.task.steps(self.dt) if given.duration is None else steps_of(given.duration, self.dt)
         elif given.duration is not None:
             raise SceneError("Give duration or max_steps, not both.")
-        self.max_steps = REGISTERED if steps is None else steps
+        self.max_steps = int(REGISTERED) if steps is None else steps
         self.twin: Twin = twin(self.scene, self.method, tuple(given.diagnostics))
         self._judge = functions(goal_text(self.task.goal))
         plan = plan_of(given, self.h, self.substeps)

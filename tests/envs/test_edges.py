@@ -301,10 +301,10 @@ def test_pickles_of_another_version_are_refused_in_a_sentence() -> None:
 
 
 SHARED = """_acts _bounded _camera _checks _delays _dt _episode_steps _h _integrator _look _np_random _np_random_seed
-    _penalty _randomization _rate _scene _sensing _settings _spec _substeps _task _turning _velocity_bound action_space
-    metadata observation_space"""
+    _own_steps _penalty _randomization _rate _scene _sensing _settings _settled _spec _substeps _task _turning
+    _velocity_bound action_space metadata observation_space"""
 KEPT = {
-    "LabPendulumEnv": f"""{SHARED} _ahead _before _cut_told _explained _in_flow _judge _last _machine _observed _omega0
+    "LabPendulumEnv": f"""{SHARED} _ahead _before _explained _in_flow _judge _last _machine _observed _omega0
         _parameters _plain _reel _share _slackened _speed_limit _state _upright window""",
     "LabPendulumVectorEnv": f"""{SHARED} _bank _batch _begun _everyone _explained _marks _masks _names _num_envs
         _num_threads _over _plain _reused _running _seeds _seen_before _slack _steps _streams _told autoreset_mode

@@ -39,6 +39,7 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "wait": ({"zero", "half", "tiny"}, {"huge"}),
     "count": (set(), {"beyond"}),
     "count or none": ({"zero"}, {"beyond"}),
+    "count or endless": ({"negative"}, {"beyond"}),
     "seed": ({"zero"}, {"beyond"}),
     "seeds": ({"zero"}, {"list of none"}),
     "share": (ORDER, {"tiny"}),
@@ -99,6 +100,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "least": "observation_delay action_delay level tau friction_ratio",
         "count": "every repeats in_flight per_task steps n"
                  " render_size size",
+        "count or endless": "max_episode_steps",
         "number": "release at until",
         "one and more": "periods",
         "wait": "hand",
