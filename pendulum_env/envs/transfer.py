@@ -19,7 +19,7 @@ from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.streams import MOST_SEED
-from pendulum_env.envs.limits import REGISTERED
+from pendulum_env.envs.limits import REGISTERED, checked_steps
 from pendulum_env.envs.vector_env import MOST_ENVS, LabPendulumVectorEnv
 from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import Effect
@@ -283,8 +283,8 @@ def comparable(nominal: Keywords, real: Keywords, count: int) -> tuple[Keywords,
 def made(keywords: Keywords, count: int) -> LabPendulumVectorEnv:
     """Return a vector of environments with these keywords, and episodes of 500 steps unless they say otherwise."""
     lasting = keywords.get("duration") is not None or find_task(keywords.get("task") or USUAL_TASK).duration is not None
-    usual = {} if lasting else {"max_episode_steps": REGISTERED}
-    return LabPendulumVectorEnv(count, **{**usual, "diagnostics": (), **keywords})
+    steps = checked_steps(keywords.get("max_episode_steps")) or (None if lasting else REGISTERED)
+    return LabPendulumVectorEnv(count, **{"diagnostics": (), **keywords, "max_episode_steps": steps})
 
 
 def different(nominal: Keywords, real: Keywords) -> Iterator[Swap]:
