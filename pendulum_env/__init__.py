@@ -5,14 +5,22 @@ Importing this package registers ``LabPendulum-v0``. Compilers, plots and films 
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
+from pendulum_env.common.beside import import_fault
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.moved import keep_old_paths
+
+if _fault := import_fault():
+    if Path(sys.argv[0]).stem in ("lab-pendulum", "-m"):  # commands print sentences, no tracebacks
+        sys.exit(f"Error: {_fault}")
+    raise ImportError(_fault)
 
 if TYPE_CHECKING:
     from pendulum_env import adapters, controllers, tasks, testing
