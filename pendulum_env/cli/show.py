@@ -10,22 +10,9 @@ from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from pendulum_env.cli.console import bar, say
-from pendulum_env.cli.options import (
-    Angle,
-    Damping,
-    Panels,
-    SceneName,
-    Settings,
-    Step,
-    Theme,
-    Velocity,
-    radians,
-    scene_of,
-    split,
-)
+from pendulum_env.cli import options
+from pendulum_env.cli.console import bar, print_text
+from pendulum_env.cli.options import scene_of
 from pendulum_env.window.controls import METHOD_KEYS, keys_in_words
 
 if TYPE_CHECKING:
@@ -49,24 +36,21 @@ LONGEST = 1.0
 
 
 def show(
-    scene: SceneName = "lab",
-    integrators: Annotated[
-        list[str], typer.Option("--integrators", "--integrator", "-i",
-                                help="Names of methods, with commas: up to 6 side by side under one clock.")
-    ] = ["rk4"],  # noqa: B006
-    damping: Damping = "scene",
-    angle: Angle = None,
-    velocity: Velocity = None,
-    dt: Step = None,
+    scene: options.SceneName = "lab",
+    integrators: options.Integrators = ["rk4"],
+    damping: options.Damping = "scene",
+    angle: options.AngleOrNone = None,
+    velocity: options.Velocity = None,
+    dt: options.Step = None,
     size: Annotated[
-        str | None, typer.Option(help=f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
+        str | None, options.option(f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
     ] = None,
-    theme: Theme = "light",
-    panels: Panels = "apparatus,energy,phase",
-    out: Annotated[Path, typer.Option(help="Folder for the pictures that the key P saves.")] = Path("out/show"),
-    settings: Settings = None,
+    theme: options.Theme = "light",
+    panels: options.Panels = ["apparatus", "energy", "phase"],
+    out: options.Out = Path("out/show"),
+    settings: options.Settings = None,
 ) -> None:
-    """Show pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
+    """Show up to 6 pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
 
     {keys}
 
@@ -76,19 +60,18 @@ def show(
     from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
-    names = split(",".join(integrators))
-    bench = Bench(scene_of(scene, damping, settings), names, dt, theme, split(panels))
-    run, released = bench.scene.run, radians(angle)
-    checked_start(bench.scene, run.angle if released is None else released,
+    bench = Bench(scene_of(scene, damping, settings), integrators, dt, theme, panels)
+    run = bench.scene.run
+    checked_start(bench.scene, run.angle if angle is None else angle,
                   run.velocity if velocity is None else velocity)
-    pixels = _window_size((ONE if len(names) == 1 else SEVERAL) if size is None else size)
+    pixels = _window_size((ONE if len(bench.envs) == 1 else SEVERAL) if size is None else size)
     if not seen():
         raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
     bench.prepare()
     window = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
     window.folder = out
     try:
-        bench.play(window, released, velocity)
+        bench.play(window, angle, velocity)
     finally:
         window.close()
 
@@ -209,7 +192,7 @@ class Bench:
                     if over:
                         self.over[place] = True
                         why = f"{env.integrator} stopped at {info['time']:g} s: {info['stop_reason']}"
-                        say(f"{why}.")
+                        print_text(f"{why}.")
             window.present()
             if all(self.over):
                 window.restart()
