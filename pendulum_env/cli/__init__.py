@@ -97,7 +97,7 @@ def help_(
     context: typer.Context, command: Annotated[str | None, typer.Argument(help="A command; by default all.")] = None,
 ) -> None:
     """Show the help of a command, or the list of all commands."""
-    app([*([] if command is None else [command]), "--help"], prog_name=NAME, standalone_mode=False)
+    app(args=[*([] if command is None else [command]), "--help"], prog_name=NAME, standalone_mode=False)
 
 
 def main() -> None:
@@ -113,7 +113,7 @@ def main() -> None:
             print_once = cache(lambda text: say(f"Warning: {text}"))
             warnings.showwarning = lambda text, *_: print_once(str(text))
             try:
-                app(words, prog_name=NAME)
+                app(args=words, prog_name=NAME)
             finally:
                 # Python ends with a signal, not with the app's exit code, if an interrupt passed through a text that
                 # exec ran, as in the import of a dataclass. The next exec makes it forget that.

@@ -26,7 +26,7 @@ def fit(
         typer.Argument(metavar="[FILE]...", help="Recording: a text file of times and angles, or of a track; by "
                        "default a simulated one. Several logs of driven runs are fitted together."),
     ] = None,
-    damping: Annotated[str, options.word("Dampings to fit, as quadratic+coulomb; auto tries all sums.")] = "auto",
+    effects: Annotated[str, options.word("Dampings to fit, as quadratic+coulomb; auto tries all sums.")] = "auto",
     scene: options.SceneOrNone = None,
     length: options.Length = None,
     length_error: options.LengthError = None,
@@ -101,7 +101,7 @@ def fit(
                       "suspension": suspension, "rate": rate, "scale": scale, "oscillations": oscillations,
                       "posterior": posterior or None, "walker-steps": walker_steps, "seed": seed, "prior": prior,
                       "columns": columns, "until": until, "above": above, "drop": drop, "robust": robust or None,
-                      "damping": None if damping == "auto" else damping}
+                      "effects": None if effects == "auto" else effects}
         if unused := [f"--{name}" for name, value in free_swing.items() if value is not None]:
             raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
                              "leaves out what comes later, and --set inertia=0.1 sets what is known.")
@@ -123,7 +123,7 @@ def fit(
              "drop": ",".join(drop) if drop else None}
     data = recording_of(place, read, **given)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
-    plan = planned(data, damping, scene, names, robust, known)
+    plan = planned(data, effects, scene, names, robust, known)
     if sampling is not None:
         plan.check_priors(data, sampling["priors"])
     if length_error is not None:
@@ -148,7 +148,7 @@ def fit(
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
         with shown_if_refused(show_measured, lambda: tell_of(warned)):
-            best = run(data, damping, scene=scene, free=names, above=above, robust=robust,
+            best = run(data, effects, scene=scene, free=names, above=above, robust=robust,
                        progress=lambda done, text: progress(part * done, text), **known)
             found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""

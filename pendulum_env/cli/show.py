@@ -42,7 +42,7 @@ def show(
     angle: options.AngleOrNone = None,
     velocity: options.Velocity = None,
     dt: options.Step = None,
-    size: Annotated[
+    window: Annotated[
         str | None, options.option(f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
     ] = None,
     theme: options.Theme = "light",
@@ -64,16 +64,16 @@ def show(
     run = bench.scene.run
     checked_start(bench.scene, run.angle if angle is None else angle,
                   run.velocity if velocity is None else velocity)
-    pixels = _window_size((ONE if len(bench.envs) == 1 else SEVERAL) if size is None else size)
+    pixels = _window_size((ONE if len(bench.envs) == 1 else SEVERAL) if window is None else window)
     if not seen():
         raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
     bench.prepare()
-    window = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
-    window.folder = out
+    live = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
+    live.folder = out
     try:
-        bench.play(window, angle, velocity)
+        bench.play(live, angle, velocity)
     finally:
-        window.close()
+        live.close()
 
 
 show.__doc__ = cleandoc(show.__doc__ or "").replace("{keys}", f"\b\n{keys_in_words()}")
@@ -87,7 +87,7 @@ def _window_size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"\s*(\d{1,5})\s*(?:[xX]\s*(\d{1,5})\s*)?", text)
     width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
     if not SMALLEST <= min(width, height) <= max(width, height) <= LARGEST:
-        raise SceneError(f"--size must be {SMALLEST} to {LARGEST} pixels, as in 1600x900 or 700, not {shown(text)}.")
+        raise SceneError(f"--window must be {SMALLEST} to {LARGEST} pixels, as in 1600x900 or 700, not {shown(text)}.")
     return width, height
 
 

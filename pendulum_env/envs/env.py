@@ -95,7 +95,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     phi is the angle from upright in [-pi, pi], omega0 the angular frequency of small swings.
 
-    {the table of tasks, as `lab-pendulum list tasks` prints it}
+    {the table of tasks, as `lab-pendulum list tasks --all` prints it}
 
     A task of your own is a :class:`pendulum_env.Task`: reward, loss and start as plain functions, which are compiled
     with the step. Its reward must stay finite; TaskError is raised where it does not.
@@ -645,7 +645,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
 fix(LabPendulumEnv, ("omega0",))
 LabPendulumEnv.__doc__ = (LabPendulumEnv.__doc__ or "").replace(
-    "{the table of tasks, as `lab-pendulum list tasks` prints it}", "\n    ".join([
+    "{the table of tasks, as `lab-pendulum list tasks --all` prints it}", "\n    ".join([
         "| task | reward per step | ends |", "| --- | --- | --- |",
         *(f"| `{task.name}` | {task.equation} | {task.ends} |" for task in TASKS.values()),
     ]))
