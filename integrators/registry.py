@@ -56,10 +56,11 @@ def get(name: str) -> Method:
     if method is None and isinstance(name, str):
         method = named_order(name)
     if method is None:
-        words = [*METHODS, *ALIASES, QUICK] if isinstance(name, str) else []
-        near = difflib.get_close_matches(name[:LONGEST] if words else "", words, n=3, cutoff=0.5)
-        hint = f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(METHODS)}."
-        raise MethodError(f"There is no integrator {shown(name)}{hint}")
+        text, words = name[:LONGEST].lower() if isinstance(name, str) else "", [*METHODS, *ALIASES, QUICK]
+        near = " or ".join(difflib.get_close_matches(text, words, n=3, cutoff=0.5))
+        some = ", ".join(difflib.get_close_matches(text, METHODS, n=3, cutoff=0.0))
+        hint = f"did you mean {near}?" if near else f"there are {len(METHODS)}, such as {some}, in integrators.METHODS."
+        raise MethodError(f"There is no integrator {shown(name)}; {hint}")
     return method
 
 

@@ -6,12 +6,20 @@ Compilers, plots and films are loaded when first used.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pendulum_env.common.beside import import_fault
 from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.envs.limits import USUAL_ID, register
 from pendulum_env.moved import keep_old_paths
+
+if _fault := import_fault():
+    if Path(sys.argv[0]).stem in ("lab-pendulum", "-m"):  # commands print sentences, no tracebacks
+        sys.exit(f"Error: {_fault}")
+    raise ImportError(_fault)
 
 if TYPE_CHECKING:
     from pendulum_env import adapters, controllers, tasks, testing

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_text
-from pendulum_env.cli.options import Out
 from pendulum_env.common.progress import Progress
 
 WIDTH = 78
@@ -27,8 +24,8 @@ FURTHER = (
 
 
 def demo(
-    film: Annotated[bool, typer.Option(help="Film the last chapter.")] = True,
-    out: Out = Path("out/demo"),
+    film: options.Film = True,
+    out: options.Out = Path("out/demo"),
 ) -> None:
     """Show the package in two minutes: print, plot and film one story, from three Euler methods to a swing-up."""
     from pendulum_env.study.demo.tour import Chapter

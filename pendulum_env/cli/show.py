@@ -11,20 +11,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from pendulum_env.cli.console import bar, say
-from pendulum_env.cli.options import (
-    Angle,
-    Damping,
-    Panels,
-    SceneName,
-    Step,
-    Theme,
-    Velocity,
-    radians,
-    split,
-)
+from pendulum_env.cli import options
+from pendulum_env.cli.console import bar, print_text
 from pendulum_env.window.controls import METHOD_KEYS, keys_in_words
 
 if TYPE_CHECKING:
@@ -48,27 +36,24 @@ LONGEST = 1.0
 
 
 def show(
-    scene: SceneName = "lab",
-    integrators: Annotated[
-        list[str], typer.Option("--integrators", "--integrator", "-i",
-                                help="Names of methods, with commas: up to 6 side by side under one clock.")
-    ] = ["rk4"],  # noqa: B006
-    damping: Damping = "scene",
-    angle: Angle = None,
-    velocity: Velocity = None,
-    dt: Step = None,
-    size: Annotated[
-        str | None, typer.Option(help=f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
+    scene: options.SceneName = "lab",
+    integrators: options.Integrators = ["rk4"],
+    damping: options.Damping = "scene",
+    angle: options.AngleOrNone = None,
+    velocity: options.Velocity = None,
+    dt: options.Step = None,
+    window: Annotated[
+        str | None, options.option(f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
     ] = None,
-    theme: Theme = "light",
-    panels: Panels = "apparatus,energy,phase",
-    out: Annotated[Path, typer.Option(help="Folder for the pictures that the key P saves.")] = Path("out/show"),
+    theme: options.Theme = "light",
+    panels: options.Panels = ["apparatus", "energy", "phase"],
+    out: options.Out = Path("out/show"),
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", help="A scene's parameter, or a setting of gym.make, as in --set action_noise=0.1."),
+        options.option("A scene's parameter, or a setting of gym.make, as in --set action_noise=0.1.", "--set"),
     ] = None,
 ) -> None:
-    """Show pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
+    """Show up to 6 pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
 
     {keys}
 
@@ -80,22 +65,21 @@ def show(
     from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
-    names = split(",".join(integrators))
     more, own = split_settings(parse_settings(settings or ()), Bench.CHOSEN)
-    bench = Bench(build_scene(scene, parse_damping(damping), own), names, dt, theme, split(panels), more)
-    run, released = bench.scene.run, radians(angle)
-    checked_start(bench.scene, run.angle if released is None else released,
+    bench = Bench(build_scene(scene, parse_damping(damping), own), integrators, dt, theme, panels, more)
+    run = bench.scene.run
+    checked_start(bench.scene, run.angle if angle is None else angle,
                   run.velocity if velocity is None else velocity)
-    pixels = _window_size((ONE if len(names) == 1 else SEVERAL) if size is None else size)
+    pixels = _window_size((ONE if len(bench.envs) == 1 else SEVERAL) if window is None else window)
     if not seen():
         raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
     bench.prepare()
-    window = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
-    window.folder = out
+    live = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
+    live.folder = out
     try:
-        bench.play(window, released, velocity)
+        bench.play(live, angle, velocity)
     finally:
-        window.close()
+        live.close()
 
 
 show.__doc__ = cleandoc(show.__doc__ or "").replace("{keys}", f"\b\n{keys_in_words()}")
@@ -109,7 +93,7 @@ def _window_size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"\s*(\d{1,5})\s*(?:[xX]\s*(\d{1,5})\s*)?", text)
     width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
     if not SMALLEST <= min(width, height) <= max(width, height) <= LARGEST:
-        raise SceneError(f"--size must be {SMALLEST} to {LARGEST} pixels, as in 1600x900 or 700, not {shown(text)}.")
+        raise SceneError(f"--window must be {SMALLEST} to {LARGEST} pixels, as in 1600x900 or 700, not {shown(text)}.")
     return width, height
 
 
@@ -219,7 +203,7 @@ class Bench:
                     if over:
                         self.over[place] = True
                         why = f"{env.integrator} stopped at {info['time']:g} s: {info['stop_reason']}"
-                        say(f"{why}.")
+                        print_text(f"{why}.")
             window.present()
             if all(self.over):
                 window.restart()

@@ -194,8 +194,18 @@ def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
         raise UnknownParameterError(message, error.given) from None
 
 
+MOST_NAMES = 12
+"""Largest number of allowed names that an error message lists."""
+
+
 def nearest(name: Any, known: Iterable[str]) -> str:
-    """Return the end of an error message on an unknown name: similar names if there are any, else all allowed names."""
-    names = list(known)
-    near = difflib.get_close_matches(name[:LONGEST] if isinstance(name, str) else "", names, n=3, cutoff=0.5)
-    return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names)}."
+    """Return the end of an error message on an unknown name: up to three similar names, else all allowed names.
+
+    If there are more than 12 names (MOST_NAMES), only the three nearest are given.
+    """
+    names, text = list(known), name[:LONGEST].lower() if isinstance(name, str) else ""
+    if near := difflib.get_close_matches(text, names, n=3, cutoff=0.5):
+        return f"; did you mean {' or '.join(near)}?"
+    if len(names) <= MOST_NAMES:
+        return f"; there are {', '.join(names)}."
+    return f"; there are {len(names)}, such as {', '.join(difflib.get_close_matches(text, names, n=3, cutoff=0.0))}."

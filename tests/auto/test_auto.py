@@ -336,7 +336,7 @@ def test_costs_can_be_measured(monkeypatch):
 
 
 def test_the_command_prints_the_choice_and_what_comes_next():
-    result = CliRunner().invoke(cli.app, ["auto", "--scene", "textbook", "--accuracy", "1e-4", "--steps", "20"])
+    result = CliRunner().invoke(cli.app, ["auto", "--scene", "textbook", "--accuracy", "1e-4", "--duration", "0.4"])
     assert result.exit_code == 0, result.output
     assert quick().why.split(" in ")[0] in " ".join(result.output.split())
     assert "cost / rk4 steps" in result.output
