@@ -26,7 +26,6 @@ from typing import Any, ClassVar
 
 from integrators import html
 from integrators.errors import MethodError, shown
-from integrators.moved import names_of_before
 from integrators.steps.continuous import Extension
 from integrators.steps.terms import Notation
 from integrators.system import NEEDS, Acceleration, System
@@ -492,8 +491,6 @@ class Method:
         """Size below which a coefficient of a step counts as zero, because the method's table is rounded."""
         return Fraction(1, 10**24)
 
-
-__getattr__ = names_of_before(__name__)
 
 __all__ = [
     "NEEDS", "ROUNDED", "Acceleration", "Coefficient", "History", "Method", "MethodError", "Notation", "Polynomial",

@@ -12,7 +12,6 @@ import gymnasium
 
 from pendulum_env.common.version import REGISTERED
 from pendulum_env.common.version import __version__ as __version__
-from pendulum_env.moved import keep_old_paths
 
 if TYPE_CHECKING:
     from pendulum_env import adapters, controllers, tasks, testing
@@ -125,8 +124,6 @@ def __getattr__(name: str) -> Any:
 def __dir__() -> list[str]:
     return sorted({*globals(), *_LAZY, *_ROOMS})
 
-
-keep_old_paths()
 
 gymnasium.register(
     id=ENV_ID,
