@@ -26,7 +26,6 @@ from numba.extending import intrinsic
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine import lanes
 from pendulum_env.engine.lanes import element, spread
-from pendulum_env.engine.pairs import NAME, write_two_sums
 
 __all__ = ["CALL", "WRITTEN", "Function", "Program", "Writer", "instructions"]
 
@@ -161,8 +160,6 @@ class Program:
         match node:
             case ast.Tuple(elts=elements):
                 return all(self.value(one, known) for one in elements)
-            case ast.Call(func=ast.Name(id=name), args=parts) if name == NAME:
-                return all(self.values(one, known) for one in parts)
             case ast.Call(func=ast.Name(id=name)):
                 return name in self.functions and not self.functions[name].single and self._called(node, known)
         return False
@@ -514,11 +511,8 @@ class Writer:
 
     def _several(self, builder: Any, node: ast.expr, values: Mapping[str, Any]) -> list[Any]:
         """Write a tuple, or a call with several results, and return its values."""
-        match node:
-            case ast.Tuple(elts=elements):
-                return [self._value(builder, one, values) for one in elements]
-            case ast.Call(func=ast.Name(id=name), args=parts) if name == NAME:
-                return write_two_sums(builder, *(self._several(builder, one, values) for one in parts))
+        if isinstance(node, ast.Tuple):
+            return [self._value(builder, one, values) for one in node.elts]
         made = self._called(builder, node, values)
         return [builder.extract_value(made, place) for place in range(len(made.type.elements))]
 
