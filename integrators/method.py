@@ -34,7 +34,6 @@ CALLED_BY_NEED = {"velocity_free": ("force",), "jacobian": ("jacobian",), "exact
                   "mean": ("mean_acceleration", "mean_jacobian"), "taylor": ("series",)}
 """Need of a method (a key of :data:`NEEDS`) -> names of the problem's functions that meet it."""
 History = Callable[[int], Sequence[tuple[Any, Any]]]
-Coefficient = Fraction
 ROUNDED = Fraction(1, 10**35)
 """Largest residual of an equation between a table's coefficients that counts as rounding."""
 SHOWN_STAGES = 7
@@ -493,6 +492,6 @@ class Method:
 
 
 __all__ = [
-    "NEEDS", "ROUNDED", "Acceleration", "Coefficient", "History", "Method", "MethodError", "Notation", "Polynomial",
+    "NEEDS", "ROUNDED", "Acceleration", "History", "Method", "MethodError", "Notation", "Polynomial",
     "Row", "System", "exact", "simple",
 ]

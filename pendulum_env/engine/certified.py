@@ -202,11 +202,6 @@ class CertifiedMachine(Machine):
         return {**self._info_of_state(values), ESTIMATE: values[-1]}
 
 
-def machine_class(diagnostics: Sequence[str]) -> type[Machine]:
-    """Return the class that simulates one environment: Machine, or CertifiedMachine with the diagnostic "error"."""
-    return CertifiedMachine if "error" in check_diagnostics(diagnostics) else Machine
-
-
 # --- many -------------------------------------------------------------------------------------------------------------
 
 
@@ -327,12 +322,6 @@ class CertifiedBatch(Batch):
         control = max(-1.0, min(1.0, float(action[place])))
         machine.run(state, parameters, control, batch.h, 1, parts * steps, math.inf, NOWHERE, UNSEEN.copy())
         return (float(state[INDEX]), *motion_of(state))
-
-
-def batch_class(diagnostics: Sequence[str]) -> type[Batch]:
-    """Return the class that simulates a vector of environments: CertifiedBatch with the diagnostic "error", else Batch.
-    """
-    return CertifiedBatch if "error" in check_diagnostics(diagnostics) else Batch
 
 
 class CertifiedRuns(Runs):

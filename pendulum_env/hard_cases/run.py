@@ -13,10 +13,10 @@ from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.hard_cases.case import Case
 from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
 from pendulum_env.hard_cases.files import write
-from pendulum_env.hard_cases.matrix import Entry, Matrix, MatrixEntry
+from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.physics.units import SceneError, one_of, several, truth
 
-__all__ = ["Entry", "Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress", "write"]
+__all__ = ["Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress", "write"]
 
 
 def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: bool) -> tuple[Case, ...]:
