@@ -25,7 +25,7 @@ import numpy as np
 
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.continuous import Extension
-from integrators.steps.recurrences import Writer
+from integrators.steps.recurrences import RecurrenceWriter
 from integrators.steps.terms import Notation, StepLines, Terms, definition, term, text_of, times_step
 from integrators.steps.tracing import LEAST_FUNCTIONS, Symbol, Trace, cos, exp, log, power, sin, sqrt
 
@@ -227,7 +227,7 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
     if len(slopes) < len(lifted):
         raise MethodError(f"The acceleration must be numbers, not {result!r}.")
     add_twins(trace)
-    writer = Writer(trace, slopes, lambda place: f"k{place}")
+    writer = RecurrenceWriter(trace, slopes, lambda place: f"k{place}")
     writer.write(order - 1, order)
     names = [writer.of_motion("q", i, k) for k in range(2, order + 1) for i in range(size)]
     arguments = ["q", "v"] if size == 1 else [f"{name}{i}" for name in "qv" for i in range(size)]

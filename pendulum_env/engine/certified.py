@@ -41,13 +41,13 @@ from pendulum_env.engine.machine import (
     Machine,
     check_diagnostics,
 )
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import Rollout
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import DIVERGED, HOLD, STOP_REASONS
-from pendulum_env.engine.streams import Streams
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import truth
+from pendulum_env.physics.units import boolean
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -81,7 +81,7 @@ def checked_estimate(diagnostics: Sequence[str], asked: Any) -> tuple[tuple[str,
     Errors are estimated if ``asked``, the argument estimate_error, is True or if ``diagnostics`` contains "error".
     """
     names = check_diagnostics(diagnostics)
-    return tuple(name for name in names if name != "error"), truth(asked, "estimate_error") or "error" in names
+    return tuple(name for name in names if name != "error"), boolean(asked, "estimate_error") or "error" in names
 
 
 # --- single runs ----------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from numba.core.runtime import rtsys
 
 from pendulum_env.common.warn import warn_once
 from pendulum_env.engine.lanes import width
-from pendulum_env.engine.llvm import CALL, Program, instructions
+from pendulum_env.engine.llvm import CALL, LlvmProgram, instructions
 from pendulum_env.engine.source import TEXT
 
 __all__ = ["Entry", "Inlined", "Separate", "load_array_functions", "rebuilt", "stored"]
@@ -119,7 +119,7 @@ def _rewritten(function: Callable[..., Any], given: Sequence[Any], features: str
     if TEXT not in names:
         yield function
         return
-    program = Program(names[TEXT], function.__name__, given, width(features))
+    program = LlvmProgram(names[TEXT], function.__name__, given, width(features))
     rest: dict[str, Any] = {"__name__": names["__name__"], CALL: instructions}
     exec(compile(program.text, function.__code__.co_filename, "exec"), rest)
     try:

@@ -26,15 +26,15 @@ from pendulum_env.engine.each import Each, checked_limit
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
-from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import still_torque
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, other_units, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, number, other_units, whole_number
 
 Array = NDArray[np.float64]
 TURNS = 2
@@ -112,8 +112,8 @@ class RunSpec:
     formulas: str = ""
     measured: bool = False
     others: tuple[Scene, ...] = ()
-    warn: bool = shared(True, lambda value: truth(value, "warn"))
-    careful: bool = shared(False, lambda value: truth(value, "careful"))
+    warn: bool = shared(True, lambda value: boolean(value, "warn"))
+    careful: bool = shared(False, lambda value: boolean(value, "careful"))
 
     # --- checks -----------------------------------------------------------------------------------------------------
 
@@ -171,7 +171,7 @@ class RunSpec:
         seeds = starts.checked_seeds(seed, size)
         names, estimated = checked_estimate(diagnostics, estimate_error)
         method = find_method(integrator, place)
-        even_steps = truth(even_steps, "even_steps")
+        even_steps = boolean(even_steps, "even_steps")
         if even_steps and (shape or estimated):
             why = "is for single runs" if shape else "cannot be combined with an error estimate"
             raise SceneError(f"even_steps {why}; leave it out.")

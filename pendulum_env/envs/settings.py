@@ -17,7 +17,7 @@ from pendulum_env.engine.sensing import Plan
 from pendulum_env.films.look import checked_look, checked_size
 from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, nearest, number, one_of, shown, whole_number
 from pendulum_env.render import FrameStyle
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
 from pendulum_env.tasks.task import steps_of
@@ -94,7 +94,7 @@ def checked_settings(
     size = checked_size(render_size, "render_size")
     look = checked_look(render_theme, render_panels, diagnostics)
     steps = aim.steps(step) if duration is None else steps_of(duration, step)
-    rate = step if truth(reward_rate, "reward_rate") else 1.0
+    rate = step if boolean(reward_rate, "reward_rate") else 1.0
     return Settings(step, count, aim, steps, rate, render_mode, size, look)
 
 

@@ -19,10 +19,10 @@ from pendulum_env.engine.batch import Results
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import check_diagnostics
+from pendulum_env.engine.random_streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
@@ -44,7 +44,7 @@ from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, naming_keywords, number, one_of, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, naming_keywords, number, one_of, shown, whole_number
 from pendulum_env.tasks import Task, TaskError
 from pendulum_env.tasks.action import checked_actions
 
@@ -73,7 +73,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
       (500 steps for None), tested in the environments with the smallest and the largest value of each array.
     - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
     - ``num_threads``: by default one thread per core for many environments, and one thread for few. With a number given
-      and ``copy=False`` the threads look out for the next step for up to 1 ms before they sleep, which shortens steps.
+      and ``copy=False`` the threads spin-wait for the next step for up to 1 ms before they sleep, which shortens steps.
     - ``rtol``, ``atol``: every environment takes adaptive steps of its own.
     - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
 
@@ -174,7 +174,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._bounded = bound < UNBOUNDED
         self.observation_space = batched(self.single_observation_space, self._num_envs)
         self.action_space = batched(self.single_action_space, self._num_envs)
-        self._reused = None if truth(copy, "copy") else self._batch.results(lasting=True)
+        self._reused = None if boolean(copy, "copy") else self._batch.results(lasting=True)
         if self._reused is not None:
             self._batch.reuse(self._reused)
         self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None

@@ -32,7 +32,7 @@ from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, nearest, number, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, nearest, number, shown, whole_number
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
 from pendulum_env.tasks.task import steps_of
 
@@ -181,7 +181,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         self._bound, self.observation_space, self.action_space = spaces_of(velocity_bound, self.task, plan)
         self._bounded = self._bound < UNBOUNDED and (plan is None or bool(plan.swift))
         self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        self._rate = self.dt if truth(reward_rate, "reward_rate") else 1.0
+        self._rate = self.dt if boolean(reward_rate, "reward_rate") else 1.0
         self._randomization = randomization(randomize)
         if self._randomization:
             self._check_draws(self._randomization)

@@ -15,6 +15,7 @@ from pendulum_env.common.checks import (
     LONGEST_PATH,
     SceneError,
     UnknownParameterError,
+    boolean,
     file_path,
     first_line,
     function,
@@ -25,14 +26,31 @@ from pendulum_env.common.checks import (
     one_of,
     several,
     shown,
-    truth,
     whole_number,
 )
 
 __all__ = [
-    "LONGEST_PATH", "Checked", "SceneError", "UnknownParameterError", "choice", "file_path",
-    "first_line", "flag", "function", "line", "naming_keywords", "nearest", "number", "one_of", "other_units",
-    "several", "shown", "si", "total", "truth", "whole_number",
+    "LONGEST_PATH",
+    "Checked",
+    "SceneError",
+    "UnknownParameterError",
+    "boolean",
+    "choice",
+    "file_path",
+    "first_line",
+    "flag",
+    "function",
+    "line",
+    "naming_keywords",
+    "nearest",
+    "number",
+    "one_of",
+    "other_units",
+    "several",
+    "shown",
+    "si",
+    "total",
+    "whole_number",
 ]
 BENCH: Mapping[str, tuple[str, float, tuple[float, float], Mapping[str, float]]] = {
     "length": ("m", 10.0, (0.05, 3.0), {"cm": 1e-2, "mm": 1e-3}),
@@ -93,7 +111,7 @@ def choice(default: str, allowed: Iterable[str], doc: str) -> Any:
 
 def flag(default: bool, doc: str) -> Any:
     """Return a dataclass field for True or False."""
-    return field(default=default, metadata={"allowed": ("true", "false"), "doc": doc, "check": truth})
+    return field(default=default, metadata={"allowed": ("true", "false"), "doc": doc, "check": boolean})
 
 
 class Checked:

@@ -18,7 +18,7 @@ import integrators
 import pendulum_env
 from pendulum_env import SCENES, Scene, SceneError
 from pendulum_env.engine.generate import batch_program, program
-from pendulum_env.engine.stream import read
+from pendulum_env.engine.growing_file import read
 
 MAY_RUN = {
     "pendulum_env/engine/goal.py": "the judge of a task, written from its own formulas",
