@@ -406,7 +406,7 @@ class LlvmWriter:
             return module.globals[name]
         results = self.results(function, kinds)
         kind = ir.VoidType() if not results else results[0] if function.single else ir.LiteralStructType(results)
-        written = ir.LlvmFunction(module, ir.FunctionType(kind, kinds), name)
+        written = ir.Function(module, ir.FunctionType(kind, kinds), name)
         written.linkage = "internal"
         written.attributes.add("noinline" if function.kind == "apart" else "alwaysinline")
         if function.kind == "separate":
@@ -427,7 +427,7 @@ class LlvmWriter:
         """Return the types of a function's results, for parameters of these types, from a trial that nothing uses."""
         name = f"trial of {function.name}.{' '.join(map(str, kinds))}"
         if name not in self._results:
-            written = ir.LlvmFunction(self._trial, ir.FunctionType(ir.VoidType(), kinds), name)
+            written = ir.Function(self._trial, ir.FunctionType(ir.VoidType(), kinds), name)
             found = self._body(ir.IRBuilder(written.append_basic_block()), function, written.args)
             self._results[name] = [one.type for one in found]
         return self._results[name]
