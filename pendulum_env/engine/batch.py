@@ -211,20 +211,20 @@ class Blocks:
         marks = self.get(SLACKENED[0])
         return float(np.min(marks[marks > 0.0])) if marks.any() else 0.0
 
-    def state(self, place: int, names: Sequence[str], blocks: Array | None = None) -> list[float]:
-        """Return the state of environment number ``place`` in the form of a Machine's state, with energies set to 0.
+    def state(self, index: int, names: Sequence[str], blocks: Array | None = None) -> list[float]:
+        """Return the state of environment number ``index`` in the form of a Machine's state, with energies set to 0.
 
         ``names`` are the names of the entries in a Machine's state, ``blocks`` a copy of the blocks to read in place of
         the present ones.
         """
         fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
-        at = np.array([place])
+        at = np.array([index])
         own = [fields.get(name, name) for name in names]
         return [float(self.get(name, at, blocks)[0]) if name in self.layout.fields else 0.0 for name in own]
 
-    def kept(self, place: int) -> list[float]:
+    def kept(self, index: int) -> list[float]:
         """Return the last finite state of one environment: steps taken, angle [rad], turns, velocity [rad/s]."""
-        return self.state(place, FIELD_OF)
+        return self.state(index, FIELD_OF)
 
     def angles(self) -> Array:
         """Return the unwrapped angles of all environments [rad], shape ``(size,)``."""

@@ -182,8 +182,8 @@ class CertifiedMachine(Machine):
             except BaseException:
                 state[:] = earlier
                 raise
-            for place in self._unread:
-                half[place] = 0.0
+            for entry in self._unread:
+                half[entry] = 0.0
             state[own : 2 * own] = half
         low, high, fastest, before = (float(value) for value in state[2 * own :])
         angles, velocities = zip(*(motion_of(values) for values in (full, half)), strict=True)
@@ -193,8 +193,8 @@ class CertifiedMachine(Machine):
             if self._estimator is None or self._estimator.h != h:
                 self._estimator = estimator_of(self, h)
             error, _, trusted = self._estimator(index, angles, velocities, high - low, fastest, min, max, math.sqrt)
-        for place, value in enumerate((low, high, fastest, error if trusted else math.inf), 2 * own):
-            state[place] = value
+        for entry, value in enumerate((low, high, fastest, error if trusted else math.inf), 2 * own):
+            state[entry] = value
         return code
 
     def _with_estimate(self, values: list[float]) -> dict[str, float]:
@@ -240,18 +240,18 @@ class CertifiedBatch(Batch):
         own = self.motion()
         after = np.ceil(own[0])
         short = np.flatnonzero((own[0] > before) & (own[0] < before + self.substeps))
-        alone = {place: self._by_itself(self._half, place, action, int(after[place] - before[place]))
-                 for place in map(int, short)}
-        for place in map(int, np.flatnonzero(own[0] < after)):
-            steps = int(after[place] - before[place])
-            for values, value in zip(own, self._by_itself(self, place, action, steps, earlier), strict=True):
-                values[place] = value
+        alone = {index: self._by_itself(self._half, index, action, int(after[index] - before[index]))
+                 for index in map(int, short)}
+        for index in map(int, np.flatnonzero(own[0] < after)):
+            steps = int(after[index] - before[index])
+            for values, value in zip(own, self._by_itself(self, index, action, steps, earlier), strict=True):
+                values[index] = value
         self._half.go_on()
         self._half.step(action, self._unread)
         half = self._half.motion()
-        for place, motion in alone.items():
+        for index, motion in alone.items():
             for values, value in zip(half, motion, strict=True):
-                values[place] = value
+                values[index] = value
         good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
         self._judge(np.arange(self.size), own, half, good)
         into.info[self._row] = self._estimate
@@ -301,7 +301,7 @@ class CertifiedBatch(Batch):
         self._estimate[which] = errors[0, 0, which]
 
     def _by_itself(
-        self, batch: Batch, place: int, action: NDArray[np.floating[Any]], steps: int, blocks: Array | None = None
+        self, batch: Batch, index: int, action: NDArray[np.floating[Any]], steps: int, blocks: Array | None = None
     ) -> tuple[float, float, float]:
         """Return step count, angle and velocity that one environment would have if it had not stopped early.
 
@@ -313,13 +313,13 @@ class CertifiedBatch(Batch):
             self._alone = Machine(self._scene, self.method, self.diagnostics, "python",
                                   compensated=self.compensated,
                                   rtol=self.tolerance.get("rtol"), atol=self.tolerance.get("atol"))
-        machine, at, parts = self._alone, np.array([place]), batch.substeps // self.substeps
+        machine, at, parts = self._alone, np.array([index]), batch.substeps // self.substeps
         values = {**dict(zip(machine.numbers, machine.parameters, strict=True)), **self._half_numbers,
                   HOLD[0]: float(batch.substeps), **batch.tolerance}
         parameters = [float(self._half.get(name, at)[0]) if name in self._half.layout.varying else float(values[name])
                       for name in machine.numbers]
-        state = batch.state(place, machine.names, blocks)
-        control = max(-1.0, min(1.0, float(action[place])))
+        state = batch.state(index, machine.names, blocks)
+        control = max(-1.0, min(1.0, float(action[index])))
         machine.run(state, parameters, control, batch.h, 1, parts * steps, math.inf, NOWHERE, UNSEEN.copy())
         return (float(state[INDEX]), *motion_of(state))
 

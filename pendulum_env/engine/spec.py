@@ -158,25 +158,25 @@ class RunSpec:
                    starts.given_start(velocity, "velocity", "rad/s", shape))
         validity = Validity(size, "run", *initial, control=share != 0.0) if own["warn"] or own["careful"] else None
         each = Each(scene, damping, math.inf, flat, size, "run", validity) if shape else None
-        place = each.scene if each else build_scene(scene, damping, flat)
+        built = each.scene if each else build_scene(scene, damping, flat)
         if validity and not each:
-            validity.look(place, (0,))
-        usual = place.run
+            validity.look(built, (0,))
+        usual = built.run
         h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
         length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
         steps, limit = starts.checked_steps(length, h), checked_limit(speed_limit)
-        start = starts.checked_start(place, usual.angle if angle is None else angle,
+        start = starts.checked_start(built, usual.angle if angle is None else angle,
                                      usual.velocity if velocity is None else velocity)
         stride, hold = whole_number(every, "every"), whole_number(substeps, "substeps", MOST_STEPS)
         seeds = starts.checked_seeds(seed, size)
         names, estimated = checked_estimate(diagnostics, estimate_error)
-        method = find_method(integrator, place)
+        method = find_method(integrator, built)
         even_steps = boolean(even_steps, "even_steps")
         if even_steps and (shape or estimated):
             why = "is for single runs" if shape else "cannot be combined with an error estimate"
             raise SceneError(f"even_steps {why}; leave it out.")
         return cls(
-            scene=place, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
+            scene=built, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
             plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share, diagnostics=names,
             estimate_error=estimated, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
             even_steps=even_steps, compensated=compensated, seeds=seeds,
@@ -221,22 +221,22 @@ class RunSpec:
         watched = not {"tension", "flow"}.isdisjoint(names)
         each = None if size is None else Each(scene, damping, speed_limit, given, size, validity=validity,
                                               watched=watched)
-        place = each.scene if each else build_scene(scene, damping, given)
+        built = each.scene if each else build_scene(scene, damping, given)
         if validity and not each:
-            validity.look(place, (0,))
-        bases = each.corners() if each and others else [place]
+            validity.look(built, (0,))
+        bases = each.corners() if each and others else [built]
         further = tuple(other for base in bases for other in others(base)) if others else ()
         if validity:
             for other in further:
                 validity.look(other, (0,))
         if each:
             each.vary(further)
-        limit = math.inf if each else checked_limit(speed_limit, place)
-        scenes = each.corners if each else lambda: place
+        limit = math.inf if each else checked_limit(speed_limit, built)
+        scenes = each.corners if each else lambda: built
         integrator, substeps, measured = choose((lambda: [*bases, *further]) if further else scenes)
-        method = find_method(integrator, place)
+        method = find_method(integrator, built)
         return cls(
-            scene=place, integrator=integrator if isinstance(integrator, str) and measured else method.name,
+            scene=built, integrator=integrator if isinstance(integrator, str) and measured else method.name,
             method=method, h=dt / substeps, each=each, hold=substeps, diagnostics=names,
             estimate_error="error" in names, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
             compensated=compensated, formulas=validity.warning if validity else "", measured=measured, others=further,
@@ -258,16 +258,16 @@ class RunSpec:
         """
         return replace(self, integrator=method.name, method=method, measured=False)
 
-    def one(self, place: int) -> RunSpec:
-        """Return the description of the single run with index ``place`` of a batch, without an error estimate."""
+    def one(self, index: int) -> RunSpec:
+        """Return the description of the single run with index ``index`` of a batch, without an error estimate."""
         assert self.each is not None
-        return replace(self, scene=self.each.of(place), each=None, estimate_error=False)
+        return replace(self, scene=self.each.of(index), each=None, estimate_error=False)
 
-    def alone(self, place: int) -> RunSpec:
-        """Return the description of the single run with index ``place`` of a batch, as a run without warnings."""
+    def alone(self, index: int) -> RunSpec:
+        """Return the description of the single run with index ``index`` of a batch, as a run without warnings."""
         assert self.start is not None
-        start = tuple(np.broadcast_to(values, self.shape).ravel()[place] for values in self.start)
-        return replace(self.one(place), shape=(), start=start, seeds=(self.seeds[place],), warn=False, careful=False)
+        start = tuple(np.broadcast_to(values, self.shape).ravel()[index] for values in self.start)
+        return replace(self.one(index), shape=(), start=start, seeds=(self.seeds[index],), warn=False, careful=False)
 
     # --- runners ----------------------------------------------------------------------------------------------------
 

@@ -184,7 +184,6 @@ def test_without_the_diagnostic_nothing_is_there(monkeypatch: pytest.MonkeyPatch
     own = batch.functions
     monkeypatch.setattr(batch, "functions", lambda made, backend: (programs.append(made), own(made, backend))[1])
     vector = gym.make_vec("LabPendulum-v0", num_envs=2, backend="python").unwrapped
-    assert type(vector._batch) is batch.Batch
     assert "error_estimate" not in vector.reset(seed=0)[1]
     gym.make_vec("LabPendulum-v0", num_envs=2, backend="python", diagnostics=("energy", "error"))
     assert len(programs) == 3
