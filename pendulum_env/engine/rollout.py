@@ -284,9 +284,9 @@ def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: P
         done = 0
         facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
                            compensated=runs.compensated, **runs.tolerance)
-        with GrowingFile(path, names, shape, facts) as stream:
+        with GrowingFile(path, names, shape, facts) as file:
             for rows in runs.rows(progress):
-                stream.append(time[done : done + len(rows)], rows)
+                file.append(time[done : done + len(rows)], rows)
                 done += len(rows)
         mapped = read(path)
         series = {name: np.moveaxis(mapped[name], 0, -1) for name in names}
