@@ -14,7 +14,7 @@ from integrators.families.exact_flow import EXACT
 from integrators.families.force_gradient import FORCE_GRADIENT
 from integrators.families.second_order import STOERMER, SYMMETRIC
 from integrators.families.structural import STRUCTURAL
-from integrators.families.taylor import QUICK, TAYLOR, named_order
+from integrators.families.taylor import TAYLOR, named_order
 from integrators.method import Method, MethodError, System
 from integrators.tables.collocation import COLLOCATION
 from integrators.tables.compositions import COMPOSITIONS
@@ -48,15 +48,13 @@ ALIASES: Mapping[str, str] = MappingProxyType({alias: m.name for m in _ALL for a
 def get(name: str) -> Method:
     """Return the method with this name or alias; ``taylor2`` to ``taylor30`` are Taylor series of these orders.
 
-    ``quick_taylor6`` to ``quick_taylor30`` are the same series, whose last terms are summed apart to save time.
-
     Raises MethodError for an unknown name, with the nearest known names.
     """
     method = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
     if method is None and isinstance(name, str):
         method = named_order(name)
     if method is None:
-        text, words = name[:LONGEST].lower() if isinstance(name, str) else "", [*METHODS, *ALIASES, QUICK]
+        text, words = name[:LONGEST].lower() if isinstance(name, str) else "", [*METHODS, *ALIASES]
         near = " or ".join(difflib.get_close_matches(text, words, n=3, cutoff=0.5))
         some = ", ".join(difflib.get_close_matches(text, METHODS, n=3, cutoff=0.0))
         hint = f"did you mean {near}?" if near else f"there are {len(METHODS)}, such as {some}, in integrators.METHODS."

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.common.beside import import_fault
 from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.envs.limits import USUAL_ID, register
-from pendulum_env.moved import keep_old_paths
 
 if _fault := import_fault():
     if Path(sys.argv[0]).stem in ("lab-pendulum", "-m"):  # commands print sentences, no tracebacks
@@ -133,5 +132,4 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_LAZY, *_ROOMS})
 
 
-keep_old_paths()
 register()

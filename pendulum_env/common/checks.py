@@ -132,7 +132,7 @@ def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
     return value
 
 
-def truth(value: Any, name: str) -> bool:
+def boolean(value: Any, name: str) -> bool:
     """Return a value after checking that it is True or False; raises SceneError otherwise."""
     checked = value.item() if getattr(value, "shape", None) == () else value
     if not isinstance(checked, bool):

@@ -18,23 +18,23 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import provenance
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
 from pendulum_env.engine.certified import with_estimates
+from pendulum_env.engine.growing_file import GrowingFile, read
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
 from pendulum_env.engine.motion import Traced, named_events, trace
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import Rollout as Rollout
 from pendulum_env.engine.runs import Runs
 from pendulum_env.engine.settings import RunSettings, described, documented
 from pendulum_env.engine.shape import LEFT_OUT
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import check_count, npy_path
-from pendulum_env.engine.stream import Stream, read
-from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, naming_keywords, whole_number
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def rollout(
         num_threads: number of threads for a batch; None uses every core for large batches. The results are equal bit
             by bit.
         file: path of a ".npy" file to which a batch's records are written as they are computed; see
-            :mod:`pendulum_env.engine.stream`.
+            :mod:`pendulum_env.engine.growing_file`.
         progress: True shows a progress bar, False none; by default a notebook shows one for batches over 1.5 s. A
             function is called with the fraction done and the present activity.
         events: names, functions ``g(t, angle, velocity)`` or :class:`integrators.Event` of either, whose changes of
@@ -122,7 +122,7 @@ def rollout(
             substeps=substeps, seed=seed, warn=warn,
         )
     watched = () if events is None else named_events(events, spec.scene)
-    dense = truth(dense, "dense")
+    dense = boolean(dense, "dense")
     if spec.even_steps and (dense or watched):
         raise SceneError(f"even_steps cannot be combined with {'dense' if dense else 'events'}; leave one of them out.")
     if estimate_error and any(event.terminal for event in watched):
@@ -276,9 +276,9 @@ def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: P
         done = 0
         facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
                            compensated=runs.compensated, **runs.tolerance)
-        with Stream(path, names, shape, facts) as stream:
+        with GrowingFile(path, names, shape, facts) as file:
             for rows in runs.rows(progress):
-                stream.append(time[done : done + len(rows)], rows)
+                file.append(time[done : done + len(rows)], rows)
                 done += len(rows)
         mapped = read(path)
         series = {name: np.moveaxis(mapped[name], 0, -1) for name in names}

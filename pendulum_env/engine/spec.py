@@ -26,16 +26,16 @@ from pendulum_env.engine.each import Each, checked_limit
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import VELOCITY, Machine, find_method
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.settings import CommonSettings, RunSettings, SceneLike
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
-from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import still_torque
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, other_units, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, number, other_units, whole_number
 
 Array = NDArray[np.float64]
 TURNS = 2
@@ -148,25 +148,25 @@ class RunSpec(CommonSettings):
                    starts.given_start(velocity, "velocity", "rad/s", shape))
         validity = Validity(size, "run", *initial, control=share != 0.0) if own["warn"] or own["careful"] else None
         each = Each(scene, damping, math.inf, flat, size, "run", validity) if shape else None
-        place = each.scene if each else build_scene(scene, damping, flat)
+        built = each.scene if each else build_scene(scene, damping, flat)
         if validity and not each:
-            validity.look(place, (0,))
-        usual = place.run
+            validity.look(built, (0,))
+        usual = built.run
         h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
         length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
         steps, limit = starts.checked_steps(length, h), checked_limit(speed_limit)
-        start = starts.checked_start(place, usual.angle if angle is None else angle,
+        start = starts.checked_start(built, usual.angle if angle is None else angle,
                                      usual.velocity if velocity is None else velocity)
         stride, hold = whole_number(every, "every"), whole_number(substeps, "substeps", MOST_STEPS)
         seeds = starts.checked_seeds(seed, size)
         names, estimated = checked_estimate(diagnostics, estimate_error)
-        method = find_method(integrator, place)
-        even_steps = truth(even_steps, "even_steps")
+        method = find_method(integrator, built)
+        even_steps = boolean(even_steps, "even_steps")
         if even_steps and (shape or estimated):
             why = "is for single runs" if shape else "cannot be combined with an error estimate"
             raise SceneError(f"even_steps {why}; leave it out.")
         return cls(
-            scene=place, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
+            scene=built, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
             plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share, diagnostics=names,
             estimate_error=estimated, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
             even_steps=even_steps, compensated=compensated, seeds=seeds,
@@ -196,22 +196,22 @@ class RunSpec(CommonSettings):
         watched = not {"tension", "flow"}.isdisjoint(names)
         each = None if size is None else Each(given.scene, given.damping, given.speed_limit, parameters, size,
                                               validity=validity, watched=watched)
-        place = each.scene if each else build_scene(given.scene, given.damping, parameters)
+        built = each.scene if each else build_scene(given.scene, given.damping, parameters)
         if validity and not each:
-            validity.look(place, (0,))
-        bases = each.corners() if each and others else [place]
+            validity.look(built, (0,))
+        bases = each.corners() if each and others else [built]
         further = tuple(other for base in bases for other in others(base)) if others else ()
         if validity:
             for other in further:
                 validity.look(other, (0,))
         if each:
             each.vary(further)
-        limit = math.inf if each else checked_limit(given.speed_limit, place)
-        scenes = each.corners if each else lambda: place
+        limit = math.inf if each else checked_limit(given.speed_limit, built)
+        scenes = each.corners if each else lambda: built
         integrator, substeps, measured = choose((lambda: [*bases, *further]) if further else scenes)
-        method = find_method(integrator, place)
+        method = find_method(integrator, built)
         return cls(
-            scene=place, integrator=integrator if isinstance(integrator, str) and measured else method.name,
+            scene=built, integrator=integrator if isinstance(integrator, str) and measured else method.name,
             method=method, h=dt / substeps, each=each, hold=substeps, diagnostics=names,
             estimate_error="error" in names, speed_limit=limit, backend=given.backend, rtol=given.rtol,
             atol=given.atol, compensated=given.compensated, formulas=validity.warning if validity else "",
@@ -233,16 +233,16 @@ class RunSpec(CommonSettings):
         """
         return replace(self, integrator=method.name, method=method, measured=False)
 
-    def one(self, place: int) -> RunSpec:
-        """Return the description of the single run with index ``place`` of a batch, without an error estimate."""
+    def one(self, index: int) -> RunSpec:
+        """Return the description of the single run with index ``index`` of a batch, without an error estimate."""
         assert self.each is not None
-        return replace(self, scene=self.each.of(place), each=None, estimate_error=False)
+        return replace(self, scene=self.each.of(index), each=None, estimate_error=False)
 
-    def alone(self, place: int) -> RunSpec:
-        """Return the description of the single run with index ``place`` of a batch, as a run without warnings."""
+    def alone(self, index: int) -> RunSpec:
+        """Return the description of the single run with index ``index`` of a batch, as a run without warnings."""
         assert self.start is not None
-        start = tuple(np.broadcast_to(values, self.shape).ravel()[place] for values in self.start)
-        return replace(self.one(place), shape=(), start=start, seeds=(self.seeds[place],), warn=False, careful=False)
+        start = tuple(np.broadcast_to(values, self.shape).ravel()[index] for values in self.start)
+        return replace(self.one(index), shape=(), start=start, seeds=(self.seeds[index],), warn=False, careful=False)
 
     # --- runners ----------------------------------------------------------------------------------------------------
 

@@ -32,7 +32,7 @@ from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel, motion
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import line, number, shown, truth, whole_number
+from pendulum_env.physics.units import boolean, line, number, shown, whole_number
 from pendulum_env.render import View
 from pendulum_env.tasks import TASKS, TaskError
 from pendulum_env.tasks.action import SINGLE, torque_share
@@ -427,7 +427,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         the length, which would otherwise become an attribute of the wrapper, without effect.
         """
         setting = isinstance(getattr(type(self), line(name, "name"), None), Fixed)
-        return super().set_wrapper_attr(name, value, force=truth(force, "force") or setting)
+        return super().set_wrapper_attr(name, value, force=boolean(force, "force") or setting)
 
     def close(self) -> None:
         """Close the environment's window, if there is one."""

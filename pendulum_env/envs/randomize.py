@@ -37,7 +37,9 @@ PATIENCE = 1000
 
 
 class RandomStreams(Protocol):
-    """Protocol of random streams, one for each environment, such as :class:`pendulum_env.engine.streams.Streams`."""
+    """Protocol of random streams, one for each environment, such as those of
+    :class:`pendulum_env.engine.random_streams.Streams`.
+    """
 
     def uniform(self, which: Places) -> Array: ...
     def generators(self, which: Places) -> Iterator[np.random.Generator]: ...

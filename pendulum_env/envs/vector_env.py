@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.each import Each
+from pendulum_env.engine.random_streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.limits import check_duration
@@ -56,7 +56,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
     With ``integrator="auto"`` the accuracy holds for an episode of ``max_episode_steps`` (500 for None), tested in the
     environments with the smallest and the largest value of each array. With ``num_threads`` given and ``copy=False``
-    the threads look out for the next step for up to 1 ms before they sleep, which shortens steps.
+    the threads spin-wait for the next step for up to 1 ms before they sleep, which shortens steps.
 
     ``reset(options=...)`` takes "angle", "velocity" and parameters of the scene, numbers or arrays of ``num_envs``, and
     "reset_mask". When a parameter that ``randomize`` does not name is first set, another program is made.

@@ -15,6 +15,7 @@ from pendulum_env.common.checks import (
     LONGEST_PATH,
     SceneError,
     UnknownParameterError,
+    boolean,
     file_path,
     first_line,
     function,
@@ -25,14 +26,13 @@ from pendulum_env.common.checks import (
     one_of,
     several,
     shown,
-    truth,
     whole_number,
 )
 
 __all__ = [
-    "LONGEST_PATH", "Checked", "SceneError", "UnknownParameterError", "choice", "count", "file_path",
+    "LONGEST_PATH", "Checked", "SceneError", "UnknownParameterError", "boolean", "choice", "count", "file_path",
     "first_line", "flag", "function", "line", "naming_keywords", "nearest", "number", "one_of", "other_units",
-    "setting", "several", "shown", "si", "total", "truth", "whole_number",
+    "setting", "several", "shown", "si", "total", "whole_number",
 ]
 BENCH: Mapping[str, tuple[str, float, tuple[float, float], Mapping[str, float]]] = {
     "length": ("m", 10.0, (0.05, 3.0), {"cm": 1e-2, "mm": 1e-3}),
@@ -117,7 +117,7 @@ def choice(default: str | None, allowed: Iterable[str], doc: str, *, note: str =
 
 def flag(default: bool, doc: str, *, note: str = "") -> Any:
     """Return a dataclass field for True or False."""
-    return setting(default, doc, truth, note=note, allowed=("true", "false"))
+    return setting(default, doc, boolean, note=note, allowed=("true", "false"))
 
 
 @cache

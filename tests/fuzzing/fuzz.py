@@ -95,7 +95,7 @@ def corpus() -> dict[str, list[bytes]]:
 def readers() -> dict[str, tuple[Callable[[Path], Any], tuple[type[Exception], ...]]]:
     """Return the package's readers of files, each with the errors that it declares."""
     from pendulum_env import Recording, Scene, SceneError
-    from pendulum_env.engine.stream import read
+    from pendulum_env.engine.growing_file import read
     from pendulum_env.lab import DrivenLog, RecordingError, measure_gate
     from pendulum_env.study.sweep.journal import Journal
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from command_line import Here
 from fake_clock import Clock
+from PIL import Image
 from readme_code import READMES
 
 from pendulum_env import SCENES, LabPendulumEnv, rollout
@@ -221,11 +222,10 @@ def test_the_stopwatch_counts_the_pendulum_s_time(clock: Clock, run_here: Here, 
 def test_a_picture_is_saved_in_the_folder_asked_for(
     clock: Clock, run_here: Here, tmp_path: Path
 ) -> None:
-    image = pytest.importorskip("PIL.Image")
     clock.plan = [key("p"), nothing, key("q")]
     run_here("show", "-i", "rk4,heun", "--dt", "0.02", "--window", "400x300", "--out", str(tmp_path / "shots"))
     (file,) = (tmp_path / "shots").iterdir()
-    with image.open(file) as found:
+    with Image.open(file) as found:
         assert found.size == (400, 300)
         assert json.loads(found.text["method"]) == ["rk4", "heun"]
         assert json.loads(found.text["scene"])["name"] == "lab"
