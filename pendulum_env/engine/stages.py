@@ -105,7 +105,10 @@ def scheduled(
 
 
 def rows_of(stages: Iterable[StepStage]) -> dict[str, int]:
-    """Return the row of memory, from 0, of every number that a stage hands on; two share one if their times differ."""
+    """Return the row of memory, from 0, of every number that a stage hands on, by register allocation.
+
+    Two numbers share a row if neither is needed while the other is.
+    """
     stages = tuple(stages)
     last = {name: number for number, stage in enumerate(stages) for name in stage.taken}
     for number, stage in enumerate(stages):
