@@ -276,7 +276,7 @@ def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
 
 
 OPTIONS: Mapping[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
-ELSE = {"--out": "a folder or, of commands that write one file, that file", "-o": "the same", "--scene": "one or several"}
+ELSE = {"--out": "a folder or, of commands that write one file, it", "-o": "the same", "--scene": "one or several"}
 """Options of two meanings, which the kind of the command decides."""
 
 
