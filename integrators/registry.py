@@ -56,7 +56,7 @@ def get(name: str) -> Method:
     if method is None:
         text, words = name[:LONGEST].lower() if isinstance(name, str) else "", [*METHODS, *ALIASES]
         near = " or ".join(difflib.get_close_matches(text, words, n=3, cutoff=0.5))
-        some = ", ".join(difflib.get_close_matches(text, METHODS, n=3, cutoff=0.0))
+        some = ", ".join([*METHODS][:3])
         hint = f"did you mean {near}?" if near else f"there are {len(METHODS)}, such as {some}, in integrators.METHODS."
         raise MethodError(f"There is no integrator {shown(name)}; {hint}")
     return method

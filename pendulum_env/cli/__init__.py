@@ -62,7 +62,7 @@ class Commands(typer.core.TyperGroup):
                 given = error.option_name.strip("-").rstrip("s")  # type: ignore[attr-defined]
                 names = [name for one in error.ctx.command.get_params(ctx) for name in one.opts]  # type: ignore[attr-defined]
                 error.possibilities = ([name for name in names if given in name]
-                                       or get_close_matches(given, names, n=3, cutoff=0.4))
+                                       or get_close_matches(f"--{given}", names, n=3, cutoff=0.4))
             raise
         except SystemExit as error:  # no command of ours ends so
             raise RuntimeError("Code of your own, such as a step, ended the command by sys.exit(), so that nothing "

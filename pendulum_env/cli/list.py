@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from pendulum_env.cli import options
 from pendulum_env.cli.console import print_table, print_text, printable, terminal_width
 from pendulum_env.cli.options import scene_of
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
 
 LINES = 3
 """Largest number of lines for each list when all are printed on one screen."""
@@ -34,7 +31,10 @@ def list_(
 
     --all prints more. --scene describes one scene or, after integrators, lists those that suit it.
     """
+    from integrators import METHODS
+    from pendulum_env.physics.effects import EFFECTS
     from pendulum_env.physics.units import SceneError, shown
+    from pendulum_env.study.lists import effects, methods
     from pendulum_env.study.lists.tables import TABLES, brief, find_table, integrators_data, names_of
 
     if csv and markdown:
@@ -49,38 +49,19 @@ def list_(
     width = terminal_width(SCREEN)
     for name in TABLES if what is None else (what,):
         if scene is not None:
-            print_scene(name, scene_of(scene, damping, None), whole)
+            place = scene_of(scene, damping, None)
+            print_text(place.describe() if name == "scenes" else methods.fit_listing(place, terminal_width(), whole))
         elif csv:
             print((integrators_data() if name == "integrators" else find_table(name)).csv(), end="")
         elif markdown:
             print(f"### {name}\n\n{find_table(name).markdown()}\n")
         elif not whole:
             print(printable(names_of(name, width, LINES) if what is None else brief(name, width)))
-        elif name in ("integrators", "effects"):
-            print_listing(name)
+        elif name == "integrators":
+            print(methods.listing(METHODS.values(), terminal_width()))
+        elif name == "effects":
+            print(effects.listing(EFFECTS.values(), terminal_width()))
         else:
             print_table(find_table(name), name)
     if scene is None and not (whole or csv or markdown):
         print(f"More: lab-pendulum list {what or 'scenes'}{' --all' if what else ', or --all of all lists'}")
-
-
-def print_listing(name: str) -> None:
-    """Print the list of all integrators or all effects, fitted to the terminal's width."""
-    from integrators import METHODS
-    from pendulum_env.physics.effects import EFFECTS
-    from pendulum_env.study.lists import effects as effect_list
-    from pendulum_env.study.lists import methods as method_list
-
-    width = terminal_width()
-    print(effect_list.listing(EFFECTS.values(), width) if name == "effects" else
-          method_list.listing(METHODS.values(), width))
-
-
-def print_scene(name: str, scene: Scene, whole: bool) -> None:
-    """Print a description of a scene or, if ``name`` is "integrators", which integrators suit it.
-
-    If ``whole``, those are described, with the reasons why the others do not suit.
-    """
-    from pendulum_env.study.lists.methods import fit_listing
-
-    print_text(fit_listing(scene, terminal_width(), whole) if name == "integrators" else scene.describe())

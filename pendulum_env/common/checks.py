@@ -201,11 +201,11 @@ MOST_NAMES = 12
 def nearest(name: Any, known: Iterable[str]) -> str:
     """Return the end of an error message on an unknown name: up to three similar names, else all allowed names.
 
-    If there are more than 12 names (MOST_NAMES), only the three nearest are given.
+    If there are more than 12 names (MOST_NAMES), only the first three are given.
     """
     names, text = list(known), name[:LONGEST].lower() if isinstance(name, str) else ""
     if near := difflib.get_close_matches(text, names, n=3, cutoff=0.5):
         return f"; did you mean {' or '.join(near)}?"
     if len(names) <= MOST_NAMES:
         return f"; there are {', '.join(names)}."
-    return f"; there are {len(names)}, such as {', '.join(difflib.get_close_matches(text, names, n=3, cutoff=0.0))}."
+    return f"; there are {len(names)}, such as {', '.join(names[:3])}."

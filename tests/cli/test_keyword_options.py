@@ -32,7 +32,8 @@ OPTIONS: Mapping[str, str] = {
     "growth": "one and more", "panels": "word", "what": "word", "scene": "word",
     "damping": "word", "over": "none of these", "basins": "count", "transient": "count or none", "phase": "number",
     "period": "positive", "own_step": "none of these", "walker_steps": "count", "steps_per_period": "count",
-    "control_step": "positive", "command": "word", "window": "count", "integrators": "word", "period_error": "positive", "name": "short text",
+    "control_step": "positive", "command": "word", "window": "count", "integrators": "word",
+    "period_error": "positive", "name": "short text",
 }
 """Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword."""
 AS_TEXT = {**KINDS, "names or none": ({"empty"}, set()), "short text": (set(TEXTS) - {"long"}, set())}
