@@ -48,16 +48,14 @@ def show(
     theme: options.Theme = "light",
     panels: options.Panels = ["apparatus", "energy", "phase"],
     out: options.Out = Path("out/show"),
-    settings: Annotated[
-        list[str] | None,
-        options.option("A scene's parameter, or a setting of gym.make, as in --set action_noise=0.1.", "--set"),
-    ] = None,
+    settings: options.Settings = None,
 ) -> None:
     """Show up to 6 pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
 
     {keys}
 
-    The methods of the keys 1 to 5 are compiled before the window opens, once for each scene.
+    The methods of the keys 1 to 5 are compiled before the window opens, once for each scene. Here --set takes the
+    settings of gym.make, too, as in --set action_noise=0.1.
     """
     from pendulum_env.engine.starts import checked_start
     from pendulum_env.envs.settings import split_settings

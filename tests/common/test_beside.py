@@ -55,6 +55,9 @@ def test_a_file_that_hides_the_package_is_named(name: str, way: str, tmp_path: P
 def copy(tmp_path: Path) -> Path:
     """A folder of installed packages: the first files of ours, which are all that is read before the check."""
     place = tmp_path / "site-packages"
+    (place / "pendulum_env" / "envs").mkdir(parents=True)
+    for file in ("__init__.py", "limits.py"):
+        shutil.copy(HOUSE / "pendulum_env" / "envs" / file, place / "pendulum_env" / "envs")
     shutil.copytree(HOUSE / "pendulum_env" / "common", place / "pendulum_env" / "common")
     for file in (HOUSE / "pendulum_env").glob("*.py"):
         shutil.copy(file, place / "pendulum_env")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pendulum_env import Run, Scene, Sensor, VirtualSensor
-from pendulum_env.common.checks import number, one_of, truth, whole_number
+from pendulum_env.common.checks import boolean, number, one_of, whole_number
 from pendulum_env.envs.settings import VectorSettings
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
@@ -77,7 +77,7 @@ def declared(entry: Field[Any]) -> str:
     """Return the kind of a field made by ``si``, ``count``, ``choice`` or ``flag``."""
     check = entry.metadata["check"]
     if getattr(check, "func", check) is not number:
-        return "flag" if check is truth else "count" if check.func is whole_number else "word"
+        return "flag" if check is boolean else "count" if check.func is whole_number else "word"
     limits = check.keywords
     return "positive" if limits["above"] == 0.0 else "least" if limits["least"] == 0.0 else "number"
 
@@ -86,7 +86,7 @@ DECLARED: Mapping[str, str] = {
     entry.name: declared(entry)
     for kind in (VectorSettings, *EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor, VirtualSensor)
     for entry in fields(kind)
-    if getattr(check := entry.metadata.get("check"), "func", check) in (number, whole_number, one_of, truth)
+    if getattr(check := entry.metadata.get("check"), "func", check) in (number, whole_number, one_of, boolean)
 }
 """The kind of each parameter that a scene, an effect or a sensor declares, and of each setting of an environment."""
 

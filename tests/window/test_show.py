@@ -90,7 +90,7 @@ def windows(monkeypatch: pytest.MonkeyPatch) -> Windows:
 
 def test_settings_of_environments_may_be_set(clock: Clock, run_here: Here, steps: Steps) -> None:
     clock.plan = [nothing, nothing, key("q")]
-    code, _, wrong = run_here("show", "--set", "action_noise=0.2", "--set", "length=0.5", "--size", "200",
+    code, _, wrong = run_here("show", "--set", "action_noise=0.2", "--set", "length=0.5", "--window", "200",
                               "--angle", "0", "--dt", "0.02")
     assert code == 0, wrong
     assert {(env.action_noise, env.length, push) for env, push, _ in steps} == {(0.2, 0.5, 0.0)}

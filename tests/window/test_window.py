@@ -800,8 +800,9 @@ def test_an_interruption_ends_a_pause(clock: Clock) -> None:
 def test_a_vector_has_no_window() -> None:
     with pytest.raises(SceneError, match="render_tiles"):
         LabPendulumVectorEnv(2, render_mode="human")
-    assert LabPendulumVectorEnv.metadata["render_modes"] == ["rgb_array"]
-    assert LabPendulumVectorEnv(2, backend="python").metadata["render_modes"] == ["rgb_array"]
+    modes = ["rgb_array", "rgb_array_list"]
+    assert LabPendulumVectorEnv.metadata["render_modes"] == modes
+    assert LabPendulumVectorEnv(2, backend="python").metadata["render_modes"] == modes
 
 
 UNSEEN = """
