@@ -97,7 +97,8 @@ def help_(
     context: typer.Context, command: Annotated[str | None, typer.Argument(help="A command; by default all.")] = None,
 ) -> None:
     """Show the help of a command, or the list of all commands."""
-    app(args=[*([] if command is None else [command]), "--help"], prog_name=NAME, standalone_mode=False)
+    words = [] if command is None else [command[:80]]  # an error quotes it
+    app(args=[*words, "--help"], prog_name=NAME, standalone_mode=False)
 
 
 def main() -> None:
