@@ -23,7 +23,7 @@ def shaped(phi, velocity, phi_before, velocity_before):
 
 
 task = pendulum_env.Task("pump", shaped, start={"angle": (-0.1, 0.1), "speed": (-0.05, 0.05)}, duration=8.0)
-env = gym.make_vec("LabPendulum-v0", num_envs=256, task=task)
+env = gym.make_vec("LabPendulum-v0", num_envs=256, task=task, max_episode_steps=400)
 controller, total = pendulum_env.controllers.swing_up(env), np.zeros(256)
 observation, infos = env.reset(seed=0)
 wanted = np.array([missing(a - math.pi, v) for a, v in zip(infos["angle"], infos["velocity"], strict=True)])
@@ -35,9 +35,9 @@ print(f"{task.name}: mean return {total.mean():.4f}, energy that was missing {wa
 assert truncated.all()
 assert np.allclose(total, wanted, atol=1e-3)  # all of it was supplied: the bobs stand upright
 
-one = gym.make("LabPendulum-v0", task=task)  # the same bits in a single environment
+one = gym.make("LabPendulum-v0", task=task, max_episode_steps=400)  # the same bits in a single environment
 one.reset(seed=0)
-vector = gym.make_vec("LabPendulum-v0", num_envs=1, task=task)
+vector = gym.make_vec("LabPendulum-v0", num_envs=1, task=task, max_episode_steps=400)
 vector.reset(seed=0)
 push = np.ones(1, dtype=np.float32)
 assert one.step(push)[1] == vector.step(push[None])[1][0]

@@ -17,15 +17,12 @@ from integrators.families.runge_kutta import Embedded, Extension, RungeKutta
 from integrators.families.splitting import Splitting
 from integrators.families.taylor import Taylor
 from integrators.method import Method, MethodError, System
-from integrators.moved import MOVED, keep_old_paths
 from integrators.registry import ALIASES, METHODS, PAIRS, fitting, get
 from integrators.solving.adaptive import StepSizeError
 from integrators.solving.events import Event
 from integrators.solving.own import from_step
 from integrators.solving.solve import Solution, solve
 from integrators.steps.unroll import unroll
-
-keep_old_paths(MOVED)
 
 __all__ = [
     "ALIASES",

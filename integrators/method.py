@@ -26,7 +26,6 @@ from typing import Any, ClassVar
 
 from integrators import html
 from integrators.errors import MethodError, shown
-from integrators.moved import names_of_before
 from integrators.steps.continuous import Extension
 from integrators.steps.terms import Notation
 from integrators.system import NEEDS, Acceleration, System
@@ -35,7 +34,6 @@ CALLED_BY_NEED = {"velocity_free": ("force",), "jacobian": ("jacobian",), "exact
                   "mean": ("mean_acceleration", "mean_jacobian"), "taylor": ("series",)}
 """Need of a method (a key of :data:`NEEDS`) -> names of the problem's functions that meet it."""
 History = Callable[[int], Sequence[tuple[Any, Any]]]
-Coefficient = Fraction
 ROUNDED = Fraction(1, 10**35)
 """Largest residual of an equation between a table's coefficients that counts as rounding."""
 SHOWN_STAGES = 7
@@ -493,9 +491,7 @@ class Method:
         return Fraction(1, 10**24)
 
 
-__getattr__ = names_of_before(__name__)
-
 __all__ = [
-    "NEEDS", "ROUNDED", "Acceleration", "Coefficient", "History", "Method", "MethodError", "Notation", "Polynomial",
+    "NEEDS", "ROUNDED", "Acceleration", "History", "Method", "MethodError", "Notation", "Polynomial",
     "Row", "System", "exact", "simple",
 ]

@@ -14,7 +14,7 @@ from integrators.families.exact_flow import EXACT
 from integrators.families.force_gradient import FORCE_GRADIENT
 from integrators.families.second_order import STOERMER, SYMMETRIC
 from integrators.families.structural import STRUCTURAL
-from integrators.families.taylor import QUICK, TAYLOR, named_order
+from integrators.families.taylor import TAYLOR, named_order
 from integrators.method import Method, MethodError, System
 from integrators.tables.collocation import COLLOCATION
 from integrators.tables.compositions import COMPOSITIONS
@@ -48,18 +48,17 @@ ALIASES: Mapping[str, str] = MappingProxyType({alias: m.name for m in _ALL for a
 def get(name: str) -> Method:
     """Return the method with this name or alias; ``taylor2`` to ``taylor30`` are Taylor series of these orders.
 
-    ``quick_taylor6`` to ``quick_taylor30`` are the same series, whose last terms are summed apart to save time.
-
     Raises MethodError for an unknown name, with the nearest known names.
     """
     method = METHODS.get(ALIASES.get(name, name)) if isinstance(name, str) else None
     if method is None and isinstance(name, str):
         method = named_order(name)
     if method is None:
-        words = [*METHODS, *ALIASES, QUICK] if isinstance(name, str) else []
-        near = difflib.get_close_matches(name[:LONGEST] if words else "", words, n=3, cutoff=0.5)
-        hint = f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(METHODS)}."
-        raise MethodError(f"There is no integrator {shown(name)}{hint}")
+        text, words = name[:LONGEST].lower() if isinstance(name, str) else "", [*METHODS, *ALIASES]
+        near = " or ".join(difflib.get_close_matches(text, words, n=3, cutoff=0.5))
+        some = ", ".join([*METHODS][:3])
+        hint = f"did you mean {near}?" if near else f"there are {len(METHODS)}, such as {some}, in integrators.METHODS."
+        raise MethodError(f"There is no integrator {shown(name)}; {hint}")
     return method
 
 

@@ -1,18 +1,24 @@
 """A university lab's pendulum as a Gymnasium environment.
 
-Importing this package registers ``LabPendulum-v0``. Compilers, plots and films are loaded when first used.
+Importing this package registers ``LabPendulum-v0`` and the other ids of :data:`pendulum_env.envs.limits.IDS`.
+Compilers, plots and films are loaded when first used.
 """
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
-
-from pendulum_env.common.version import REGISTERED
+from pendulum_env.common.beside import import_fault
 from pendulum_env.common.version import __version__ as __version__
-from pendulum_env.moved import keep_old_paths
+from pendulum_env.envs.limits import USUAL_ID, register
+
+if _fault := import_fault():
+    if Path(sys.argv[0]).stem in ("lab-pendulum", "-m"):  # commands print sentences, no tracebacks
+        sys.exit(f"Error: {_fault}")
+    raise ImportError(_fault)
 
 if TYPE_CHECKING:
     from pendulum_env import adapters, controllers, tasks, testing
@@ -40,7 +46,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.tasks import Task
 
-ENV_ID = "LabPendulum-v0"
+ENV_ID = USUAL_ID
 """Id of the environment for ``gym.make``. A change of physics or defaults that alters trajectories adds a v1; v0 stays.
 """
 
@@ -126,11 +132,4 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *_LAZY, *_ROOMS})
 
 
-keep_old_paths()
-
-gymnasium.register(
-    id=ENV_ID,
-    entry_point="pendulum_env.envs.env:LabPendulumEnv",
-    vector_entry_point="pendulum_env.envs.vector_env:LabPendulumVectorEnv",
-    max_episode_steps=REGISTERED,
-)
+register()

@@ -3,7 +3,7 @@
 A step is taken without the part of the generated program that computes the observation, reward, endings and energies;
 Python is the rest of a whole step of 1024 environments. Then: adaptive steps of 1024 pendulums at once beside one run
 after the other; those of one pendulum, chosen one by one and evenly; and a step of a single Taylor series by its order,
-with and without damping, beside a loop that takes only the steps, and of a quick one.
+with and without damping, beside a loop that takes only the steps.
 """
 
 from __future__ import annotations
@@ -122,13 +122,12 @@ def only_steps(q, v, h, count, {parameters}):
 def series(order: int, gamma: float, steps: int = 400_000) -> None:
     """Print the time of a step of a Taylor series for one pendulum, beside that of a loop which takes only the steps.
 
-    Both do the same operations on the angle in the same order, so that their results have the same bits; the loop adds
-    the sums for sine and cosine one after the other. Then the time of a quick Taylor series of the same order. The
+    Both do the same operations on the angle in the same order, so that their results have the same bits. The
     linear damping is gamma [1/s], or none if it is 0.
     """
     method, scene = f"taylor{order}", build_scene("vacuum", {"linear": {"gamma": gamma}} if gamma else "none", {})
 
-    def ours(method: str = method) -> float:
+    def ours() -> float:
         return float(rollout(scene, integrator=method, duration=0.1 * steps, dt=0.1, every=steps, angle=1.0,
                              diagnostics=()).angle[-1])
 
@@ -141,10 +140,9 @@ def series(order: int, gamma: float, steps: int = 400_000) -> None:
         return float(only_steps(1.0, 0.0, 0.1, steps, *values))
 
     assert ours() == by_hand()
-    whole, only, quick = (shortest(run) / steps for run in (ours, by_hand, lambda: ours(f"quick_{method}")))
+    whole, only = (shortest(run) / steps for run in (ours, by_hand))
     print(f"{method}, {f'gamma = {gamma:g}/s' if gamma else 'undamped'}: {1e9 * whole:.1f} ns a step of one pendulum, "
-          f"{whole / only:.3f} times the {1e9 * only:.1f} ns of a loop by hand; quick {1e9 * quick:.1f} ns, "
-          f"{quick / whole:.3f} times that")
+          f"{whole / only:.3f} times the {1e9 * only:.1f} ns of a loop by hand")
 
 
 def main() -> None:

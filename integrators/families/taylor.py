@@ -5,14 +5,7 @@
 operations. With a tolerance, the last terms ``q_p h**p`` and ``v_p h**p`` of a step are the estimate of its error
 (Jorba & Zou 2005, Experimental Mathematics 14, 99, section 3.2).
 
-"taylor14" sums the series from its last term to its first (Horner's rule), so that nothing can be summed before the
-last coefficient is known. "quick_taylor14" sums the last three terms apart from the others (Estrin 1960)::
-
-    q1 = q_0 + h (q_1 + h (q_2 + (h (q_3 + ... + h q_(p-3)) + h**(p-4) (q_(p-2) + h (q_(p-1) + h q_p)))))
-
-A processor sums the others while it computes the last coefficients: a step of one pendulum takes some 10 % less time.
-Both ways to sum have rounding errors of the same size, but other ones, so that the last digits of results differ. The
-power ``h**(p-4)`` must be a finite double, as ``h**p`` must be with a tolerance.
+The series is summed from its last term to its first (Horner's rule).
 
 The series is a polynomial of time, so that dense output of a step is the series itself, of full order, without further
 evaluations.
@@ -32,7 +25,7 @@ import numpy as np
 
 from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.continuous import Extension
-from integrators.steps.recurrences import Writer
+from integrators.steps.recurrences import RecurrenceWriter
 from integrators.steps.terms import Notation, StepLines, Terms, definition, term, text_of, times_step
 from integrators.steps.tracing import LEAST_FUNCTIONS, Symbol, Trace, cos, exp, log, power, sin, sqrt
 
@@ -41,32 +34,20 @@ LOWEST, HIGHEST, USUAL = 2, 30, 12
 
 The usual order is the cheapest for a tolerance of 1e-10 (Jorba & Zou 2005, p = 1 - log(tol)/2).
 """
-BEFORE, APART = 2, 3
-"""Numbers of terms of a quick Taylor series: the first BEFORE, the largest, are added last; the last APART are summed
-apart.
-
-If the sum of the last terms were added to that of all others, rounding errors would be up to 1.2 times as large.
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Taylor(Method):
     """A method that advances by the Taylor series up to ``order``.
 
-    Raises MethodError unless the order is from 2 to 30, with ``quick`` from 6 to 30.
-
-    Attributes:
-        quick: True if the last three terms are summed apart from the others, which takes less time.
+    Raises MethodError unless the order is from 2 to 30.
     """
 
     family: ClassVar[str] = "Taylor"
-    quick: bool = False
 
     def __post_init__(self) -> None:
-        lowest = BEFORE + APART + 1 if self.quick else LOWEST
-        if not (isinstance(self.order, Real) and lowest <= self.order <= HIGHEST):
-            kind = "Quick Taylor series" if self.quick else "Taylor series"
-            raise MethodError(f"{kind} have orders from {lowest} to {HIGHEST} here, not {self.order}.")
+        if not (isinstance(self.order, Real) and LOWEST <= self.order <= HIGHEST):
+            raise MethodError(f"Taylor series have orders from {LOWEST} to {HIGHEST} here, not {self.order}.")
         super().__post_init__()
 
     @property
@@ -125,11 +106,8 @@ class Taylor(Method):
         p, quadratures, more = self.order, notation.quadratures, notation.more
         step = StepLines(notation) if estimates else notation.new_step()
         step.line(f"{', '.join(results_of_series(p, quadratures))} = series(t, q, v{more})")
-        if self.quick:
-            step.line(f"raised = {'*'.join(['h'] * (p - APART - BEFORE + 1))}")
-        written = _series_with_end_apart if self.quick else _series
-        ends = [step.end("q", written(["v", *(f"q{k}" for k in range(2, p + 1))])),
-                step.end("v", written([f"v{k}" for k in range(1, p + 1)]))]
+        ends = [step.end("q", _series(["v", *(f"q{k}" for k in range(2, p + 1))])),
+                step.end("v", _series([f"v{k}" for k in range(1, p + 1)]))]
         sums = [text_of(_series([f"{name}_{k}" for k in range(1, p + 1)]), notation.number) for name in quadratures]
         stages = self._stages(step) if notation.dense else []
         if not estimates:
@@ -154,38 +132,20 @@ def of_order(order: int, **changes: Any) -> Taylor:
     return Taylor(**{
         "name": f"taylor{order}", "order": order,
         "source": "Moore 1966, Interval Analysis; Jorba & Zou 2005, Experimental Mathematics 14, 99",
-        "summary": f"Taylor series of order {order} by recurrences; also taylor2 to 30; for one pendulum quick_taylor6 "
-                   "to 30", **changes,
+        "summary": f"Taylor series of order {order} by recurrences; also taylor2 to 30", **changes,
     })
-
-
-def quick_of_order(order: int) -> Taylor:
-    """Return the Taylor series method of this order that sums its last terms apart.
-
-    Raises MethodError unless the order is from 6 to 30.
-    """
-    return of_order(
-        order, name=f"quick_taylor{order}", quick=True,
-        source="Moore 1966, Interval Analysis; Estrin 1960, Proceedings of the Western Joint Computer Conference, 33",
-        summary=f"Taylor series of order {order}, whose last {APART} terms are summed apart, in less time")
 
 
 TAYLOR = (of_order(USUAL, name="taylor", aliases=(f"taylor{USUAL}",)),)
 
 
-QUICK = f"quick_taylor{USUAL}"
-"""Name of the quick Taylor series of the usual order."""
-
-
 def named_order(name: str) -> Taylor | None:
-    """Return the method with a name such as "taylor20" or "quick_taylor20", or None for other names.
+    """Return the method with a name such as "taylor20", or None for other names.
 
-    "quick_taylor" is of the usual order, as "taylor" is.
-
-    Raises MethodError unless the order is from 2 to 30, of a quick one from 6 to 30.
+    Raises MethodError unless the order is from 2 to 30.
     """
-    match = re.fullmatch("(quick_)?taylor([0-9]+)", QUICK if name == "quick_taylor" else name)
-    return (quick_of_order if match[1] else of_order)(int(match[2])) if match else None
+    match = re.fullmatch("taylor([0-9]+)", name)
+    return of_order(int(match[1])) if match else None
 
 
 # --- the step --------------------------------------------------------------------------------------------------------
@@ -202,25 +162,10 @@ def results_of_series(order: int, quadratures: Sequence[str]) -> list[str]:
 
 def _series(names: Sequence[str]) -> Terms:
     """Return the terms of ``h*(c_1 + h*(c_2 + h*(...)))``, a power series in h without its constant term."""
-    return times_step(_nested(names))
-
-
-def _nested(names: Sequence[str]) -> Terms:
-    """Return the terms of ``c_1 + h*(c_2 + h*(...))``, a power series in h by Horner's rule."""
     total: Terms = ()
     for name in reversed(names):
-        total = term(1, name) + times_step(total)
+        total = times_step(term(1, name) + total)
     return total
-
-
-def _series_with_end_apart(names: Sequence[str]) -> Terms:
-    """Return the same power series as ``h*(c_1 + h*(c_2 + (h*(c_3 + ...) + raised*(c_(m+1) + h*(...)))))``.
-
-    ``raised`` is ``h**(m - 1)``; APART terms follow after ``c_m``.
-    """
-    (first, second), between, end = names[:BEFORE], names[BEFORE:-APART], names[-APART:]
-    rest = times_step(_nested(between)) + term(1, "raised", _nested(end))
-    return times_step(term(1, first) + times_step(term(1, second) + term(1, rest)))
 
 
 def series_of(coefficients_: Callable[[Any, Any, Any, int], Sequence[Any]], order: int) -> Callable[..., list[Any]]:
@@ -282,7 +227,7 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
     if len(slopes) < len(lifted):
         raise MethodError(f"The acceleration must be numbers, not {result!r}.")
     add_twins(trace)
-    writer = Writer(trace, slopes, lambda place: f"k{place}")
+    writer = RecurrenceWriter(trace, slopes, lambda place: f"k{place}")
     writer.write(order - 1, order)
     names = [writer.of_motion("q", i, k) for k in range(2, order + 1) for i in range(size)]
     arguments = ["q", "v"] if size == 1 else [f"{name}{i}" for name in "qv" for i in range(size)]
@@ -314,5 +259,5 @@ def add_twins(trace: Trace) -> None:
                 trace.apply(other, Symbol(trace, operation.operands[0]))
 
 
-__all__ = ["TAYLOR", "Taylor", "coefficients", "cos", "exp", "log", "named_order", "of_order", "quick_of_order", "sin",
+__all__ = ["TAYLOR", "Taylor", "coefficients", "cos", "exp", "log", "named_order", "of_order", "sin",
            "sqrt"]

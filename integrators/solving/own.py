@@ -25,7 +25,6 @@ from integrators.registry import ALIASES, METHODS
 from integrators.solving.stepper import Step, stepper
 from integrators.system import System
 
-Wrapped = Callable[[StepFunction], StepFunction]
 ARGUMENTS = "theta, omega, dt, acceleration"
 DEGREE = math.pi / 180.0
 GAMMA, FORCE, RATE = 0.25, 1.5, 2.0

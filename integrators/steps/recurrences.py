@@ -40,7 +40,7 @@ def times_reciprocal(text: str, k: int) -> str:
 
 
 
-class Writer:
+class RecurrenceWriter:
     """Writer of source lines that compute the Taylor coefficients of an acceleration's recorded operations.
 
     Args:

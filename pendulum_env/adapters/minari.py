@@ -26,7 +26,7 @@ from pendulum_env.common.checks import (
     whole_number,
 )
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.version import REGISTERED, __version__
+from pendulum_env.common.version import __version__
 
 try:
     import h5py  # noqa: F401  Minari's storage, which it imports when it writes
@@ -101,10 +101,10 @@ def collect(
     place = new_place(dataset_id)
     env = gymnasium.make(ENV, **keywords)
     timed = keywords.get("duration") is not None or env.unwrapped.task.duration is not None  # type: ignore[attr-defined]
-    if timed and keywords.get("max_episode_steps") in (None, REGISTERED, -1):  # the duration alone ends an episode
+    if timed and keywords.get("max_episode_steps") is None:  # the duration alone ends an episode
         env.close()
-        keywords = {name: value for name, value in keywords.items() if name != "max_episode_steps"}
-        env = gymnasium.make(ENV, max_episode_steps=-1, **keywords)
+        keywords["max_episode_steps"] = -1
+        env = gymnasium.make(ENV, **keywords)
     spec = env.spec
     assert spec is not None
     spec.to_json()

@@ -16,7 +16,7 @@ from pendulum_env.auto.search import Candidate
 from pendulum_env.common.progress import Progress, late_bar
 from pendulum_env.common.warn import warn
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, function, number, several, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, function, number, several, shown, whole_number
 
 __all__ = ["AccuracyError", "Choice", "Chosen", "choose", "settled"]
 
@@ -69,7 +69,7 @@ def choose(
     count = whole_number(steps, "steps", MOST_EPISODE)
     if progress is not None:
         function(progress, "progress")
-    if truth(recalibrate, "recalibrate"):
+    if boolean(recalibrate, "recalibrate"):
         measured = _measured(progress)
     table = measured if recalibrate else store.load_table(SHIPPED)
     key = {

@@ -6,8 +6,11 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable
+from difflib import get_close_matches
 from functools import cache
+from hashlib import sha256
 from inspect import cleandoc
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -30,6 +33,7 @@ from pendulum_env.cli.show import show
 from pendulum_env.cli.stress import stress
 from pendulum_env.cli.web import web
 from pendulum_env.common.texts import clean
+from pendulum_env.common.version import __version__
 
 NAME = "lab-pendulum"
 """Name of the program."""
@@ -40,20 +44,25 @@ COMMANDS: dict[str, Callable[..., None]] = {
 }
 """Every command by its name, in the order of the help. A command imports the code that it runs only when it is run."""
 
+DEBUG = "--debug"
+"""Option of all commands, which shows the traceback of an error."""
 SAID = (ValueError, TypeError, OSError, RuntimeError, ArithmeticError, MemoryError)
 """Errors that are printed as one sentence, without a traceback."""
 
 
 class Commands(typer.core.TyperGroup):
-    """The commands; with ``--debug``, the traceback of an error is printed before its sentence."""
+    """The commands; an unknown option is answered with the nearest ones."""
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command of a context."""
         try:
             return super().invoke(ctx)
-        except SAID as error:
-            if ctx.params.get("debug") and not isinstance(error, (typer.Exit, typer.Abort)):
-                traceback.print_exc()
+        except Exception as error:
+            if hasattr(error, "possibilities"):  # of an option that does not exist
+                given = error.option_name.strip("-").rstrip("s")  # type: ignore[attr-defined]
+                names = [name for one in error.ctx.command.get_params(ctx) for name in one.opts]  # type: ignore[attr-defined]
+                error.possibilities = ([name for name in names if given in name]
+                                       or get_close_matches(f"--{given}", names, n=3, cutoff=0.4))
             raise
         except SystemExit as error:  # no command of ours ends so
             raise RuntimeError("Code of your own, such as a step, ended the command by sys.exit(), so that nothing "
@@ -64,8 +73,8 @@ app = typer.Typer(
     cls=Commands,
     help="A university lab's pendulum: compare integrators, measure the cost of accuracy, film runs.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
@@ -83,50 +92,73 @@ for _name, _command in COMMANDS.items():
     app.command(name=_name, help=_help(_command))(_command)
 
 
+@app.command("help")
+def help_(
+    context: typer.Context, command: Annotated[str | None, typer.Argument(help="A command; by default all.")] = None,
+) -> None:
+    """Show the help of a command, or the list of all commands."""
+    words = [] if command is None else [command[:80]]  # an error quotes it
+    app(args=[*words, "--help"], prog_name=NAME, standalone_mode=False)
+
+
 def main() -> None:
     """Run the ``lab-pendulum`` command line.
 
-    Errors of input end with one sentence and exit code 2, with ``--debug`` behind their traceback; each warning is
-    printed once, as a sentence.
+    Errors of input end with one sentence and exit code 2, or with a traceback if ``--debug`` is given before or behind
+    the command; each warning is printed once, as a sentence.
     """
     open_streams()
+    words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
         with warnings.catch_warnings():
             print_once = cache(lambda text: say(f"Warning: {text}"))
             warnings.showwarning = lambda text, *_: print_once(str(text))
             try:
-                app(prog_name=NAME)
+                app(args=words, prog_name=NAME)
             finally:
                 # Python ends with a signal, not with the app's exit code, if an interrupt passed through a text that
                 # exec ran, as in the import of a dataclass. The next exec makes it forget that.
                 exec("")
-    except ArithmeticError as error:
-        say(f"Error: a number is too large or too small to compute with ({error}); check the values of the options.")
-    except MemoryError:
-        say("Error: not enough memory; use fewer or longer steps, or a shorter run.")
     except SAID as error:
-        say(f"Error: {clean(str(error), None)}")
+        if len(words) < len(sys.argv) - 1:
+            traceback.print_exc()
+        elif isinstance(error, ArithmeticError):
+            say(f"Error: a number is too large or too small to compute with ({error}); check the values of the "
+                "options.")
+        elif isinstance(error, MemoryError):
+            say("Error: not enough memory; use fewer or longer steps, or a shorter run.")
+        else:
+            say(f"Error: {clean(str(error), None)}")
     else:
         return
     sys.exit(2)
 
 
 def _version(wanted: bool) -> None:
-    """Print the version and exit, if ``--version`` is given."""
+    """Print the version, with a digest of the sources, and exit, if ``--version`` is given."""
     if wanted:
-        from pendulum_env.common.version import __version__
-
-        print(f"lab-pendulum {__version__}")
+        print(f"lab-pendulum {__version__}, sources {sources()}")
         raise typer.Exit
+
+
+def sources() -> str:
+    """Return a digest of the packages' Python files, by which two installations of a version can be told apart."""
+    digest = sha256()
+    root = Path(__file__).parents[2]
+    for path in sorted(path for name in ("integrators", "pendulum_env") for path in (root / name).rglob("*.py")):
+        digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes().replace(b"\r\n", b"\n"))
+    return digest.hexdigest()[:12]
 
 
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and stop.")
+        bool, typer.Option("--version", callback=_version, is_eager=True,
+                           help="Print the version and a digest of the sources, and stop.")
     ] = False,
     debug: Annotated[
-        bool, typer.Option("--debug", help="Show the traceback of an error, as in lab-pendulum --debug fit FILE.")
+        bool, typer.Option(DEBUG, help="Show the traceback of an error in place of a sentence, before or behind a "
+                           "command.")
     ] = False,
 ) -> None: ...
 

@@ -4,28 +4,30 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_table, print_text
-from pendulum_env.cli.options import Damping, SceneName, Settings, scene_of
+from pendulum_env.cli.options import scene_of
 
 
 def auto(
-    scene: SceneName = "lab",
-    accuracy: Annotated[float, typer.Option(help="Largest allowed error of the angle in an episode, in rad.")] = 1e-6,
-    damping: Damping = "scene",
-    dt: Annotated[float, typer.Option(help="Control step in s.")] = 0.02,
-    steps: Annotated[int, typer.Option(help="Number of control steps in an episode.")] = 500,
+    scene: options.SceneName = "lab",
+    accuracy: Annotated[float, options.number("Largest allowed error of the angle in an episode, in rad.")] = 1e-6,
+    damping: options.Damping = "scene",
+    control_step: Annotated[float, options.number("Control step in s.")] = 0.02,
+    duration: options.Duration = 10.0,
     recalibrate: Annotated[
-        bool, typer.Option("--recalibrate", help="Measure the time of steps on this computer, and store it.")
-    ] = False,
-    settings: Settings = None,
+        bool, options.flag("Measure the time of steps on this computer, and store it.", "--recalibrate")] = False,
+    settings: options.Settings = None,
 ) -> None:
     """Choose the cheapest method and substeps for an accuracy, as integrator="auto" does, and give the reasons."""
     from pendulum_env.auto.choice import choose
+    from pendulum_env.engine.starts import checked_steps
+    from pendulum_env.physics.units import number
 
     place = scene_of(scene, damping, settings)
+    steps = checked_steps(number(duration, "duration", above=0.0, unit="s"),
+                          number(control_step, "--control-step", above=0.0, unit="s"))
     with bar("auto") as progress:
-        choice = choose(place, accuracy, dt, steps, recalibrate=recalibrate, progress=progress)
+        choice = choose(place, accuracy, control_step, steps, recalibrate=recalibrate, progress=progress)
     print_text(f"{place.name}: {place.equation()}\n{choice.why}")
     print_table(choice.ranking)

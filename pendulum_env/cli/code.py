@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
-from pendulum_env.cli.options import Damping, SceneName, Settings, scene_of
+from pendulum_env.cli import options
+from pendulum_env.cli.options import one_method, scene_of
 
 
 def code(
-    scene: SceneName = "exercise_large",
-    integrator: Annotated[
-        str, typer.Option("--integrator", "-i", help="Name of a method (lab-pendulum list integrators).")
-    ] = "symplectic_euler",
+    scene: options.SceneName = "exercise_large",
+    integrators: options.Integrators = ["symplectic_euler"],
     language: Annotated[
-        str, typer.Option(help="plain: a loop as a student would write it; engine: the program that the engine runs; "
-                          "javascript: that program as a JavaScript module.")
-    ] = "plain",
-    damping: Damping = "scene",
-    settings: Settings = None,
+        str, options.word("plain: a loop as a student would write it; engine: the program that the engine runs; "
+                          "javascript: that program as a JavaScript module.")] = "plain",
+    damping: options.Damping = "scene",
+    settings: options.Settings = None,
 ) -> None:
     """Print the program of a scene and an integrator: a plain loop with NumPy and Matplotlib that runs as it is.
 
@@ -28,4 +24,4 @@ def code(
     """
     from pendulum_env.engine.code import code as program
 
-    print(program(scene_of(scene, damping, settings), integrator, language), end="")
+    print(program(scene_of(scene, damping, settings), one_method(integrators), language), end="")

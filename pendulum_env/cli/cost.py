@@ -6,21 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
-from pendulum_env.cli.options import (
-    Angle,
-    Damping,
-    Duration,
-    Out,
-    SceneName,
-    Settings,
-    Svg,
-    Velocity,
-    radians,
-    scene_of,
-)
+from pendulum_env.cli.options import scene_of
 
 if TYPE_CHECKING:
     from pendulum_env.physics.scene import Scene
@@ -28,33 +16,29 @@ if TYPE_CHECKING:
 
 
 def cost(
-    scene: SceneName = "lab",
-    integrators: Annotated[
-        str | None, typer.Option(help="Names of methods, with commas; by default all suitable ones.")
-    ] = None,
-    damping: Damping = "scene",
-    angle: Angle = None,
-    velocity: Velocity = None,
-    duration: Duration = 20.0,
-    repeats: Annotated[int, typer.Option(help="Number of timings of each run; the shortest counts.")] = 5,
+    scene: options.SceneName = "lab",
+    integrators: options.IntegratorsOrNone = None,
+    damping: options.Damping = "scene",
+    angle: options.AngleOrNone = None,
+    velocity: options.Velocity = None,
+    duration: options.Duration = 20.0,
+    repeats: Annotated[int, options.count("Number of timings of each run; the shortest counts.")] = 5,
     resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted study from its files in the output folder.")
-    ] = False,
-    scheduler: Annotated[str | None, typer.Option(help="Run on a Dask cluster, scheduler tcp://HOST:PORT.")] = None,
+        bool, options.flag("Continue an interrupted study from its files in the output folder.", "--resume")] = False,
+    scheduler: Annotated[str | None, options.option("Run on a Dask cluster, scheduler tcp://HOST:PORT.")] = None,
     growth: Annotated[
-        float | None, typer.Option(help="Also measure the growth of errors over this many periods, as in --growth 1e5.")
+        float | None, options.number("Also measure the growth of errors over this many periods, as in --growth 1e5.")
     ] = None,
-    svg: Svg = False,
-    out: Out = Path("out/cost"),
-    settings: Settings = None,
+    svg: options.Svg = False,
+    out: options.Out = Path("out/cost"),
+    settings: options.Settings = None,
 ) -> None:
     """Draw a work-precision diagram, error against time, of the methods on a scene, and recommend methods.
 
-    Methods run with many steps and, if they estimate their error, with many tolerances. Each measurement is stored in
-    cost.jsonl in the output folder: --resume continues an interrupted study; without it, the study starts from the
-    beginning.
+    By default all methods that fit the scene are studied. Methods run with many steps and, if they estimate their
+    error, with many tolerances. Each measurement is stored in cost.jsonl in the output folder: --resume continues an
+    interrupted study; without it, the study starts from the beginning.
     """
-    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.physics.units import number
     from pendulum_env.study.cost.files import JOURNAL, write
     from pendulum_env.study.cost.points import recommendations
@@ -63,13 +47,11 @@ def cost(
     from pendulum_env.study.sweep.cluster import executor_at
 
     place = scene_of(scene, damping, settings)
-    names = None if integrators is None else [name for part in integrators.split(",") if (name := part.strip())]
     periods = None if growth is None else number(growth, "--growth", least=1.0, unit="periods")
-    checked_folder(out)
     if periods is not None:
-        planned(place, names, angle=radians(angle), velocity=velocity, periods=periods)
+        planned(place, integrators, angle=angle, velocity=velocity, periods=periods)
     with executor_at(scheduler) as executor, bar("cost") as progress:
-        study = run(place, names, angle=radians(angle), velocity=velocity, duration=duration, repeats=repeats,
+        study = run(place, integrators, angle=angle, velocity=velocity, duration=duration, repeats=repeats,
                     executor=executor, file=out / JOURNAL, resume=resume, progress=progress)
     if not study.points:
         raise KeyboardInterrupt
@@ -77,7 +59,7 @@ def cost(
     grown = None
     try:
         if study.complete and periods is not None:
-            grown = measure_growth(place, names, radians(angle), velocity, periods, out, svg)
+            grown = measure_growth(place, integrators, angle, velocity, periods, out, svg)
     finally:  # whatever becomes of the second study, the first one's results are printed
         print_text(f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}")
         if not study.complete:

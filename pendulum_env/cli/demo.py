@@ -3,32 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_text
-from pendulum_env.cli.options import Out
 from pendulum_env.common.progress import Progress
 
 WIDTH = 78
 """Largest number of characters in a line of the tour."""
-FURTHER = (
-    ("lab-pendulum compare", "more integrators on more scenes, side by side"),
-    ("lab-pendulum cost", "work-precision diagrams of all methods"),
-    ("lab-pendulum stress", "hard cases with known results"),
-    ("lab-pendulum effects", "which effects matter in a scene"),
-    ("lab-pendulum exercise", "the lab exercise as one report, to hand in"),
-    ("lab-pendulum fit FILE", "fit your own recording"),
-    ("lab-pendulum record", "films of other runs"),
-    ("lab-pendulum list", "scenes, integrators, effects, bodies, tasks"),
-)
-"""Commands to try after the tour, and their purposes."""
 
 
 def demo(
-    film: Annotated[bool, typer.Option(help="Film the last chapter.")] = True,
-    out: Out = Path("out/demo"),
+    film: options.Film = True,
+    out: options.Out = Path("out/demo"),
 ) -> None:
     """Show the package in two minutes: print, plot and film one story, from three Euler methods to a swing-up."""
     from pendulum_env.study.demo.tour import Chapter
@@ -48,6 +34,4 @@ def demo(
         print("")
         print_text(f"Wrote {', '.join(str(path) for path in chapter.files)}\n", WIDTH)
         print("")
-    print("Further commands:\n")
-    for command, purpose in FURTHER:
-        print(f"  {command:23} {purpose}")
+    print("Further commands: lab-pendulum help")

@@ -5,47 +5,39 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_text
-from pendulum_env.cli.options import Out, Reading, recording_of
+from pendulum_env.cli.options import recording_of
 
 if TYPE_CHECKING:
     from integrators.families.own_step import OwnStep
 
 
 def exercise(
-    recording: Annotated[
-        Path | None, typer.Option(help="File of a sensor's recording of a free swing; by default a simulated one.")
-    ] = None,
-    period: Annotated[float | None, typer.Option(help="Period of small swings in s, measured by hand.")] = None,
-    period_error: Annotated[
-        float | None, typer.Option(help="Error of the period in s; by default half a unit of its last digit.")
-    ] = None,
-    length: Annotated[float | None, typer.Option(help="Distance from the pivot to the ball's centre, in m.")] = None,
-    length_error: Annotated[
-        float | None, typer.Option(help="Error of the length in m; by default half a unit of its last digit.")
-    ] = None,
-    mass: Annotated[float | None, typer.Option(help="Mass of the ball in kg.")] = None,
-    radius: Annotated[float | None, typer.Option(help="Radius of the ball in m.")] = None,
-    name: Annotated[str, typer.Option(help="The student's name, printed on every page.")] = "",
-    key: Annotated[bool, typer.Option("--key", help="Fill the blanks with the answers, for the teacher.")] = False,
-    step: Annotated[
+    recording: options.File = None,
+    period: Annotated[float | None, options.number("Period of small swings in s, measured by hand.")] = None,
+    period_error: Annotated[float | None, options.number("Error of the period in s.")] = None,
+    length: options.Length = None,
+    length_error: options.LengthError = None,
+    mass: options.Mass = None,
+    radius: options.Radius = None,
+    name: Annotated[str, options.option("The student's name, printed on every page.")] = "",
+    key: Annotated[bool, options.flag("Fill the blanks with the answers, for the teacher.", "--key")] = False,
+    own_step: Annotated[
         Path | None,
-        typer.Option(help="Python file of your own step, which runs beside the three Euler methods: its lines, as "
-                          "theta = theta + omega*dt, or def step(theta, omega, dt, acceleration)."),
-    ] = None,
-    out: Out = Path("out/exercise"),
-    read: Reading = None,
+        options.option("Python file of your own step, which runs beside the three Euler methods: its lines, as "
+                       "theta = theta + omega*dt, or def step(theta, omega, dt, acceleration).")] = None,
+    out: options.Out = Path("out/exercise"),
+    read: options.Reading = None,
 ) -> None:
     """Answer the lab exercise: one HTML report to print and hand in, its figures as PNG and SVG, its numbers as CSV.
 
-    The angular frequency comes from --recording, else from --period, else from --length and g. The damping and the
-    comparison need a recording; without --recording they use a simulated one, and every page that shows it says so.
-    Each question has a blank for the student's own words; --key fills it in for the teacher. The page keeps what is
-    typed into it, and its button Save writes that into the file. A new report in the same folder keeps saved answers.
+    The angular frequency comes from --recording, else from --period, else from --length and g; an error that is not
+    given is half a unit of the last digit. The damping and the comparison need a recording; without --recording they
+    use a simulated one, and every page that shows it says so. Each question has a blank for the student's own words;
+    --key fills it in for the teacher. The page keeps what is typed into it, and its button Save writes that into the
+    file. A new report in the same folder keeps saved answers.
     """
-    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.exercise.answers import earlier
     from pendulum_env.exercise.given import Given
     from pendulum_env.exercise.report import REPORT, named, need_jinja, write
@@ -53,11 +45,10 @@ def exercise(
 
     need_jinja()
     kept = earlier(out / REPORT, named(name), key)
-    checked_folder(out)
     data = recording_of(recording, read) if recording is not None or read else None
     given = Given.of(recording=data, period=period, period_error=period_error, length=length,
                      length_error=length_error, mass=mass, radius=radius)
-    own = None if step is None else step_in(step)
+    own = None if own_step is None else step_in(own_step)
     with bar("exercise") as progress:
         worked = work_out(given, lambda done, text: progress(0.3 * done, text), step=own)
         paths = write(worked, out, name=name, key=key, progress=lambda done, text: progress(0.3 + 0.7 * done, text))

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, say, shown_if_refused
-from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Settings, Svg, Until, recording_of
+from pendulum_env.cli.options import recording_of
 
 if TYPE_CHECKING:
     from pendulum_env.common.progress import Progress
@@ -25,68 +26,57 @@ def fit(
         typer.Argument(metavar="[FILE]...", help="Recording: a text file of times and angles, or of a track; by "
                        "default a simulated one. Several logs of driven runs are fitted together."),
     ] = None,
-    effects: Annotated[
-        str,
-        typer.Option("--effects", "--damping", help="Dampings to fit, as quadratic+coulomb; auto tries all sums."),
-    ] = "auto",
-    scene: Annotated[
-        str | None, typer.Option(help="Preset or JSON file of a scene with body and medium; by default a bob in air.")
-    ] = None,
-    length: Annotated[float | None, typer.Option(help="Measured distance from pivot to bob's centre, in m.")] = None,
-    length_error: Annotated[
-        float | None, typer.Option(help="Error of the measured length, in m; the fitted length is compared with it.")
-    ] = None,
-    mass: Annotated[float | None, typer.Option(help="Mass of the bob in kg.")] = None,
-    radius: Annotated[float | None, typer.Option(help="Radius of the bob in m.")] = None,
-    suspension: Annotated[str | None, typer.Option(help="Suspension of the bob: rod or wire.")] = None,
+    effects: Annotated[str, options.word("Dampings to fit, as quadratic+coulomb; auto tries all sums.")] = "auto",
+    scene: options.SceneOrNone = None,
+    length: options.Length = None,
+    length_error: options.LengthError = None,
+    mass: options.Mass = None,
+    radius: options.Radius = None,
+    suspension: Annotated[str | None, options.word("Suspension of the bob: rod or wire.")] = None,
     free: Annotated[
         str | None,
-        typer.Option(help="Parameters to fit besides damping: length (by default) or gravity, inertia or centre of a "
-                     "measured body, the sensor's scale; '' for none.")
-    ] = None,
-    unit: Annotated[str | None, typer.Option(help="Unit of the angles: deg or rad; by default inferred.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Readings per second, in place of a column of times.")] = None,
-    scale: Annotated[str | None, typer.Option(help="Factor for the file's angles, as 0.99 or 360/4096.")] = None,
-    oscillations: Annotated[
-        int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
-    ] = None,
+        options.option("Parameters to fit besides damping: length (by default) or gravity, inertia or centre of a "
+                       "measured body, the sensor's scale; '' for none.")] = None,
+    unit: Annotated[str | None, options.word("Unit of the angles: deg or rad; by default inferred.")] = None,
+    rate: Annotated[float | None, options.number("Readings per second, in place of a column of times.")] = None,
+    scale: Annotated[str | None, options.option("Factor for the file's angles, as 0.99 or 360/4096.")] = None,
+    oscillations: options.Oscillations = None,
     posterior: Annotated[
-        bool, typer.Option("--posterior", help="Also sample the posterior distribution of the parameters (emcee).")
-    ] = False,
-    steps: Annotated[int | None, typer.Option(help="Steps of the posterior's 32 walkers; by default 1500.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the posterior's random numbers; by default 0.")] = None,
+        bool, options.flag("Also sample the posterior distribution of the parameters (emcee).", "--posterior")] = False,
+    walker_steps: Annotated[
+        int | None, options.count("Steps of the posterior's 32 walkers; by default 1500.")] = None,
+    seed: Annotated[int | None, options.count("Seed of the posterior's random numbers; by default 0.")] = None,
     prior: Annotated[
         list[str] | None,
-        typer.Option(help="Prior of a parameter, as length=0.64:0.66, gamma=log:0.01:0.1, length=normal:0.65:0.01.")
+        options.option("Prior of a parameter, as length=0.64:0.66, gamma=log:0.01:0.1, length=normal:0.65:0.01.")
     ] = None,
-    columns: Columns = None,
-    until: Until = None,
-    above: Above = None,
-    drop: Drop = None,
+    columns: options.Columns = None,
+    until: options.Until = None,
+    above: options.Above = None,
+    drop: options.Drop = None,
     robust: Annotated[
-        bool, typer.Option("--robust", help="Let readings that are far off count less (soft L1).")
-    ] = False,
+        bool, options.flag("Let readings that are far off count less (soft L1).", "--robust")] = False,
     action: Annotated[
         str | None,
-        typer.Option(help="Column of the action in logs of driven runs, by name or number; by default as titled.")
+        options.option("Column of the action in logs of driven runs, by name or number; by default as titled.")
     ] = None,
-    torque: Annotated[str | None, typer.Option(help="Column of the torque in logs of driven runs.")] = None,
-    current: Annotated[str | None, typer.Option(help="Column of the motor's current in logs of driven runs.")] = None,
-    svg: Svg = False,
-    out: Out = Path("out/fit"),
-    settings: Settings = None,
-    read: Reading = None,
+    torque: Annotated[str | None, options.option("Column of the torque in logs of driven runs.")] = None,
+    current: Annotated[str | None, options.option("Column of the motor's current in logs of driven runs.")] = None,
+    svg: options.Svg = False,
+    out: options.Out = Path("out/fit"),
+    settings: options.Settings = None,
+    read: options.Reading = None,
 ) -> None:
     """Fit a recording of a free swing: period and decay with errors, and the scene and damping that match it.
 
     Release and equilibrium are determined from the recording, and every inferred setting is printed. The quantities of
     the lab sheet are measured first: period, amplitudes, decay, length. Then the whole trajectory is fitted; with auto,
-    by every damping. The report, the tables and scene.json, which gym.make and compare accept, are written to the
+    by every damping; without --scene, for a bob in air. A measured length with its error is compared with the fitted
+    one. The report, the tables and scene.json, which gym.make and compare accept, are written to the
     output folder. With --posterior, posterior.csv, posterior.npz and the corner figure are written, too. Logs of driven
     runs, with an action, torque or current beside the angle, are fitted for motor, friction, delay and sensor.
     """
     from pendulum_env.cli.driven import fit_logs, is_driven_fit
-    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.lab.checked import check_half_turn, side
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.fit import planned
@@ -109,8 +99,8 @@ def fit(
     if is_driven_fit(files or (), drive):
         free_swing = {"scene": scene, "length": length, "length-error": length_error, "radius": radius, "free": free,
                       "suspension": suspension, "rate": rate, "scale": scale, "oscillations": oscillations,
-                      "posterior": posterior or None, "steps": steps, "seed": seed, "prior": prior, "columns": columns,
-                      "until": until, "above": above, "drop": drop, "robust": robust or None,
+                      "posterior": posterior or None, "walker-steps": walker_steps, "seed": seed, "prior": prior,
+                      "columns": columns, "until": until, "above": above, "drop": drop, "robust": robust or None,
                       "effects": None if effects == "auto" else effects}
         if unused := [f"--{name}" for name, value in free_swing.items() if value is not None]:
             raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
@@ -120,14 +110,13 @@ def fit(
     if files is not None and len(files) > 1:
         raise SceneError("Several files are fitted together only if they are logs of driven runs; give one recording.")
     file = files[0] if files else None
-    options = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
-    known = _known({name: value for name, value in options.items() if value is not None}, settings)
+    measures = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
+    known = _known({name: value for name, value in measures.items() if value is not None}, settings)
     if length_error is not None and "length" not in known:
         raise SceneError("--length-error needs --length; give the measured length.")
     if length_error is not None:
         number(length_error, "--length-error", above=0.0, unit="m")
-    sampling = _sampling(posterior, steps, seed, prior)
-    checked_folder(out)
+    sampling = _sampling(posterior, walker_steps, seed, prior)
     part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
     given = {"unit": unit, "rate": rate, "scale": scale, "columns": columns, "until": until,
@@ -151,7 +140,7 @@ def fit(
         sheet, no_sheet = side("the lab sheet", measured) if oscillations is None else (measured(), "")
 
     def show_measured() -> None:
-        print_text(data.text)
+        print_text(data.text if file is not None else f"{options.SIMULATED}\n{data.text}")
         if sheet is not None:
             print_table(sheet.table, "the lab sheet")
             print_text(sheet.text)
@@ -203,15 +192,14 @@ def _sampling(
     from pendulum_env.physics.damping import typed
     from pendulum_env.physics.units import SceneError, shown, whole_number
 
-    given = {"steps": steps, "seed": seed, "priors": prior or None}
-    for name, value in given.items():
+    for name, value in {"walker-steps": steps, "seed": seed, "prior": prior or None}.items():
         if value is not None and not posterior:
-            raise SceneError(f"--{name.removesuffix('s') if name == 'priors' else name} needs --posterior.")
+            raise SceneError(f"--{name} needs --posterior.")
     if not posterior:
         return None
     needs_emcee()
     if steps is not None:
-        whole_number(steps, "--steps")
+        whole_number(steps, "--walker-steps")
     priors = {}
     for text in prior or ():
         name, mark, form = text.partition("=")
@@ -241,13 +229,13 @@ def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> Non
             say(f"Warning: {warning.message}")
 
 
-def _known(options: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:
+def _known(measures: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:
     """Return the scene's parameters from options and from --set; SceneError for a parameter given twice."""
     from pendulum_env.physics.damping import parse_settings
     from pendulum_env.physics.units import SceneError
 
     more = parse_settings(settings or ())
-    for name in options:
+    for name in measures:
         if name in more:
             raise SceneError(f"{name} is given twice, by --{name} and by --set.")
-    return {**options, **more}
+    return {**measures, **more}

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from pendulum_env.cli.console import print_table, print_text, terminal_width
-from pendulum_env.cli.options import Damping, scene_of
+from pendulum_env.cli import options
+from pendulum_env.cli.console import print_table, print_text, printable, terminal_width
+from pendulum_env.cli.options import scene_of
 
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
+LINES = 3
+"""Largest number of lines for each list when all are printed on one screen."""
+SCREEN = 80
+"""Width for which a list is made that fits one screen, if the terminal's width is unknown."""
 
 
 def list_(
     what: Annotated[
-        str | None, typer.Argument(help="scenes, integrators, effects, bodies, tasks, events, formats; all by default.")
+        str | None, typer.Argument(help="scenes, integrators, effects, bodies, tasks, events, formats; all by default.",
+                                   callback=options.lower)
     ] = None,
-    scene: Annotated[
-        str | None, typer.Option(help="Describe this scene or, after integrators, list those suitable for it.")
-    ] = None,
-    damping: Damping = "scene",
-    csv: Annotated[bool, typer.Option(help="Print CSV, with all columns.")] = False,
-    markdown: Annotated[bool, typer.Option(help="Print tables in Markdown.")] = False,
+    scene: options.SceneOrNone = None,
+    damping: options.Damping = "scene",
+    whole: Annotated[bool, options.flag("Print lists in full, with descriptions and sources.", "--all")] = False,
+    csv: Annotated[bool, options.flag("Print CSV, with all columns.", "--csv")] = False,
+    markdown: Annotated[bool, options.flag("Print tables in Markdown.", "--markdown")] = False,
 ) -> None:
-    """List scenes, integrators, effects, bodies, tasks, events, and formats of recordings.
+    """List scenes, integrators, effects, bodies, tasks, events, and formats of recordings, on one screen.
 
-    --scene describes one scene or shows which integrators suit it.
+    --all prints more. --scene describes one scene or, after integrators, lists those that suit it.
     """
+    from integrators import METHODS
+    from pendulum_env.physics.effects import EFFECTS
     from pendulum_env.physics.units import SceneError, shown
-    from pendulum_env.study.lists.tables import TABLES, find_table, integrators_data
+    from pendulum_env.study.lists import effects, methods
+    from pendulum_env.study.lists.tables import TABLES, brief, find_table, integrators_data, names_of
 
     if csv and markdown:
         raise SceneError("--csv and --markdown cannot be combined; leave one of them out.")
@@ -40,33 +46,22 @@ def list_(
     if scene is not None and (what not in ("integrators", "scenes") or csv or markdown):
         either = " or ".join(f"lab-pendulum list {name} --scene {shown(scene)}" for name in ("integrators", "scenes"))
         raise SceneError(f"--scene works for two lists, without --csv or --markdown: {either}.")
+    width = terminal_width(SCREEN)
     for name in TABLES if what is None else (what,):
         if scene is not None:
-            print_scene(name, scene_of(scene, damping, None))
-        elif name in ("integrators", "effects") and not (csv or markdown):
-            print_listing(name)
+            place = scene_of(scene, damping, None)
+            print_text(place.describe() if name == "scenes" else methods.fit_listing(place, terminal_width(), whole))
         elif csv:
             print((integrators_data() if name == "integrators" else find_table(name)).csv(), end="")
         elif markdown:
             print(f"### {name}\n\n{find_table(name).markdown()}\n")
+        elif not whole:
+            print(printable(names_of(name, width, LINES) if what is None else brief(name, width)))
+        elif name == "integrators":
+            print(methods.listing(METHODS.values(), terminal_width()))
+        elif name == "effects":
+            print(effects.listing(EFFECTS.values(), terminal_width()))
         else:
             print_table(find_table(name), name)
-
-
-def print_listing(name: str) -> None:
-    """Print the list of all integrators or all effects, fitted to the terminal's width."""
-    from integrators import METHODS
-    from pendulum_env.physics.effects import EFFECTS
-    from pendulum_env.study.lists import effects as effect_list
-    from pendulum_env.study.lists import methods as method_list
-
-    width = terminal_width()
-    print(effect_list.listing(EFFECTS.values(), width) if name == "effects" else
-          method_list.listing(METHODS.values(), width))
-
-
-def print_scene(name: str, scene: Scene) -> None:
-    """Print a description of a scene or, if ``name`` is "integrators", which integrators suit it and why."""
-    from pendulum_env.study.lists.methods import fit_listing
-
-    print_text(fit_listing(scene, terminal_width()) if name == "integrators" else scene.describe())
+    if scene is None and not (whole or csv or markdown):
+        print(f"More: lab-pendulum list {what or 'scenes'}{' --all' if what else ', or --all of all lists'}")

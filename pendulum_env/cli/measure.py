@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
+from pendulum_env.cli import options
 from pendulum_env.cli.console import print_files, print_table, print_text, shown_if_refused
-from pendulum_env.cli.options import Above, Columns, Drop, Out, Reading, Until, recording_of
+from pendulum_env.cli.options import recording_of
 
 
 def measure(
@@ -17,30 +18,28 @@ def measure(
         typer.Argument(help="Recording of a swing, or states, passages or periods of a photogate; by default a "
                             "simulated recording."),
     ] = None,
-    length: Annotated[float | None, typer.Option(help="Measured distance from pivot to bob's centre, in m.")] = None,
-    length_error: Annotated[float | None, typer.Option(help="Error of the measured length, in m.")] = None,
-    gravity: Annotated[float | None, typer.Option(help="Gravity in m/s²; by default 9.81.")] = None,
-    radius: Annotated[float | None, typer.Option(help="Radius of the bob in m, for the Reynolds number.")] = None,
-    oscillations: Annotated[
-        int | None, typer.Option(help="Number of oscillations over which the period is measured; by default all.")
-    ] = None,
+    length: options.Length = None,
+    length_error: options.LengthError = None,
+    gravity: Annotated[float | None, options.number("Gravity in m/s²; by default 9.81.")] = None,
+    radius: options.Radius = None,
+    oscillations: options.Oscillations = None,
     states: Annotated[
-        str | None, typer.Option(help="Rows of a file with gate states: changes of the beam, or readings of it; by "
-                                 "default inferred.")
-    ] = None,
-    columns: Columns = None,
-    until: Until = None,
-    above: Above = None,
-    drop: Drop = None,
-    out: Out = Path("out/measure"),
-    read: Reading = None,
+        str | None, options.word("Rows of a file with gate states: changes of the beam, or readings of it; by "
+                                 "default inferred.")] = None,
+    columns: options.Columns = None,
+    until: options.Until = None,
+    above: options.Above = None,
+    drop: options.Drop = None,
+    out: options.Out = Path("out/measure"),
+    read: options.Reading = None,
 ) -> None:
     """Measure a free swing: period, amplitudes, decay, length and Reynolds number, with errors.
 
     Files of photogates give the period, the period at small amplitude and the length. With --length, both kinds of file
-    give gravity, too, and a sentence if that cannot be. measured.csv has value, error and unit of each quantity.
+    give gravity, too, and a sentence if that cannot be; with --radius, swings give the Reynolds number. measured.csv
+    has value, error and unit of each quantity.
     """
-    from pendulum_env.common.provenance import checked_folder, output_folder, provenance, write_csv
+    from pendulum_env.common.provenance import output_folder, provenance, write_csv
     from pendulum_env.common.warn import warn
     from pendulum_env.lab.gates import is_gate, measure_gate
     from pendulum_env.lab.sheet import measure as run
@@ -53,7 +52,6 @@ def measure(
         number(length_error, "--length-error", above=0.0, unit="m")
     given: dict[str, Any] = {name: value for name, value in (("length", length), ("gravity", gravity))
                              if value is not None}
-    checked_folder(out)
     choice = {"columns": columns, "until": until, "drop": ",".join(drop) if drop else None}
     chosen = bool(read) or above is not None or any(value is not None for value in choice.values())
     if file is not None and not chosen and is_gate(file):
@@ -76,7 +74,7 @@ def measure(
             warn(sentence)
         path = output_folder(out) / "measured.csv"
         write_csv(path, sheet.numbers.head, sheet.numbers.rows, provenance(notes=list(data.notes)))
-        print_text(data.text)
+        print_text(data.text if file is not None else f"{options.SIMULATED}\n{data.text}")
         print_table(sheet.table, "the lab sheet")
         print_text(sheet.text)
     print_files([path])

@@ -1,75 +1,184 @@
-"""Options that several commands share, and the conversion of their values."""
+"""Options that several commands share, each declared once: name, short form, type, unit, help; and their conversion.
+
+A command gives its parameter one of the types below, as in ``angle: options.Angle = None``, and receives the converted
+value: radians, lists of names, folders that can be written. An option means the same in every command that has it.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import os
+import re
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pendulum_env.common.checks import shown
+
 if TYPE_CHECKING:
     from pendulum_env.lab.recording import Recording
     from pendulum_env.physics.scene import Scene
 
-SceneName = Annotated[str, typer.Option(help="Preset (lab-pendulum list scenes) or a scene's JSON file.")]
-Damping = Annotated[str, typer.Option(help="scene, none, linear, linear+quadratic, linear:gamma=0.1, ...")]
-Angle = Annotated[float | None, typer.Option(help="Release angle in degrees; by default the scene's.")]
-Velocity = Annotated[float | None, typer.Option(help="Release velocity in rad/s; by default the scene's.")]
-Step = Annotated[float | None, typer.Option(help="The integrator's step in s; by default the scene's.")]
-Duration = Annotated[float | None, typer.Option(help="Length of the run in s; if no default is shown, the scene's.")]
-Out = Annotated[Path, typer.Option(help="Folder for the files.")]
-Svg = Annotated[bool, typer.Option("--svg", help="Also write figures as SVG.")]
-Theme = Annotated[str, typer.Option(help="Colours of the frames: light or dark.")]
-Panels = Annotated[
-    str, typer.Option(help="Parts of the frames: any of apparatus, energy, history, phase, residual, with commas.")
-]
-Rtol = Annotated[float | None, typer.Option(help="Relative tolerance; adaptive methods choose their steps within dt.")]
-Atol = Annotated[float | None, typer.Option(help="Absolute tolerance; by default equal to --rtol.")]
-Settings = Annotated[list[str] | None, typer.Option("--set", help="A scene's parameter, as in --set length=0.5.")]
-Reading = Annotated[
-    list[str] | None,
-    typer.Option("--read", help="A keyword of Recording.read for the recording's file, as in --read scale=0.99."),
-]
-Columns = Annotated[
-    str | None, typer.Option(help="Columns to read, by number from 1 or by name, as time=2,angle=5; angle may be rate "
-                             "(angular velocity), acceleration, or x and y of a track.")
-]
-Until = Annotated[float | None, typer.Option(help="Time in the file, in s, after which readings are left out.")]
-Above = Annotated[
-    str | None, typer.Option(help="Share of the first amplitude, as 5%, below which swings are left out.")
-]
-Drop = Annotated[
-    list[str] | None, typer.Option(help="Times in the file, in s, between which readings are left out, as 12.5:13.1.")
-]
-
-
+SIMULATED = "No recording is given, so the simulated one of the package is used."
+"""Sentence of commands that take a recording, for a run without one."""
 ROUND = 0.05
 """Largest distance from a multiple of 5 degrees of an angle that was rounded to two or more digits [degrees]."""
 
 
-def radians(degrees: float | None) -> float | None:
-    """Convert degrees to radians as :func:`angle_in_radians` does; None stays None."""
-    return None if degrees is None else angle_in_radians(degrees)
+def option(text: str, *names: str, **more: Any) -> Any:
+    """Return an option with a help text; its names, if others than that of the parameter, and more as typer has it."""
+    return typer.Option(*names, help=text, **more)
 
 
-def angle_in_radians(degrees: float) -> float:
-    """Convert an angle of an option to radians.
+def flag(text: str, name: str) -> Any:
+    """Return an option that takes no value; its name is given, as typer would add its opposite, --no-name."""
+    return typer.Option(name, help=text)
+
+
+def number(text: str, **more: Any) -> Any:
+    """Return an option for a number."""
+    return typer.Option(help=text, parser=_float, **more)
+
+
+def count(text: str) -> Any:
+    """Return an option for a whole number."""
+    return typer.Option(help=text, parser=_int)
+
+
+def word(text: str, *names: str) -> Any:
+    """Return an option for a word in any case."""
+    return typer.Option(*names, help=text, callback=lower)
+
+
+def words(text: str, *names: str, **more: Any) -> Any:
+    """Return an option for several words in any case, with commas, or with the option repeated."""
+    return typer.Option(*names, help=f"{text}, with commas, or repeat the option.", callback=_split, **more)
+
+
+def _float(text: Any) -> float:
+    """Return the number in the text of an option; raise typer's error, which quotes it, for another text."""
+    try:
+        return float(text)
+    except ValueError:
+        pointed = re.fullmatch(r"[+-]?\d+,\d+", text)
+        remedy = f"; write {text.replace(',', '.')}" if pointed else ", as 0.5 is"
+        raise typer.BadParameter(f"{shown(text)} is not a number{remedy}.") from None
+
+
+def _int(text: Any) -> int:
+    """Return the whole number in the text of an option; raise typer's error, which quotes it, for another text."""
+    try:
+        return int(text)
+    except ValueError:
+        raise typer.BadParameter(f"{shown(text)} is not a whole number, as 100 is.") from None
+
+
+def lower(value: str | None) -> str | None:
+    """Return a word in lower case."""
+    return None if value is None else value.lower()
+
+
+def _split(values: Sequence[str] | None) -> list[str] | None:
+    """Return the names in texts with commas, in lower case; a text that is a file's path is one name, as it stands."""
+    if not values:
+        return None
+    return [name for text in values for name in (
+        [text] if os.path.isfile(text) else [_scene(part.strip()) for part in text.split(",")])]
+
+
+def _scene(name: Any) -> Any:
+    """Return a name in lower case; None, and the path of a scene's file, as they stand."""
+    return name if name is None or name.endswith(".json") else name.lower()
+
+
+def _folder(path: Path | None) -> Path | None:
+    """Return a folder for files after checking that it can be written; it is made with the first file."""
+    from pendulum_env.common.provenance import checked_folder
+
+    return None if path is None else checked_folder(path)
+
+
+def _degrees(value: float | None) -> float | None:
+    """Return an angle of the command line, in degrees, in radians.
 
     Warn if the number, taken as radians, is a multiple of 5 degrees, as 0.0873 is.
     """
-    meant = math.degrees(degrees)
-    if abs(degrees) < math.tau and abs(meant - 5.0 * round(meant / 5.0)) < ROUND and abs(meant) > 1.0:
+    if value is None:
+        return None
+    meant = math.degrees(value)
+    if abs(value) < math.tau and abs(meant - 5.0 * round(meant / 5.0)) < ROUND and abs(meant) > 1.0:
         from pendulum_env.common.warn import warn
 
-        warn(f"Angles on the command line are in degrees: {degrees:g} rad would be {5 * round(meant / 5.0)} degrees.")
-    return math.radians(degrees)
+        warn(f"Angles on the command line are in degrees: {value:g} rad would be {5 * round(meant / 5.0)} degrees.")
+    return math.radians(value)
 
 
-def split(names: str) -> list[str]:
-    """Return the names in a text, which are separated by commas, as a list."""
-    return [name.strip() for name in names.split(",")]
+def degrees(text: str) -> Any:
+    """Return an option for an angle in degrees, which the command receives in radians."""
+    return number(text, callback=_degrees)
+
+
+def _names(module: str, registry: str) -> Callable[[str], list[str]]:
+    """Return the function by which a shell completes the last of several names, those of a registry in a module."""
+    def complete(incomplete: str) -> list[str]:
+        start, comma, last = incomplete.rpartition(",")
+        return [f"{start}{comma}{name}" for name in getattr(import_module(module), registry)
+                if name.startswith(last.lower())]
+
+    return complete
+
+
+_SCENES = {"autocompletion": _names("pendulum_env.physics.presets", "SCENES")}
+_METHODS = {"autocompletion": _names("integrators", "METHODS")}
+_ONE = option("Preset (lab-pendulum list scenes) or a scene's JSON file.", callback=_scene, **_SCENES)
+_SEVERAL = words("Presets (lab-pendulum list scenes) or JSON files", "--scene", **_SCENES)
+_NAMES = words("Names of methods (lab-pendulum list integrators)", "--integrators", "-i", **_METHODS)
+_ANGLE = number("Release angle in degrees; if no default is shown, the scene's.", callback=_degrees)
+_OUT = option("Folder for the files.", "--out", "-o", callback=_folder)
+
+SceneName = Annotated[str, _ONE]
+SceneOrNone = Annotated[str | None, _ONE]
+SceneNames = Annotated[list[str], _SEVERAL]
+SceneNamesOrNone = Annotated[list[str] | None, _SEVERAL]
+Integrators = Annotated[list[str], _NAMES]
+IntegratorsOrNone = Annotated[list[str] | None, _NAMES]
+Damping = Annotated[str, word("scene, none, linear, linear+quadratic, linear:gamma=0.1, ...")]
+Settings = Annotated[list[str] | None, option("A scene's parameter, as in --set length=0.5.", "--set")]
+Angle = Annotated[float, _ANGLE]
+AngleOrNone = Annotated[float | None, _ANGLE]
+Velocity = Annotated[float | None, number("Release velocity in rad/s; by default the scene's.")]
+Step = Annotated[float | None, number("The integrator's step in s; by default the scene's.")]
+Duration = Annotated[float | None, number("Length of the run in s; if no default is shown, the scene's.")]
+Rtol = Annotated[float | None, number("Relative tolerance; adaptive methods choose their steps within dt.")]
+Atol = Annotated[float | None, number("Absolute tolerance; by default equal to --rtol.")]
+Out = Annotated[Path, _OUT]
+OutOrNone = Annotated[Path | None, _OUT]
+OutFile = Annotated[Path, option("The file.", "--out", "-o")]
+Svg = Annotated[bool, flag("Also write figures as SVG.", "--svg")]
+Film = Annotated[bool, option("Make the film.")]
+Theme = Annotated[str, word("Colours of the frames: light or dark.")]
+Panels = Annotated[
+    list[str], words("Parts of the frames, any of apparatus, energy, history, phase, residual", "--panels")]
+File = Annotated[Path | None, option("File of a sensor's recording of a free swing.")]
+Reading = Annotated[
+    list[str] | None,
+    option("A keyword of Recording.read for the recording's file, as in --read scale=0.99.", "--read")]
+Columns = Annotated[
+    str | None, option("Columns to read, by number from 1 or by name, as time=2,angle=5; angle may be rate (angular "
+                       "velocity), acceleration, or x and y of a track.")]
+Until = Annotated[float | None, number("Time in the file, in s, after which readings are left out.")]
+Above = Annotated[str | None, option("Share of the first amplitude, as 5%, below which swings are left out.")]
+Drop = Annotated[
+    list[str] | None, option("Times in the file, in s, between which readings are left out, as 12.5:13.1.")]
+Length = Annotated[float | None, number("Measured distance from pivot to bob's centre in m.")]
+LengthError = Annotated[float | None, number("Error of the measured length in m.")]
+Mass = Annotated[float | None, number("Mass of the bob in kg.")]
+Radius = Annotated[float | None, number("Radius of the bob in m.")]
+Oscillations = Annotated[
+    int | None, count("Number of oscillations over which the period is measured; by default all.")]
 
 
 def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
@@ -105,6 +214,15 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
     if file is None:
         raise SceneError("--read needs a recording; give a file.")
     return Recording.read(file, **given)
+
+
+def one_method(names: Sequence[str]) -> str:
+    """Return the one method that is named; SceneError for several."""
+    from pendulum_env.physics.units import SceneError
+
+    if len(names) > 1:
+        raise SceneError(f"This command runs one integrator, not {', '.join(names)}; name one.")
+    return names[0]
 
 
 def given_by_user(context: typer.Context, *names: str) -> list[str]:

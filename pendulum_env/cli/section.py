@@ -6,62 +6,58 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
-from pendulum_env.cli.options import Angle, Damping, Out, SceneName, Settings, Svg, Velocity, radians, scene_of
+from pendulum_env.cli.options import one_method, scene_of
 
 if TYPE_CHECKING:
     from pendulum_env.study.section import Basins, Section
 
 
 def section(
-    scene: SceneName = "chaotic",
-    integrator: Annotated[str, typer.Option(help="Name of the method.")] = "rk4",
-    damping: Damping = "scene",
+    scene: options.SceneName = "chaotic",
+    integrators: options.Integrators = ["rk4"],
+    damping: options.Damping = "scene",
     event: Annotated[
-        str | None, typer.Option(help="Where points are recorded: period (the default), bottom, top or turning.")
-    ] = None,
-    phase: Annotated[float | None, typer.Option(help="Phase of the drive in degrees, for period, 0 by default")] = None,
+        str | None, options.word("Where points are recorded: period (the default), bottom, top or turning.")] = None,
+    phase: Annotated[
+        float | None, options.degrees("Phase of the drive in degrees, for period; 0 by default.")] = None,
     over: Annotated[
-        str | None, typer.Option(help="A bifurcation diagram over a parameter, as in drive_torque=1.06:1.087:600.")
+        str | None, options.option("A bifurcation diagram over a parameter, as in drive_torque=1.06:1.087:600.")
     ] = None,
     basins: Annotated[
-        int | None, typer.Option(help="Basins of attraction of this many starts along each side, as in 300.")
-    ] = None,
+        int | None, options.count("Basins of attraction of this many starts along each side, as in 300.")] = None,
     velocities: Annotated[
-        str | None, typer.Option(help="Lowest and highest starting velocity of --basins, as in -2:4; -3:3 by default.")
+        str | None, options.option("Lowest and highest starting velocity of --basins, as in -2:4; -3:3 by default.")
     ] = None,
-    points: Annotated[int | None, typer.Option(help="Number of points, over all runs; 100000 by default.")] = None,
+    points: Annotated[int | None, options.count("Number of points, over all runs; 100000 by default.")] = None,
     transient: Annotated[
-        int | None, typer.Option(help="Periods of the drive before the first point of a run: 100, with --over 500.")
+        int | None, options.count("Periods of the drive before the first point of a run: 100, with --over 500.")
     ] = None,
-    steps: Annotated[int, typer.Option(help="Steps per period of the drive.")] = 200,
-    angle: Angle = None,
-    velocity: Velocity = None,
-    svg: Svg = False,
-    out: Out = Path("out/section"),
-    settings: Settings = None,
+    steps_per_period: Annotated[int, options.count("Steps per period of the drive.")] = 200,
+    angle: options.AngleOrNone = None,
+    velocity: options.Velocity = None,
+    svg: options.Svg = False,
+    out: options.Out = Path("out/section"),
+    settings: options.Settings = None,
 ) -> None:
     """Draw a Poincaré section of a driven scene, a bifurcation diagram (--over), or basins of attraction (--basins).
 
     The section is that of many runs from angles spread over a turn; with --over one run for each value starts from
     --angle and --velocity. Writes a figure and a CSV table.
     """
-    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study import section as room
 
     place = scene_of(scene, damping, settings)
-    shared = given(integrator=integrator, steps=steps, transient=transient)
-    of_points = given(event=event, phase=None if phase is None else math.radians(phase), points=points,
-                      over=None if over is None else _values(over), angle=radians(angle), velocity=velocity)
+    shared = given(integrator=one_method(integrators), steps=steps_per_period, transient=transient)
+    of_points = given(event=event, phase=phase, points=points,
+                      over=None if over is None else _values(over), angle=angle, velocity=velocity)
     of_starts = given(velocities=None if velocities is None else _pair(velocities))
     if basins is not None and of_points:
         raise SceneError(f"--{next(iter(of_points))} and --basins cannot be combined; leave one of them out.")
     if basins is None and of_starts:
         raise SceneError("--velocities is for --basins; give the number of starts along each side, as in --basins 300.")
-    checked_folder(out)
     result: Section | Basins
     with bar("section") as progress:
         if basins is not None:

@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from pendulum_env.cli.console import bar, say
-from pendulum_env.cli.options import (
-    Angle,
-    Damping,
-    Panels,
-    SceneName,
-    Settings,
-    Step,
-    Theme,
-    Velocity,
-    radians,
-    scene_of,
-    split,
-)
+from pendulum_env.cli import options
+from pendulum_env.cli.console import bar, print_text
 from pendulum_env.window.controls import METHOD_KEYS, keys_in_words
 
 if TYPE_CHECKING:
@@ -49,48 +36,48 @@ LONGEST = 1.0
 
 
 def show(
-    scene: SceneName = "lab",
-    integrators: Annotated[
-        list[str], typer.Option("--integrators", "--integrator", "-i",
-                                help="Names of methods, with commas: up to 6 side by side under one clock.")
-    ] = ["rk4"],  # noqa: B006
-    damping: Damping = "scene",
-    angle: Angle = None,
-    velocity: Velocity = None,
-    dt: Step = None,
-    size: Annotated[
-        str | None, typer.Option(help=f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
+    scene: options.SceneName = "lab",
+    integrators: options.Integrators = ["rk4"],
+    damping: options.Damping = "scene",
+    angle: options.AngleOrNone = None,
+    velocity: options.Velocity = None,
+    dt: options.Step = None,
+    window: Annotated[
+        str | None, options.option(f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
     ] = None,
-    theme: Theme = "light",
-    panels: Panels = "apparatus,energy,phase",
-    out: Annotated[Path, typer.Option(help="Folder for the pictures that the key P saves.")] = Path("out/show"),
-    settings: Settings = None,
+    theme: options.Theme = "light",
+    panels: options.Panels = ["apparatus", "energy", "phase"],
+    out: options.Out = Path("out/show"),
+    settings: options.Settings = None,
 ) -> None:
-    """Show pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
+    """Show up to 6 pendulums in a window: drag a bob, push it with the arrow keys, change method and step, stop times.
 
     {keys}
 
-    The methods of the keys 1 to 5 are compiled before the window opens, once for each scene.
+    The methods of the keys 1 to 5 are compiled before the window opens, once for each scene. Here --set takes the
+    settings of gym.make, too, as in --set action_noise=0.1.
     """
     from pendulum_env.engine.starts import checked_start
+    from pendulum_env.envs.settings import split_settings
+    from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
     from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
-    names = split(",".join(integrators))
-    bench = Bench(scene_of(scene, damping, settings), names, dt, theme, split(panels))
-    run, released = bench.scene.run, radians(angle)
-    checked_start(bench.scene, run.angle if released is None else released,
+    more, own = split_settings(parse_settings(settings or ()), Bench.CHOSEN)
+    bench = Bench(build_scene(scene, parse_damping(damping), own), integrators, dt, theme, panels, more)
+    run = bench.scene.run
+    checked_start(bench.scene, run.angle if angle is None else angle,
                   run.velocity if velocity is None else velocity)
-    pixels = _window_size((ONE if len(names) == 1 else SEVERAL) if size is None else size)
+    pixels = _window_size((ONE if len(bench.envs) == 1 else SEVERAL) if window is None else window)
     if not seen():
         raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
     bench.prepare()
-    window = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
-    window.folder = out
+    live = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
+    live.folder = out
     try:
-        bench.play(window, released, velocity)
+        bench.play(live, angle, velocity)
     finally:
-        window.close()
+        live.close()
 
 
 show.__doc__ = cleandoc(show.__doc__ or "").replace("{keys}", f"\b\n{keys_in_words()}")
@@ -104,23 +91,28 @@ def _window_size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"\s*(\d{1,5})\s*(?:[xX]\s*(\d{1,5})\s*)?", text)
     width, height = (int(found[1]), int(found[2] or found[1])) if found else (0, 0)
     if not SMALLEST <= min(width, height) <= max(width, height) <= LARGEST:
-        raise SceneError(f"--size must be {SMALLEST} to {LARGEST} pixels, as in 1600x900 or 700, not {shown(text)}.")
+        raise SceneError(f"--window must be {SMALLEST} to {LARGEST} pixels, as in 1600x900 or 700, not {shown(text)}.")
     return width, height
 
 
 class Bench:
     """Pendulums of one scene with different methods, which start together, take the same steps and meet the same gusts.
 
-    Raises SceneError or MethodError for invalid arguments.
+    ``more`` are other settings of the environments, such as ``action_noise``. Raises SceneError or MethodError for
+    invalid arguments.
     """
 
+    CHOSEN = ("scene", "integrator", "damping", "dt", "task", "render_mode", "render_size", "render_theme",
+              "render_panels")
+    """Settings of the environments that the command's other options give."""
+
     def __init__(self, scene: Scene, integrators: Sequence[str], dt: float | None, theme: str, panels: Sequence[str],
-                 ) -> None:
+                 more: Mapping[str, Any] = MappingProxyType({})) -> None:
         from pendulum_env.engine.machine import find_method
         from pendulum_env.engine.starts import none_twice
         from pendulum_env.physics.units import SceneError
 
-        self.scene, self.theme, self.panels = scene, theme, panels
+        self.scene, self.theme, self.panels, self.more = scene, theme, panels, more
         self.dt = scene.run.dt if dt is None else dt
         if len(integrators) > MOST:
             raise SceneError(f"A window shows 1 to {MOST} integrators, not {len(integrators)}.")
@@ -133,8 +125,8 @@ class Bench:
         """Return the environment of one pendulum with the present step."""
         from pendulum_env.envs.env import LabPendulumEnv
 
-        return LabPendulumEnv(self.scene, integrator, dt=self.dt, task="free", render_mode="rgb_array",
-                              render_theme=self.theme, render_panels=self.panels)
+        return LabPendulumEnv(self.scene, integrator=integrator, dt=self.dt, task="free", render_mode="rgb_array",
+                              render_theme=self.theme, render_panels=self.panels, **self.more)
 
     def prepare(self) -> None:
         """Compile the methods of the keys 1 to 5 and those of the pendulums, with a progress bar.
@@ -209,7 +201,7 @@ class Bench:
                     if over:
                         self.over[place] = True
                         why = f"{env.integrator} stopped at {info['time']:g} s: {info['stop_reason']}"
-                        say(f"{why}.")
+                        print_text(f"{why}.")
             window.present()
             if all(self.over):
                 window.restart()

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
-from pendulum_env.cli.options import Out, Svg, given_by_user
+from pendulum_env.cli.options import given_by_user
 
 
 def stress(
     context: typer.Context,
-    scene: Annotated[str | None, typer.Option(help="Run only the hard cases of this scene.")] = None,
-    integrators: Annotated[str | None, typer.Option(help="Names of methods, with commas; by default all.")] = None,
+    scene: options.SceneOrNone = None,
+    integrators: options.IntegratorsOrNone = None,
     cases: Annotated[
-        list[str] | None, typer.Option(help="A hard case or group; repeat the option for more; by default all short.")
-    ] = None,
-    long: Annotated[bool, typer.Option("--long", help="Also run the hard cases that take long.")] = False,
+        list[str] | None,
+        options.option("A hard case or group; repeat the option for more; by default all short.")] = None,
+    long: Annotated[bool, options.flag("Also run the hard cases that take long.", "--long")] = False,
     show: Annotated[
-        bool, typer.Option("--list", help="Only list the cases: why each is hard, the true result and its source.")
-    ] = False,
-    svg: Svg = False,
-    out: Out = Path("out/stress"),
+        bool, options.flag("Only list the cases: why each is hard, the true result and its source.", "--list")] = False,
+    svg: options.Svg = False,
+    out: options.OutOrNone = None,
 ) -> None:
     """Run hard cases with known true results with every method; the outcomes are a matrix, PNG and CSV.
+
+    The folder is out/stress. --scene runs only the cases of that scene.
 
     accurate: the error is as small as the method's order allows. stable: bounded and of the right kind, not accurate.
     diverged: the run stopped and reported it, with its last finite state. refused: the scene lacks a function that the
@@ -38,18 +38,17 @@ def stress(
     from pendulum_env.hard_cases.run import stress as run
     from pendulum_env.physics.units import SceneError
 
-    names = _split(integrators)
     if show:
         if unused := given_by_user(context, "integrators", "svg", "out"):
             raise SceneError(f"--list runs no method and writes no file; leave out --{unused[0]}.")
         print_text(listing(chosen_cases(cases, scene, long)))
         return
-    checked_folder(out)
+    folder = checked_folder(out or "out/stress")
     with bar("stress") as progress:
-        matrix = run(cases, names, scene=scene, long=long, progress=progress)
+        matrix = run(cases, integrators, scene=scene, long=long, progress=progress)
     if not matrix.entries:
         raise KeyboardInterrupt
-    paths = write(matrix, out, svg)
+    paths = write(matrix, folder, svg)
     print_table(matrix.table, "outcome of every method in every case")
     print_text(matrix.text)
     print_files(paths)
@@ -57,8 +56,3 @@ def stress(
         raise KeyboardInterrupt
     if matrix.failures:
         raise typer.Exit(1)
-
-
-def _split(names: str | None) -> Sequence[str] | None:
-    """Return the names in a text, which are separated by commas, as a list; None for None."""
-    return None if names is None else [name for part in names.split(",") if (name := part.strip())]

@@ -132,7 +132,7 @@ def one_of(value: Any, name: str, allowed: Iterable[str]) -> str:
     return value
 
 
-def truth(value: Any, name: str) -> bool:
+def boolean(value: Any, name: str) -> bool:
     """Return a value after checking that it is True or False; raises SceneError otherwise."""
     checked = value.item() if getattr(value, "shape", None) == () else value
     if not isinstance(checked, bool):
@@ -194,8 +194,18 @@ def naming_keywords(function: Callable[..., Any]) -> Iterator[None]:
         raise UnknownParameterError(message, error.given) from None
 
 
+MOST_NAMES = 12
+"""Largest number of allowed names that an error message lists."""
+
+
 def nearest(name: Any, known: Iterable[str]) -> str:
-    """Return the end of an error message on an unknown name: similar names if there are any, else all allowed names."""
-    names = list(known)
-    near = difflib.get_close_matches(name[:LONGEST] if isinstance(name, str) else "", names, n=3, cutoff=0.5)
-    return f"; did you mean {' or '.join(near)}?" if near else f"; there are {', '.join(names)}."
+    """Return the end of an error message on an unknown name: up to three similar names, else all allowed names.
+
+    If there are more than 12 names (MOST_NAMES), only the first three are given.
+    """
+    names, text = list(known), name[:LONGEST].lower() if isinstance(name, str) else ""
+    if near := difflib.get_close_matches(text, names, n=3, cutoff=0.5):
+        return f"; did you mean {' or '.join(near)}?"
+    if len(names) <= MOST_NAMES:
+        return f"; there are {', '.join(names)}."
+    return f"; there are {len(names)}, such as {', '.join(names[:3])}."

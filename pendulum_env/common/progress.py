@@ -76,7 +76,8 @@ def _ignore(_done: float, _activity: str) -> None:
 def progress_bar(title: str, begun: float | None = None) -> Iterator[Progress]:
     """Show a progress bar; yield its callback. ``begun`` is the time at which the work began, by default now [s].
 
-    In a terminal the bar is on standard error and disappears at the end; in a notebook it becomes a line with the time.
+    In a terminal the bar is on standard error and disappears at the end; in a notebook it becomes a line with the time;
+    elsewhere, as in a pipe, nothing is shown.
     """
     if in_notebook():
         with notebook_bar(title, time.monotonic() if begun is None else begun) as tell:
@@ -87,7 +88,8 @@ def progress_bar(title: str, begun: float | None = None) -> Iterator[Progress]:
     from rich.progress import Progress as Bar
 
     columns = (TextColumn(title), BarColumn(), TextColumn("{task.description}"), TimeRemainingColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    console = Console(stderr=True)
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda done, activity: bar.update(task, completed=done, description=activity)
 

@@ -24,10 +24,10 @@ from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.layout import BLOCK, aligned
 from pendulum_env.engine.machine import TWO_PI, check_diagnostics, checked_tolerance, find_method
 from pendulum_env.engine.pieces import Pace
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import SLACKENED, STATE
-from pendulum_env.engine.streams import Streams
-from pendulum_env.engine.team import Team
+from pendulum_env.engine.spinning import SpinningPool
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.random import started
 from pendulum_env.physics.scene import Scene
@@ -211,20 +211,20 @@ class Blocks:
         marks = self.get(SLACKENED[0])
         return float(np.min(marks[marks > 0.0])) if marks.any() else 0.0
 
-    def state(self, place: int, names: Sequence[str], blocks: Array | None = None) -> list[float]:
-        """Return the state of environment number ``place`` in the form of a Machine's state, with energies set to 0.
+    def state(self, index: int, names: Sequence[str], blocks: Array | None = None) -> list[float]:
+        """Return the state of environment number ``index`` in the form of a Machine's state, with energies set to 0.
 
         ``names`` are the names of the entries in a Machine's state, ``blocks`` a copy of the blocks to read in place of
         the present ones.
         """
         fields = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
-        at = np.array([place])
+        at = np.array([index])
         own = [fields.get(name, name) for name in names]
         return [float(self.get(name, at, blocks)[0]) if name in self.layout.fields else 0.0 for name in own]
 
-    def kept(self, place: int) -> list[float]:
+    def kept(self, index: int) -> list[float]:
         """Return the last finite state of one environment: steps taken, angle [rad], turns, velocity [rad/s]."""
-        return self.state(place, FIELD_OF)
+        return self.state(index, FIELD_OF)
 
     def angles(self) -> Array:
         """Return the unwrapped angles of all environments [rad], shape ``(size,)``."""
@@ -367,30 +367,31 @@ class Batch(Blocks):
         at_once = short and self._compiled and len(self._scratch) == 1
         self._usual = (self._state, self._scratch[0], 0, len(self._state), self.size, self.h, substeps, substeps,
                        self._bound) if at_once else ()
-        self._team: Team | None = None
+        self._pool: SpinningPool | None = None
 
     def reuse(self, into: Results) -> None:
-        """Have all steps write to these results, so that threads whose number was given can share them as a team.
+        """Have all steps write to these results, so that threads whose number was given can share them
+        as a spinning pool.
 
-        A team has at most one thread for each core, and no part in adaptive steps; see
-        :mod:`pendulum_env.engine.team`.
+        Such a pool has at most one thread for each core, and no part in adaptive steps; see
+        :mod:`pendulum_env.engine.spinning`.
         """
         fits = self._compiled and not self.tolerance and 1 < len(self._scratch) <= threads.cores()
         if fits and self._threads_given:
             self._reused = into
 
-    def _as_team(self, action: NDArray[np.float32], into: Results) -> int:
-        """Take one control step by the threads of a team; return what the program returns."""
-        team = self._team
-        if team is None or not team.here:
+    def _in_pool(self, action: NDArray[np.float32], into: Results) -> int:
+        """Take one control step by a spinning pool; return what the program returns."""
+        pool = self._pool
+        if pool is None or not pool.here:
             substeps = self.substeps
-            team = self._team = Team(self.program, self._backend, self._state, self._scratch, (
+            pool = self._pool = SpinningPool(self.program, self._backend, self._state, self._scratch, (
                 self.size, self.h, substeps, substeps, self._bound, *into, *self._shared))
-        return team.step(action)
+        return pool.step(action)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the attributes to pickle; the threads of a team are started again when they are needed."""
-        return {**super().__getstate__(), "_team": None}
+        """Return the attributes to pickle; the threads of a spinning pool are started again when they are needed."""
+        return {**super().__getstate__(), "_pool": None}
 
     def vary(self, names: Iterable[str]) -> None:
         """Give every environment its own value of the numbers ``names``; see :meth:`Blocks.vary`."""
@@ -416,7 +417,7 @@ class Batch(Blocks):
         if self._usual:
             found: int = self.call(*self._usual, action, *into, *self._shared)
         elif into is self._reused and self.substeps <= self._at_once and action.dtype == SINGLE:
-            found = self._as_team(action, into)
+            found = self._in_pool(action, into)
         elif 0 in np.isfinite(action).tobytes():  # quicker than all() for small arrays
             return False
         else:

@@ -38,7 +38,7 @@ from pendulum_env.engine.shape import (
     joined,
 )
 from pendulum_env.engine.source import Plain, arguments
-from pendulum_env.engine.stages import TURNED, Stage, Value
+from pendulum_env.engine.stages import TURNED, StageValue, StepStage
 
 REFUSED = -1
 """Returned by a program that has found an action which is not finite."""
@@ -102,9 +102,9 @@ def _advance(layout: Layout, vectors: bool) -> str:
     """
     unsure = f" & (stop != {UNSURE}.0)" if layout.shape.slack else ""
     loops, calls, step = [], [], [advanced(layout.shape)]
-    for number, stage in enumerate(layout.division.stages):
+    for number, stage in enumerate(layout.schedule.stages):
         taken = [f"{name} = {layout.between(name)}" for name in stage.taken]
-        if number == len(layout.division.stages) - 1:
+        if number == len(layout.schedule.stages) - 1:
             step = [*taken, *stage.lines, *checked(layout.shape)]
             continue
         loops.append(block_loop(f"stage_{number}", joined(layout.step_arguments), layout, [
@@ -128,7 +128,7 @@ def _advance(layout: Layout, vectors: bool) -> str:
     ]
     last = block_loop("advance_block", joined(layout.step_arguments), layout, lines, calls, vectors=vectors)
     back = [MOVE_BACK] if layout.histories else []
-    return "\n\n".join([*_between(layout), *layout.division.functions, *loops, last, *back])
+    return "\n\n".join([*_between(layout), *layout.schedule.functions, *loops, last, *back])
 
 
 MOVE_BACK = f"""@separate
@@ -148,12 +148,12 @@ def _moved_back(layout: Layout, away: str, depth: int) -> list[str]:
                    for names in layout.histories], depth)
 
 
-def _values(layout: Layout, stage: Stage) -> list[tuple[str, str]]:
+def _values(layout: Layout, stage: StepStage) -> list[tuple[str, str]]:
     """Return the calls that compute the values after a stage: names of functions in BETWEEN, and the call's arguments.
 
     A sine and a cosine of one angle are computed by one call.
     """
-    together: dict[tuple[str, ...], list[Value]] = {}
+    together: dict[tuple[str, ...], list[StageValue]] = {}
     for value in sorted(stage.values, key=lambda value: value.function):
         alike = "" if value.function in TURNED else value.function
         together.setdefault((value.argument, alike, *value.constants), []).append(value)
@@ -175,7 +175,7 @@ def _between(layout: Layout) -> list[str]:
     """
     m, y, low = (f"o[i + U({place})]" for place in layout.reduced)
     texts = []
-    for names in sorted({names for stage in layout.division.stages for names, _ in _values(layout, stage)}):
+    for names in sorted({names for stage in layout.schedule.stages for names, _ in _values(layout, stage)}):
         functions, constants = names.split(), ("exponent",) if names == "power" else ()
         results = [f"to_{name}" for name in functions]
         if functions[0] in TURNED:

@@ -41,13 +41,13 @@ from pendulum_env.engine.machine import (
     Machine,
     check_diagnostics,
 )
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import Rollout
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import DIVERGED, HOLD, STOP_REASONS
-from pendulum_env.engine.streams import Streams
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import truth
+from pendulum_env.physics.units import boolean
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -81,7 +81,7 @@ def checked_estimate(diagnostics: Sequence[str], asked: Any) -> tuple[tuple[str,
     Errors are estimated if ``asked``, the argument estimate_error, is True or if ``diagnostics`` contains "error".
     """
     names = check_diagnostics(diagnostics)
-    return tuple(name for name in names if name != "error"), truth(asked, "estimate_error") or "error" in names
+    return tuple(name for name in names if name != "error"), boolean(asked, "estimate_error") or "error" in names
 
 
 # --- single runs ----------------------------------------------------------------------------------------------------
@@ -182,8 +182,8 @@ class CertifiedMachine(Machine):
             except BaseException:
                 state[:] = earlier
                 raise
-            for place in self._unread:
-                half[place] = 0.0
+            for entry in self._unread:
+                half[entry] = 0.0
             state[own : 2 * own] = half
         low, high, fastest, before = (float(value) for value in state[2 * own :])
         angles, velocities = zip(*(motion_of(values) for values in (full, half)), strict=True)
@@ -193,18 +193,13 @@ class CertifiedMachine(Machine):
             if self._estimator is None or self._estimator.h != h:
                 self._estimator = estimator_of(self, h)
             error, _, trusted = self._estimator(index, angles, velocities, high - low, fastest, min, max, math.sqrt)
-        for place, value in enumerate((low, high, fastest, error if trusted else math.inf), 2 * own):
-            state[place] = value
+        for entry, value in enumerate((low, high, fastest, error if trusted else math.inf), 2 * own):
+            state[entry] = value
         return code
 
     def _with_estimate(self, values: list[float]) -> dict[str, float]:
         """Return the entries of the environment's ``info`` for a state, with the error estimate added."""
         return {**self._info_of_state(values), ESTIMATE: values[-1]}
-
-
-def machine_class(diagnostics: Sequence[str]) -> type[Machine]:
-    """Return the class that simulates one environment: Machine, or CertifiedMachine with the diagnostic "error"."""
-    return CertifiedMachine if "error" in check_diagnostics(diagnostics) else Machine
 
 
 # --- many -------------------------------------------------------------------------------------------------------------
@@ -245,18 +240,18 @@ class CertifiedBatch(Batch):
         own = self.motion()
         after = np.ceil(own[0])
         short = np.flatnonzero((own[0] > before) & (own[0] < before + self.substeps))
-        alone = {place: self._by_itself(self._half, place, action, int(after[place] - before[place]))
-                 for place in map(int, short)}
-        for place in map(int, np.flatnonzero(own[0] < after)):
-            steps = int(after[place] - before[place])
-            for values, value in zip(own, self._by_itself(self, place, action, steps, earlier), strict=True):
-                values[place] = value
+        alone = {index: self._by_itself(self._half, index, action, int(after[index] - before[index]))
+                 for index in map(int, short)}
+        for index in map(int, np.flatnonzero(own[0] < after)):
+            steps = int(after[index] - before[index])
+            for values, value in zip(own, self._by_itself(self, index, action, steps, earlier), strict=True):
+                values[index] = value
         self._half.go_on()
         self._half.step(action, self._unread)
         half = self._half.motion()
-        for place, motion in alone.items():
+        for index, motion in alone.items():
             for values, value in zip(half, motion, strict=True):
-                values[place] = value
+                values[index] = value
         good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
         self._judge(np.arange(self.size), own, half, good)
         into.info[self._row] = self._estimate
@@ -306,7 +301,7 @@ class CertifiedBatch(Batch):
         self._estimate[which] = errors[0, 0, which]
 
     def _by_itself(
-        self, batch: Batch, place: int, action: NDArray[np.floating[Any]], steps: int, blocks: Array | None = None
+        self, batch: Batch, index: int, action: NDArray[np.floating[Any]], steps: int, blocks: Array | None = None
     ) -> tuple[float, float, float]:
         """Return step count, angle and velocity that one environment would have if it had not stopped early.
 
@@ -318,21 +313,15 @@ class CertifiedBatch(Batch):
             self._alone = Machine(self._scene, self.method, self.diagnostics, "python",
                                   compensated=self.compensated,
                                   rtol=self.tolerance.get("rtol"), atol=self.tolerance.get("atol"))
-        machine, at, parts = self._alone, np.array([place]), batch.substeps // self.substeps
+        machine, at, parts = self._alone, np.array([index]), batch.substeps // self.substeps
         values = {**dict(zip(machine.numbers, machine.parameters, strict=True)), **self._half_numbers,
                   HOLD[0]: float(batch.substeps), **batch.tolerance}
         parameters = [float(self._half.get(name, at)[0]) if name in self._half.layout.varying else float(values[name])
                       for name in machine.numbers]
-        state = batch.state(place, machine.names, blocks)
-        control = max(-1.0, min(1.0, float(action[place])))
+        state = batch.state(index, machine.names, blocks)
+        control = max(-1.0, min(1.0, float(action[index])))
         machine.run(state, parameters, control, batch.h, 1, parts * steps, math.inf, NOWHERE, UNSEEN.copy())
         return (float(state[INDEX]), *motion_of(state))
-
-
-def batch_class(diagnostics: Sequence[str]) -> type[Batch]:
-    """Return the class that simulates a vector of environments: CertifiedBatch with the diagnostic "error", else Batch.
-    """
-    return CertifiedBatch if "error" in check_diagnostics(diagnostics) else Batch
 
 
 class CertifiedRuns(Runs):

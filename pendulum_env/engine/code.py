@@ -52,9 +52,9 @@ def code(
     a program that cannot be translated to JavaScript, such as one that calls a step of your own in Python.
     """
     one_of(language, "language", LANGUAGES)
-    place = build_scene(scene, damping, {})
-    method, names = find_method(integrator, place), check_diagnostics(diagnostics)
+    built = build_scene(scene, damping, {})
+    method, names = find_method(integrator, built), check_diagnostics(diagnostics)
     if language == "plain":
-        return plain_program(place, method)
-    generated = program(place, method, names)
+        return plain_program(built, method)
+    generated = program(built, method, names)
     return javascript(generated) if language == "javascript" else generated.text

@@ -25,8 +25,7 @@ from numba.core.runtime import rtsys
 
 from pendulum_env.common.warn import warn_once
 from pendulum_env.engine.lanes import width
-from pendulum_env.engine.llvm import CALL, Program, instructions
-from pendulum_env.engine.pairs import paired
+from pendulum_env.engine.llvm import CALL, LlvmProgram, instructions
 from pendulum_env.engine.source import TEXT
 
 __all__ = ["Entry", "Inlined", "Separate", "load_array_functions", "rebuilt", "stored"]
@@ -115,15 +114,12 @@ class _Unoptimised(_Optimised):
 def _rewritten(function: Callable[..., Any], given: Sequence[Any], features: str) -> Iterator[Any]:
     """Give a function of a program whose arithmetic is written as instructions, for arguments of these types, and for
     a processor with these features.
-
-    In runs of one pendulum, sums of long Taylor series are paired.
     """
     names = function.__globals__
     if TEXT not in names:
         yield function
         return
-    text = paired(names[TEXT]) if function.__name__ == "run" else names[TEXT]
-    program = Program(text, function.__name__, given, width(features))
+    program = LlvmProgram(names[TEXT], function.__name__, given, width(features))
     rest: dict[str, Any] = {"__name__": names["__name__"], CALL: instructions}
     exec(compile(program.text, function.__code__.co_filename, "exec"), rest)
     try:

@@ -139,9 +139,9 @@ class Each:
             in_groups(self._size, fill)
             for name, column in self._one_by_one(few, None).items():
                 columns.setdefault(name, np.empty(self._size))[few] = column
-            for place in sorted(doubtful):
+            for index in sorted(doubtful):
                 if validity and not validity.warning:
-                    validity.look(self.of(place), (place,))
+                    validity.look(self.of(index), (index,))
         except Exception:
             return {}
         return columns
@@ -165,16 +165,16 @@ class Each:
             rows.append(built[key][1])
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
-    def _same_program(self, place: int) -> tuple[Scene, Numbers]:
-        """Return scene and program parameters of the environment with index ``place``.
+    def _same_program(self, index: int) -> tuple[Scene, Numbers]:
+        """Return scene and program parameters of the environment with index ``index``.
 
         Raises SceneError if its scene needs another generated program than that of environment 0, since all share one.
         """
-        scene = self.of(place)
+        scene = self.of(index)
         if program_parts(scene) != self._parts:
-            names = ", ".join(name for name, values in self._own.items() if values[place] != values[0])
+            names = ", ".join(name for name, values in self._own.items() if values[index] != values[0])
             raise SceneError(f"its {names} would need another program than that of the first, but all share one.")
-        return scene, self._numbers(scene, self._limit(place))
+        return scene, self._numbers(scene, self._limit(index))
 
     @property
     def alike(self) -> bool:
@@ -187,7 +187,7 @@ class Each:
         for values in self._own.values():
             if _are_numbers(values):
                 places |= dict.fromkeys((values.index(min(values)), values.index(max(values))))
-        return [self.of(place) for place in places] if self._own else [self.scene]
+        return [self.of(index) for index in places] if self._own else [self.scene]
 
     def swiftest(self) -> list[Scene]:
         """Return the scenes of :meth:`corners` and the scene with the largest angular frequency omega0 of small swings.
@@ -195,9 +195,9 @@ class Each:
         omega0 = self.numbers["omega0"]
         return [*self.corners(), *([self.of(int(np.argmax(omega0)))] if isinstance(omega0, np.ndarray) else [])]
 
-    def _limit(self, place: int) -> Any:
-        """Return the speed limit of the environment with the index ``place``."""
-        return self._limits[place] if self._limits else self._shared_limit[0]
+    def _limit(self, index: int) -> Any:
+        """Return the speed limit of the environment with the index ``index``."""
+        return self._limits[index] if self._limits else self._shared_limit[0]
 
     def _numbers(self, scene: Scene, speed_limit: Any) -> Numbers:
         """Return the numbers of one scene that a generated program for many environments takes, by name."""
@@ -205,14 +205,14 @@ class Each:
         numbers = numbers_of(scene, self._watched or scene.body.suspension == "wire")
         return {**numbers, "omega0": frequency(scene), "speed_limit": limit}
 
-    def own(self, place: int) -> Scene:
-        """Return the scene with which the environment with index ``place`` was made."""
-        return self._scene_with(place, {})
+    def own(self, index: int) -> Scene:
+        """Return the scene with which the environment with index ``index`` was made."""
+        return self._scene_with(index, {})
 
-    def of(self, place: int) -> Scene:
-        """Return the scene of the environment with index ``place``, in its present episode."""
-        return self._scene_with(place, {name: float(values[place]) for name, values in self.episode.items()
-                                        if not math.isnan(values[place])})
+    def of(self, index: int) -> Scene:
+        """Return the scene of the environment with index ``index``, in its present episode."""
+        return self._scene_with(index, {name: float(values[index]) for name, values in self.episode.items()
+                                        if not math.isnan(values[index])})
 
     # --- values for one episode -------------------------------------------------------------------------------------
 
@@ -274,20 +274,20 @@ class Each:
         except Exception:
             alone = [*range(len(which))]
         for i in alone:
-            place = int(which[i])
+            index = int(which[i])
             try:
-                scene = self._scene_with(place, {name: float(column[i]) for name, column in values.items()})
+                scene = self._scene_with(index, {name: float(column[i]) for name, column in values.items()})
                 if program_parts(scene) != self._parts:
                     raise SceneError(f"{' and '.join(values)} would need another program than that of the environment.")
             except SceneError as error:
-                raise SceneError(f"In {self._what} {place} of {self._size}: {error}") from None
-            for name, value in self._numbers(scene, self._limit(place)).items():
+                raise SceneError(f"In {self._what} {index} of {self._size}: {error}") from None
+            for name, value in self._numbers(scene, self._limit(index)).items():
                 columns.setdefault(name, np.empty(len(which)))[i] = value
         return columns
 
-    def _scene_with(self, place: int, values: Mapping[str, float]) -> Scene:
+    def _scene_with(self, index: int, values: Mapping[str, float]) -> Scene:
         """Return the scene of one environment with other values of some parameters."""
-        return self.scene.replace(**{**{name: column[place] for name, column in self._own.items()}, **values})
+        return self.scene.replace(**{**{name: column[index] for name, column in self._own.items()}, **values})
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:

@@ -32,7 +32,7 @@ from pendulum_env.engine.source import (
     float_text,
     with_callees,
 )
-from pendulum_env.engine.stages import BETWEEN, WHOLE, divided
+from pendulum_env.engine.stages import BETWEEN, WHOLE, scheduled
 from pendulum_env.engine.subflows import sub_flows
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -119,11 +119,11 @@ def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None)
     """Return the program for blocks of environments or runs of a Problem, a scene's equation of motion with a method.
     """
     shape = problem.shape
-    division = WHOLE
+    schedule = WHOLE
     if blocks.in_stages(shape, problem.method):
         between = frozenset() if _own(problem) else BETWEEN
-        division = divided(_text(problem, ()), shape.step_results, ("h", *shape.parameters), between)
-    layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, division, _own(problem))
+        schedule = scheduled(_text(problem, ()), shape.step_results, ("h", *shape.parameters), between)
+    layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, schedule, _own(problem))
     text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())
     return BatchProgram(text, shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
                         python_functions=tuple(problem.method.python_functions.items()), own=_own(problem))

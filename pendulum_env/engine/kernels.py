@@ -225,7 +225,7 @@ def cache_folder() -> Path:
 def rewriting() -> tuple[str, ...]:
     """Return the texts of the modules that rewrite a program before it is compiled, on which its machine code depends.
     """
-    modules = ("atomic", "compiling", "lanes", "llvm", "pairs")
+    modules = ("atomic", "compiling", "lanes", "llvm")
     return tuple(Path(__file__).with_name(f"{name}.py").read_text("utf-8") for name in modules)
 
 

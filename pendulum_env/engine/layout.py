@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 from pendulum_env.engine import report
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.shape import ADAPTED, TOLERANCE, Shape, derived, indent, joined
-from pendulum_env.engine.stages import WHOLE, Division, rows_of
+from pendulum_env.engine.stages import WHOLE, Schedule, rows_of
 
 BLOCK = 176
 """Number of environments in a block: few enough for their data, some 30 kB, to stay in the cache, and a whole number of
@@ -64,7 +64,7 @@ class Layout:
         shape: interface of the program.
         varying: names of the parameters that differ between environments.
         goal: the task's functions and the form of its observation; None for runs without a task.
-        division: the parts of a step that a block takes in loops of their own.
+        schedule: the parts of a step that a block takes in loops of their own.
         own: True if effects of the scene are a user's; the compiler alone then looks for vectors.
 
     A multistep method needs values of earlier steps, such as the last 14 forces. The fields of such a *history* follow
@@ -92,7 +92,7 @@ class Layout:
     shape: Shape
     varying: frozenset[str]
     goal: Goal | None
-    division: Division = WHOLE
+    schedule: Schedule = WHOLE
     own: bool = False
 
     histories: tuple[tuple[str, ...], ...] = derived()
@@ -137,7 +137,7 @@ class Layout:
 
     def _histories(self) -> tuple[tuple[str, ...], ...]:
         """Return the fields of each history: a step copies each value from the field before it, but for the newest."""
-        copies, histories, before = dict(self.division.copies), list[tuple[str, ...]](), ""
+        copies, histories, before = dict(self.schedule.copies), list[tuple[str, ...]](), ""
         for name in self.shape.memory:
             if before and copies.get(f"{name}1") == before:
                 histories[-1] += (name,)
@@ -189,7 +189,7 @@ class Layout:
 
     @cached_property
     def _rows(self) -> dict[str, int]:
-        return rows_of(self.division.stages)
+        return rows_of(self.schedule.stages)
 
     @property
     def reduced(self) -> tuple[int, int, int]:

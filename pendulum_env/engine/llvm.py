@@ -26,9 +26,8 @@ from numba.extending import intrinsic
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine import lanes
 from pendulum_env.engine.lanes import element, spread
-from pendulum_env.engine.pairs import NAME, write_two_sums
 
-__all__ = ["CALL", "WRITTEN", "Function", "Program", "Writer", "instructions"]
+__all__ = ["CALL", "WRITTEN", "LlvmFunction", "LlvmProgram", "LlvmWriter", "instructions"]
 
 CALL = "_instructions"
 """Name of :func:`instructions` in a program."""
@@ -48,7 +47,7 @@ CHOSEN = {"max": ">", "min": "<"}
 """Functions of numbers -> how a later number must compare with the result so far to take its place, as in Python."""
 
 
-class Function(NamedTuple):
+class LlvmFunction(NamedTuple):
     """Function of a program that is written as instructions, or statements in a row that are made a function.
 
     ``results`` are the values that it returns, as a tuple or, if it is ``single``, as one value. ``kind`` is the name
@@ -63,7 +62,7 @@ class Function(NamedTuple):
     kind: str
 
 
-class Program:
+class LlvmProgram:
     """A program in two parts: ``text``, which numba compiles, and functions that :func:`instructions` writes.
 
     Args:
@@ -77,7 +76,7 @@ class Program:
         tree = parsed(text)
         self._entry, self._given, self.width = entry, given, width
         self._shapes: Mapping[str, int] = {}
-        self.functions: dict[str, Function] = {}
+        self.functions: dict[str, LlvmFunction] = {}
         self.constants: dict[str, float] = {}
         self._whole: Set[str] = frozenset()
         tree.body = [node for node in tree.body if not self._takes(node)]
@@ -112,7 +111,7 @@ class Program:
                 return True
         return False
 
-    def _function(self, node: ast.FunctionDef) -> Function | None:
+    def _function(self, node: ast.FunctionDef) -> LlvmFunction | None:
         """Return a function that can be written as instructions as a whole, else None."""
         decorators = [one.id for one in node.decorator_list if isinstance(one, ast.Name)]
         if decorators not in (["inline"], ["separate"], ["apart"]) or node.args.defaults:
@@ -128,7 +127,7 @@ class Program:
                 body, results, single = body[:-1], (value,), True
         known = {*parameters, *self.constants}
         if all(self.line(one, known) for one in body) and all(self.value(one, known) for one in results):
-            return Function(node.name, parameters, tuple(body), results, single, decorators[0])
+            return LlvmFunction(node.name, parameters, tuple(body), results, single, decorators[0])
         return None
 
     def line(self, line: ast.stmt, known: set[str]) -> bool:
@@ -161,8 +160,6 @@ class Program:
         match node:
             case ast.Tuple(elts=elements):
                 return all(self.value(one, known) for one in elements)
-            case ast.Call(func=ast.Name(id=name), args=parts) if name == NAME:
-                return all(self.values(one, known) for one in parts)
             case ast.Call(func=ast.Name(id=name)):
                 return name in self.functions and not self.functions[name].single and self._called(node, known)
         return False
@@ -299,7 +296,7 @@ def _is_whole(node: ast.expr, known: Set[str]) -> bool:
 class _Rows:
     """Replaces statements in a row by calls, in a function of which a part is left to numba."""
 
-    def __init__(self, function: ast.FunctionDef, program: Program) -> None:
+    def __init__(self, function: ast.FunctionDef, program: LlvmProgram) -> None:
         self.function, self.program, self.numbers = function, program, count()
         self.local = {parameter.arg for parameter in function.args.args}.union(_names(function, ast.Store))
         self.reads = _names(function, ast.Load)
@@ -358,7 +355,7 @@ class _Rows:
         wanted = [name for name in made if name in given or self.reads.count(name) > here.count(name)]
         name = f"_{self.function.name}_{next(self.numbers)}"
         results = tuple(ast.Name(one, ast.Load()) for one in wanted)
-        self.program.functions[name] = Function(name, tuple(given), tuple(row), results, len(wanted) == 1, "inline")
+        self.program.functions[name] = LlvmFunction(name, tuple(given), tuple(row), results, len(wanted) == 1, "inline")
         call = ast.Call(ast.Name(name, ast.Load()), [ast.Name(one, ast.Load()) for one in given], [])
         if not wanted:
             return [ast.Expr(call)]
@@ -371,8 +368,8 @@ class _Numbered(ast.NodeTransformer):
     numba, ``range(U(n))`` in place of ``lanes(n)``.
     """
 
-    def __init__(self, program: Program) -> None:
-        self.program, self.writer = program, Writer(program)
+    def __init__(self, program: LlvmProgram) -> None:
+        self.program, self.writer = program, LlvmWriter(program)
         self.numbers: dict[str, int] = {}
 
     def visit_Call(self, call: ast.Call) -> ast.expr:
@@ -393,16 +390,16 @@ class _Numbered(ast.NodeTransformer):
                         [ast.Constant(self.numbers[name]), ast.Tuple(given, ast.Load())], [])
 
 
-class Writer:
+class LlvmWriter:
     """Writes functions of a program into modules of LLVM."""
 
-    def __init__(self, program: Program) -> None:
+    def __init__(self, program: LlvmProgram) -> None:
         self.functions, self.constants, self.width = program.functions, program.constants, program.width
         self._lane: lanes.Lane | None = None
         self._results: dict[str, list[Any]] = {}
         self._trial = ir.Module()
 
-    def function(self, module: Any, function: Function, kinds: Sequence[Any]) -> Any:
+    def function(self, module: Any, function: LlvmFunction, kinds: Sequence[Any]) -> Any:
         """Return the function of a module for parameters of these types; write it, if it is not there."""
         name = f"{function.name}.{' '.join(map(str, kinds))}"
         if name in module.globals:
@@ -426,7 +423,7 @@ class Writer:
             builder.ret_void()
         return written
 
-    def results(self, function: Function, kinds: Sequence[Any]) -> list[Any]:
+    def results(self, function: LlvmFunction, kinds: Sequence[Any]) -> list[Any]:
         """Return the types of a function's results, for parameters of these types, from a trial that nothing uses."""
         name = f"trial of {function.name}.{' '.join(map(str, kinds))}"
         if name not in self._results:
@@ -435,7 +432,7 @@ class Writer:
             self._results[name] = [one.type for one in found]
         return self._results[name]
 
-    def _body(self, builder: Any, function: Function, given: Sequence[Any]) -> list[Any]:
+    def _body(self, builder: Any, function: LlvmFunction, given: Sequence[Any]) -> list[Any]:
         """Write the statements of a function and return its results."""
         values = dict(zip(function.parameters, given, strict=True))
         outside, self._lane = self._lane, None
@@ -514,11 +511,8 @@ class Writer:
 
     def _several(self, builder: Any, node: ast.expr, values: Mapping[str, Any]) -> list[Any]:
         """Write a tuple, or a call with several results, and return its values."""
-        match node:
-            case ast.Tuple(elts=elements):
-                return [self._value(builder, one, values) for one in elements]
-            case ast.Call(func=ast.Name(id=name), args=parts) if name == NAME:
-                return write_two_sums(builder, *(self._several(builder, one, values) for one in parts))
+        if isinstance(node, ast.Tuple):
+            return [self._value(builder, one, values) for one in node.elts]
         made = self._called(builder, node, values)
         return [builder.extract_value(made, place) for place in range(len(made.type.elements))]
 
@@ -644,7 +638,7 @@ def _together(builder: Any, kind: Any, values: Sequence[Any]) -> Any:
 
 
 _NUMBERS = count()
-WRITTEN: dict[int, tuple[Writer, Function]] = {}
+WRITTEN: dict[int, tuple[LlvmWriter, LlvmFunction]] = {}
 """Functions of the programs that are being compiled, by their numbers, none of which is used twice."""
 
 

@@ -30,7 +30,7 @@ from pendulum_env.physics import random
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.exact.flows import flow_of
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, one_of, several, shown, truth
+from pendulum_env.physics.units import SceneError, boolean, one_of, several, shown
 
 Array = NDArray[np.float64]
 Function = Callable[..., Any]
@@ -142,7 +142,7 @@ def checked_tolerance(method: Method, scene: Scene, rtol: float | None, atol: fl
 
 def check_even(even_steps: Any, tolerance: Mapping[str, float]) -> bool:
     """Return ``even_steps``, which must be True or False; raise MethodError if it is True without a tolerance."""
-    even = truth(even_steps, "even_steps")
+    even = boolean(even_steps, "even_steps")
     if even and not tolerance:
         raise MethodError("even_steps goes with rtol, which is missing.")
     return even

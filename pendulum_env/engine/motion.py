@@ -150,9 +150,9 @@ def trace(
             state[:] = before
             if part > 0.0:
                 machine.run(state, machine.parameters, control, part, 1, 1, math.inf, out, UNSEEN)
-            place = machine.state(end.q, end.v)
+            reached = machine.state(end.q, end.v)
             for i in (ANGLE, TURNS, VELOCITY):
-                state[i] = place[i]
+                state[i] = reached[i]
             state[INDEX] = stopped / h
             if state[INDEX] != rows[-1][INDEX]:
                 rows.append(np.array(state[: machine.width]))

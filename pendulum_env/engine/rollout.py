@@ -18,22 +18,23 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import provenance
 from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
 from pendulum_env.engine.certified import with_estimates
+from pendulum_env.engine.growing_file import GrowingFile, read
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
 from pendulum_env.engine.motion import Traced, named_events, trace
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import Rollout as Rollout
 from pendulum_env.engine.runs import Runs
+from pendulum_env.engine.settings import RunSettings, described, documented
 from pendulum_env.engine.shape import LEFT_OUT
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import check_count, npy_path
-from pendulum_env.engine.stream import Stream, read
-from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, naming_keywords, whole_number
 
 Array = NDArray[np.float64]
 
@@ -73,43 +74,26 @@ def rollout(
     """Simulate a pendulum scene from one initial condition, or a batch of runs from several.
 
     Args:
-        scene: preset name, dict, Scene, or a scene's JSON file.
-        integrator: name of a method, or a Method.
-        damping: as in :func:`pendulum_env.physics.damping.with_damping`; applied before the parameters.
+        {arguments}
         angle, velocity: initial condition [rad, rad/s]; numbers, or arrays for a batch; by default that of the scene's
             usual run.
         duration: length of the run [s], rounded up to whole steps; by default that of the usual run.
-        dt: the integrator's step [s]; by default that of the usual run.
         every: record one state per this many steps, and the last state.
         control: constant motor torque, as a fraction of its largest torque, within [-1, 1].
-        diagnostics: quantities to compute beside the motion: "energy", "heat_by_effect", "tension", "flow", "error"
-            (as ``estimate_error``). Work and heat are computed only with one of the first two.
-        speed_limit: |velocity| at which a run ends with "speed_limit" [rad/s].
-        backend: "auto", "compiled" or "python", as in gym.make; the results are equal bit by bit.
-        rtol, atol: tolerances of adaptive steps, for a method that estimates its error, such as "dop853": every step of
-            ``dt`` is divided into adaptive steps with errors below ``atol + rtol |y|`` (root mean square of angle and
-            velocity); ``atol`` is ``rtol`` by default. A run ends with "step_too_short" if no step meets the tolerance.
-            In a batch every run takes adaptive steps of its own, with the same bits as by itself.
         even_steps: True divides every step of ``dt`` into adaptive steps of equal length. Their number is chosen once
             for each ``dt``, from the largest error of a step in the ``dt`` before, which takes less time than to choose
             every step by itself. Needs ``rtol``; not for batches, nor with events, ``dense``, ``estimate_error`` or a
             wire that may go slack.
-        compensated: True carries the rounding error of every addition into the next one, for long runs without
-            damping; see :mod:`integrators.steps.compensated`. Not with ``rtol``.
         estimate_error: True computes ``error_estimate`` from a second run with steps of half the length, in 4 to 12
             times the time. On smooth motions the estimate is correct within a factor of 10, down to rounding; it is
             inf from the time on from which no estimate is possible; see :mod:`pendulum_env.engine.certificate`.
-        substeps: steps per control step. The state of a lagging motor or of gusts changes once per control step.
         seed: seed of gusts, a whole number from 0; run ``i`` of a batch has ``seed + i``.
         num_threads: number of threads for a batch; None uses every core for large batches. The results are equal bit
             by bit.
         file: path of a ".npy" file to which a batch's records are written as they are computed; see
-            :mod:`pendulum_env.engine.stream`.
+            :mod:`pendulum_env.engine.growing_file`.
         progress: True shows a progress bar, False none; by default a notebook shows one for batches over 1.5 s. A
             function is called with the fraction done and the present activity.
-        warn: False turns off the warnings about a start angle that is likely in degrees, about an effect's formula that
-            does not hold at the speed at the bottom, about unstable steps, about steps that turn the rod by more than
-            half a turn, and about an implicit equation without a solution.
         events: names, functions ``g(t, angle, velocity)`` or :class:`integrators.Event` of either, whose changes of
             sign are located between the steps, to rounding. Names are "turning" (zeros of the velocity), "bottom",
             "top" and "period" (whole periods of the drive). A function may have attributes ``direction`` and
@@ -117,8 +101,13 @@ def rollout(
             Costs some 0.1 ms per step; see :mod:`pendulum_env.engine.motion` and :mod:`integrators.solving.events`.
         dense: True for a Rollout that can be called at any time of a single run, at the method's dense order; under dry
             friction in pieces between stops.
-        **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch. Also ``careful``: True
-            raises a SceneError in place of every warning before the run.
+        **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
+
+    Work and heat are computed only with the diagnostics "energy" or "heat_by_effect"; "error" is ``estimate_error``.
+    With ``rtol`` a run ends with "step_too_short" if no step meets the tolerance (root mean square of angle and
+    velocity); in a batch every run takes adaptive steps of its own, with the same bits as by itself. Warnings before a
+    run are those of a start that is likely in degrees, of an effect's formula that does not hold at the speed at the
+    bottom, of unstable steps, and of steps that turn the rod by more than half a turn.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is absurdly large, ends there with
     ``stop_reason`` "diverged"; the states recorded before are kept.
@@ -133,7 +122,7 @@ def rollout(
             substeps=substeps, seed=seed, warn=warn,
         )
     watched = () if events is None else named_events(events, spec.scene)
-    dense = truth(dense, "dense")
+    dense = boolean(dense, "dense")
     if spec.even_steps and (dense or watched):
         raise SceneError(f"even_steps cannot be combined with {'dense' if dense else 'events'}; leave one of them out.")
     if estimate_error and any(event.terminal for event in watched):
@@ -151,6 +140,9 @@ def rollout(
         raise SceneError("file= is for batches; give angle, velocity or a parameter as an array.")
     result = _run_many(spec, num_threads, None if file is None else npy_path(file), telling)
     return _with_events(spec, result, watched) if watched else result
+
+
+documented(rollout, arguments=described(RunSettings, form="{name}", hang=4))
 
 
 def run(spec: RunSpec, events: tuple[Event, ...] = (), dense: bool = False) -> Rollout:
@@ -284,9 +276,9 @@ def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: P
         done = 0
         facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
                            compensated=runs.compensated, **runs.tolerance)
-        with Stream(path, names, shape, facts) as stream:
+        with GrowingFile(path, names, shape, facts) as file:
             for rows in runs.rows(progress):
-                stream.append(time[done : done + len(rows)], rows)
+                file.append(time[done : done + len(rows)], rows)
                 done += len(rows)
         mapped = read(path)
         series = {name: np.moveaxis(mapped[name], 0, -1) for name in names}

@@ -16,8 +16,8 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.shape import DIVERGED, OK, STOP_REASONS
-from pendulum_env.engine.streams import Streams
 
 Array = NDArray[np.float64]
 

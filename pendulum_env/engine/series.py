@@ -14,7 +14,7 @@ from types import FunctionType
 from typing import Any
 
 from integrators.families.taylor import add_twins, results_of_series
-from integrators.steps.recurrences import CALLS, Writer, times_reciprocal
+from integrators.steps.recurrences import CALLS, RecurrenceWriter, times_reciprocal
 from integrators.steps.tracing import Symbol, Trace, TraceError, cos, exp, log, power, sin
 from pendulum_env.engine.problem import Problem, moving, slipping
 from pendulum_env.engine.source import Plain, arguments, names_of
@@ -122,7 +122,7 @@ def by_time(functions: Iterable[Plain | None], periodic: bool) -> tuple[list[str
     tracer = TorqueTracer(periodic, still=True)
     total: Any = reduce(add, (tracer.call(function) for function in functions if function))
     add_twins(tracer.trace)
-    writer = Writer(tracer.trace, [], tracer.value, WRITTEN, times_reciprocal)
+    writer = RecurrenceWriter(tracer.trace, [], tracer.value, WRITTEN, times_reciprocal)
     writer.write(2, 0)
     return _with_one(writer.lines), writer.coefficient(total, 1)
 
@@ -143,7 +143,7 @@ def series(problem: Problem) -> str:
         total = total - tracer.get("direction") * tracer.get(shape.dry)
     rates = _rates(problem, tracer, torques)
     add_twins(tracer.trace)
-    writer = Writer(tracer.trace, [total], tracer.value, WRITTEN, times_reciprocal)
+    writer = RecurrenceWriter(tracer.trace, [total], tracer.value, WRITTEN, times_reciprocal)
     writer.write(order, order)
     results = [writer.of_motion("q", 0, k) for k in range(2, order + 1)]
     results += [writer.of_motion("v", 0, k) for k in range(1, order + 1)]

@@ -1,15 +1,15 @@
 """The class :class:`RunSpec`, the checked description of a run, and the warnings that are given before a run.
 
 :func:`pendulum_env.rollout`, the environments, films and studies all describe their runs by a :class:`RunSpec`. To add
-a keyword to all of them, add a field with :func:`shared`; to add a warning, add a sentence to the function of
-:data:`BEFORE` with its subject.
+a keyword to all of them, add a field to :class:`pendulum_env.engine.settings.CommonSettings`; to add a warning, add a
+sentence to the function of :data:`BEFORE` with its subject.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from itertools import chain
 from typing import Any
 
@@ -25,16 +25,17 @@ from pendulum_env.engine.certified import CertifiedBatch, CertifiedMachine, Cert
 from pendulum_env.engine.each import Each, checked_limit
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
+from pendulum_env.engine.machine import VELOCITY, Machine, find_method
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
+from pendulum_env.engine.settings import CommonSettings, RunSettings, SceneLike
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
-from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import still_torque
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, other_units, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, number, other_units, whole_number
 
 Array = NDArray[np.float64]
 TURNS = 2
@@ -43,8 +44,6 @@ RESOLVED = 0.5
 """Largest advance of a drive's phase in one step without a warning [rad]."""
 INEXACT = 0.01
 """Largest relative error of the torque of all losses in moving air without a warning."""
-SceneLike = str | Scene | Mapping[str, object]
-"""Preset name, Scene, or scene as a dict."""
 Choose = Callable[[Callable[[], Scene | Sequence[Scene]]], tuple[str | Method, int, bool]]
 """Function that gets the scenes by a call of its argument, and chooses the method and the substeps.
 
@@ -52,16 +51,8 @@ It returns both, and True if they were chosen by measured errors.
 """
 
 
-def shared(default: Any, check: Callable[[Any], Any]) -> Any:
-    """Return a field of RunSpec for a keyword that all functions with ``**parameters`` take.
-
-    ``check`` is a function that validates its value.
-    """
-    return field(default=default, metadata={"shared": check})
-
-
 @dataclass(frozen=True, kw_only=True)
-class RunSpec:
+class RunSpec(CommonSettings):
     """The checked description of a run, a batch of runs, or the runs of an environment.
 
     Create it with :meth:`of` for runs of a known length and with :meth:`of_episodes` for environments; both check all
@@ -86,8 +77,9 @@ class RunSpec:
         formulas: a warning about effects' formulas that do not hold at the run's speeds, "" if all do.
         measured: True if method and step were chosen by measured errors, as integrator="auto" does.
         others: further scenes that episodes of an environment may have.
-        warn: False turns off the warnings before the run and those about its stop.
-        careful: True raises a SceneError in place of every warning before the run.
+
+    The settings of all runs, ``warn`` and ``careful``, are those of
+    :class:`pendulum_env.engine.settings.CommonSettings`.
     """
 
     scene: Scene
@@ -112,8 +104,6 @@ class RunSpec:
     formulas: str = ""
     measured: bool = False
     others: tuple[Scene, ...] = ()
-    warn: bool = shared(True, lambda value: truth(value, "warn"))
-    careful: bool = shared(False, lambda value: truth(value, "careful"))
 
     # --- checks -----------------------------------------------------------------------------------------------------
 
@@ -158,25 +148,25 @@ class RunSpec:
                    starts.given_start(velocity, "velocity", "rad/s", shape))
         validity = Validity(size, "run", *initial, control=share != 0.0) if own["warn"] or own["careful"] else None
         each = Each(scene, damping, math.inf, flat, size, "run", validity) if shape else None
-        place = each.scene if each else build_scene(scene, damping, flat)
+        built = each.scene if each else build_scene(scene, damping, flat)
         if validity and not each:
-            validity.look(place, (0,))
-        usual = place.run
+            validity.look(built, (0,))
+        usual = built.run
         h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
         length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
         steps, limit = starts.checked_steps(length, h), checked_limit(speed_limit)
-        start = starts.checked_start(place, usual.angle if angle is None else angle,
+        start = starts.checked_start(built, usual.angle if angle is None else angle,
                                      usual.velocity if velocity is None else velocity)
         stride, hold = whole_number(every, "every"), whole_number(substeps, "substeps", MOST_STEPS)
         seeds = starts.checked_seeds(seed, size)
         names, estimated = checked_estimate(diagnostics, estimate_error)
-        method = find_method(integrator, place)
-        even_steps = truth(even_steps, "even_steps")
+        method = find_method(integrator, built)
+        even_steps = boolean(even_steps, "even_steps")
         if even_steps and (shape or estimated):
             why = "is for single runs" if shape else "cannot be combined with an error estimate"
             raise SceneError(f"even_steps {why}; leave it out.")
         return cls(
-            scene=place, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
+            scene=built, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
             plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share, diagnostics=names,
             estimate_error=estimated, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
             even_steps=even_steps, compensated=compensated, seeds=seeds,
@@ -185,62 +175,47 @@ class RunSpec:
 
     @classmethod
     def of_episodes(
-        cls,
-        scene: SceneLike,
-        damping: Damping,
-        parameters: Mapping[str, Any],
-        *,
-        dt: float,
-        choose: Choose,
-        size: int | None = None,
-        diagnostics: Sequence[str] = ("energy",),
-        speed_limit: Any = None,
-        backend: Backend = "auto",
-        rtol: float | None = None,
-        atol: float | None = None,
-        compensated: bool = False,
+        cls, given: RunSettings, *, dt: float, choose: Choose, size: int | None = None,
         others: Callable[[Scene], Sequence[Scene]] | None = None,
     ) -> RunSpec:
         """Return the checked description of the runs of an environment or, with ``size``, of a vector of environments.
 
         Args:
-            scene, damping, parameters, speed_limit: as in gym.make; in a vector, parameters and speed_limit may also be
+            given: settings of the environment; in a vector, the scene's parameters and speed_limit may also be
                 sequences with one value per environment.
             dt: control step [s].
             choose: function that returns method and substeps for the scenes; it is called after the scenes were
                 checked.
             size: number of environments in a vector.
-            diagnostics, backend, rtol, atol, compensated: as in gym.make.
             others: function that returns, for the scene of an environment, further scenes that its episodes may have.
 
         Raises SceneError or MethodError for invalid arguments.
         """
-        given, own = parted(parameters)
-        validity = Validity(size or 1, "environment") if own["warn"] or own["careful"] else None
-        names = check_diagnostics(diagnostics)
+        validity = Validity(size or 1, "environment") if given.warn or given.careful else None
+        names, parameters = tuple(given.diagnostics), given.parameters
         watched = not {"tension", "flow"}.isdisjoint(names)
-        each = None if size is None else Each(scene, damping, speed_limit, given, size, validity=validity,
-                                              watched=watched)
-        place = each.scene if each else build_scene(scene, damping, given)
+        each = None if size is None else Each(given.scene, given.damping, given.speed_limit, parameters, size,
+                                              validity=validity, watched=watched)
+        built = each.scene if each else build_scene(given.scene, given.damping, parameters)
         if validity and not each:
-            validity.look(place, (0,))
-        bases = each.corners() if each and others else [place]
+            validity.look(built, (0,))
+        bases = each.corners() if each and others else [built]
         further = tuple(other for base in bases for other in others(base)) if others else ()
         if validity:
             for other in further:
                 validity.look(other, (0,))
         if each:
             each.vary(further)
-        limit = math.inf if each else checked_limit(speed_limit, place)
-        scenes = each.corners if each else lambda: place
+        limit = math.inf if each else checked_limit(given.speed_limit, built)
+        scenes = each.corners if each else lambda: built
         integrator, substeps, measured = choose((lambda: [*bases, *further]) if further else scenes)
-        method = find_method(integrator, place)
+        method = find_method(integrator, built)
         return cls(
-            scene=place, integrator=integrator if isinstance(integrator, str) and measured else method.name,
+            scene=built, integrator=integrator if isinstance(integrator, str) and measured else method.name,
             method=method, h=dt / substeps, each=each, hold=substeps, diagnostics=names,
-            estimate_error="error" in names, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
-            compensated=compensated, formulas=validity.warning if validity else "", measured=measured, others=further,
-            **own,
+            estimate_error="error" in names, speed_limit=limit, backend=given.backend, rtol=given.rtol,
+            atol=given.atol, compensated=given.compensated, formulas=validity.warning if validity else "",
+            measured=measured, others=further, warn=given.warn, careful=given.careful,
         )
 
     @classmethod
@@ -258,16 +233,16 @@ class RunSpec:
         """
         return replace(self, integrator=method.name, method=method, measured=False)
 
-    def one(self, place: int) -> RunSpec:
-        """Return the description of the single run with index ``place`` of a batch, without an error estimate."""
+    def one(self, index: int) -> RunSpec:
+        """Return the description of the single run with index ``index`` of a batch, without an error estimate."""
         assert self.each is not None
-        return replace(self, scene=self.each.of(place), each=None, estimate_error=False)
+        return replace(self, scene=self.each.of(index), each=None, estimate_error=False)
 
-    def alone(self, place: int) -> RunSpec:
-        """Return the description of the single run with index ``place`` of a batch, as a run without warnings."""
+    def alone(self, index: int) -> RunSpec:
+        """Return the description of the single run with index ``index`` of a batch, as a run without warnings."""
         assert self.start is not None
-        start = tuple(np.broadcast_to(values, self.shape).ravel()[place] for values in self.start)
-        return replace(self.one(place), shape=(), start=start, seeds=(self.seeds[place],), warn=False, careful=False)
+        start = tuple(np.broadcast_to(values, self.shape).ravel()[index] for values in self.start)
+        return replace(self.one(index), shape=(), start=start, seeds=(self.seeds[index],), warn=False, careful=False)
 
     # --- runners ----------------------------------------------------------------------------------------------------
 
@@ -398,17 +373,14 @@ class RunSpec:
             self.tell_of_slack(float(state[machine.kept["slackened"]]))
 
 
-SHARED: Mapping[str, Field[Any]] = {entry.name: entry for entry in fields(RunSpec) if "shared" in entry.metadata}
-"""Name -> RunSpec field of the keywords that all functions with ``**parameters`` take beside the scene's own."""
-
-
 def parted(parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Separate keyword arguments into a scene's parameters and the keywords that all runs share, such as ``warn``.
 
     The shared keywords are checked and complete, with defaults where they are missing.
     """
-    own = {name: entry.metadata["shared"](parameters.get(name, entry.default)) for name, entry in SHARED.items()}
-    return {name: value for name, value in parameters.items() if name not in SHARED}, own
+    names = [entry.name for entry in fields(CommonSettings)]
+    own = CommonSettings(**{name: parameters[name] for name in names if name in parameters})
+    return {name: value for name, value in parameters.items() if name not in names}, vars(own)
 
 
 def scene_and_shared(scene: SceneLike, damping: Damping, parameters: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""Division of a method's step into stages, between which a block computes its sines.
+"""Schedule of a method's step: its stages, between which a block computes its sines.
 
 A step is a chain of operations, each of which waits for the one before. A processor therefore works on several
 pendulums of a block at once, as far as it looks ahead: a few hundred instructions. A whole step is longer than that. So
@@ -30,7 +30,7 @@ NUMERIC = (ast.Assign, ast.Return, ast.Name, ast.Tuple, ast.Constant, ast.BinOp,
 """Parts of a function that is written out: arithmetic, choices and calls without keywords."""
 
 
-class Value(NamedTuple):
+class StageValue(NamedTuple):
     """Value that is computed after a stage: ``name = function(argument, *constants)``."""
 
     name: str
@@ -40,7 +40,7 @@ class Value(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Stage:
+class StepStage:
     """Part of a step, or of a function that it calls.
 
     Attributes:
@@ -53,29 +53,29 @@ class Stage:
     lines: tuple[str, ...]
     taken: tuple[str, ...]
     handed: tuple[str, ...]
-    values: tuple[Value, ...]
+    values: tuple[StageValue, ...]
 
 
 @dataclass(frozen=True)
-class Division:
+class Schedule:
     """Stages of a step, and the source of functions that they call; no stages for a step that is taken as a whole.
 
     ``copies`` holds the results of the step that are copies of what it takes: (name of the result, name of the number).
     """
 
-    stages: tuple[Stage, ...] = ()
+    stages: tuple[StepStage, ...] = ()
     functions: tuple[str, ...] = ()
     copies: tuple[tuple[str, str], ...] = ()
 
 
-WHOLE = Division()
-"""Division of a step that is taken as a whole."""
+WHOLE = Schedule()
+"""Schedule of a step that is taken as a whole."""
 
 
-def divided(
+def scheduled(
     program: str, results: Iterable[str], same: Iterable[str], between: frozenset[str] = BETWEEN
-) -> Division:
-    """Return the division of the function ``step`` of a program; WHOLE if it is not straight-line, or has one stage.
+) -> Schedule:
+    """Return the schedule of the function ``step`` of a program; WHOLE if it is not straight-line, or has one stage.
 
     The functions that it calls are divided, too. The last stage assigns the step's results to the names ``results``.
     Other names that a stage assigns begin with "s", and are assigned once. ``same`` are the arguments that are the same
@@ -84,14 +84,14 @@ def divided(
     """
     functions = {node.name: node for node in parsed(program).body if isinstance(node, ast.FunctionDef)}
     same = frozenset(same)
-    step = _Writer(functions, same, {"q"}, between)
+    step = _StageWriter(functions, same, {"q"}, between)
     texts: list[str] = []
     for name in sorted(_names(functions["step"]) & {*functions}):
         if step.reaches(name):
-            inside = _Writer(functions, same, _parameters(functions[name]), between)
+            inside = _StageWriter(functions, same, _parameters(functions[name]), between)
             inside.write(name, ("result",))
             levels = _levels(inside.lines, lambda line: line.value is not None)
-            texts += step.call_in_stages(name, inside.divided(levels)) if max(levels, default=0) > 0 else []
+            texts += step.call_in_stages(name, inside.scheduled(levels)) if max(levels, default=0) > 0 else []
     results = tuple(results)
     found, given = step.write("step", results), _parameters(functions["step"])
     levels = _levels(step.lines, lambda line: line.value is not None)
@@ -101,11 +101,14 @@ def divided(
             return WHOLE
     copies = ((name, value.id) for name, value in zip(results, found, strict=True)
               if isinstance(value, ast.Name) and value.id in given)
-    return Division(step.divided(levels), tuple(texts), tuple(copies))
+    return Schedule(step.scheduled(levels), tuple(texts), tuple(copies))
 
 
-def rows_of(stages: Iterable[Stage]) -> dict[str, int]:
-    """Return the row of memory, from 0, of every number that a stage hands on; two share one if their times differ."""
+def rows_of(stages: Iterable[StepStage]) -> dict[str, int]:
+    """Return the row of memory, from 0, of every number that a stage hands on, by register allocation.
+
+    Two numbers share a row if neither is needed while the other is.
+    """
     stages = tuple(stages)
     last = {name: number for number, stage in enumerate(stages) for name in stage.taken}
     for number, stage in enumerate(stages):
@@ -126,10 +129,10 @@ class _Line(NamedTuple):
     text: str
     reads: set[str]
     stores: set[str]
-    value: Value | None
+    value: StageValue | None
 
 
-class _Writer:
+class _StageWriter:
     """Writes the lines of a function: names are assigned once, values are computed once, sines have their own lines.
 
     Args:
@@ -150,7 +153,7 @@ class _Writer:
         self._functions, self._same, self._stored = functions, {*same, *functions}, {*stored}
         self._bodies = {name: _straight(node) for name, node in functions.items()}
         self._between, self._reach = between, dict.fromkeys(between, False)
-        self._stages: dict[str, tuple[Stage, ...]] = {}
+        self._stages: dict[str, tuple[StepStage, ...]] = {}
         self._versions: dict[str, int] = {}
         self._names: dict[str, tuple[str, ...]] = {}  # source of a value -> names that hold it
 
@@ -169,9 +172,9 @@ class _Writer:
             self._reach[name] = bool(self._between & called) or any(map(self.reaches, called & {*self._bodies}))
         return self._reach[name]
 
-    def divided(self, levels: list[int]) -> tuple[Stage, ...]:
+    def scheduled(self, levels: list[int]) -> tuple[StepStage, ...]:
         """Return the stages of the lines, from the number of each line's stage."""
-        stages: list[Stage] = []
+        stages: list[StepStage] = []
         known: set[str] = set()
         numbered = [*zip(self.lines, levels, strict=True)]
         for number in range(max(levels) + 1):
@@ -186,12 +189,12 @@ class _Writer:
                     before.insert(0, line.text)
                     reads |= line.reads
             handed = wanted & {name for line in part for name in line.stores}
-            stages.append(Stage((*before, *(line.text for line in part)), tuple(sorted(reads & known)),
+            stages.append(StepStage((*before, *(line.text for line in part)), tuple(sorted(reads & known)),
                                 tuple(sorted(handed)), values))
             known |= handed | {value.name for value in values}
         return tuple(stages)
 
-    def call_in_stages(self, name: str, stages: tuple[Stage, ...]) -> list[str]:
+    def call_in_stages(self, name: str, stages: tuple[StepStage, ...]) -> list[str]:
         """Let calls of a function be written as its stages; return the source of the function for the last stage."""
         self._stages[name] = stages
         texts = [_function(name, number, stage, self._functions[name]) for number, stage in enumerate(stages)]
@@ -208,7 +211,7 @@ class _Writer:
             scope.update(zip(targets, self._assigned(targets, found), strict=True))
         raise AssertionError(function)
 
-    def _add(self, names: tuple[str, ...], expression: ast.expr, value: Value | None = None) -> None:
+    def _add(self, names: tuple[str, ...], expression: ast.expr, value: StageValue | None = None) -> None:
         """Append the line that assigns an expression to names."""
         line = _Line(f"{', '.join(names)} = {ast.unparse(expression)}", _names(expression), set(names), value)
         if line.reads <= self._same:
@@ -272,7 +275,7 @@ class _Writer:
                 argument = ast.Name(copy)
             self._names[text] = (self._new(function),)
             self._add(self._names[text], ast.Call(ast.Name(function), [argument, *constants], []),
-                      Value(self._names[text][0], function, argument.id, tuple(map(ast.unparse, constants))))
+                      StageValue(self._names[text][0], function, argument.id, tuple(map(ast.unparse, constants))))
         return ast.Name(self._names[text][0])
 
 
@@ -314,7 +317,7 @@ def _levels(lines: list[_Line], ends: Callable[[_Line], bool]) -> list[int]:
     return levels[::-1]
 
 
-def _function(name: str, number: int, stage: Stage, whole: ast.FunctionDef) -> str:
+def _function(name: str, number: int, stage: StepStage, whole: ast.FunctionDef) -> str:
     """Write the source of the function that computes stage ``number`` of the function ``whole``."""
     head = f"def {name}_{number}({', '.join(_inputs(stage, whole))}):"
     lines, result = [*stage.lines], ", ".join(stage.handed)
@@ -323,7 +326,7 @@ def _function(name: str, number: int, stage: Stage, whole: ast.FunctionDef) -> s
     return "\n    ".join([f"@inline\n{head}", *lines, f"return {result}"]) + "\n"
 
 
-def _inputs(stage: Stage, whole: ast.FunctionDef) -> list[str]:
+def _inputs(stage: StepStage, whole: ast.FunctionDef) -> list[str]:
     """Return the names of the arguments of the function that computes a stage of the function ``whole``."""
     read = _names(parsed("\n".join(stage.lines)))
     return [*(name for name in _parameters(whole) if name in read), *stage.taken]

@@ -14,7 +14,7 @@ from integrators import Method, MethodError
 from integrators.solving.solve import MOST_STEPS
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
-from pendulum_env.engine.streams import MOST_SEED
+from pendulum_env.engine.random_streams import MOST_SEED
 from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, number, several, shown

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.envs.settings import Settings
 from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel
-from pendulum_env.render import View, side_by_side
+from pendulum_env.render import FrameStyle, View, side_by_side
 
 Places = NDArray[np.intp]
 
@@ -23,11 +22,14 @@ class Cameras:
     It records the motor's torques and the earlier states that panels such as "history" show.
     """
 
-    def __init__(self, batch: Batch, spec: RunSpec, settings: Settings) -> None:
-        self._batch, self._spec, self._made = batch, spec, settings
-        self._reel = Reel(settings.look, settings.dt, "energy" in batch.diagnostics)
+    def __init__(
+        self, batch: Batch, spec: RunSpec, dt: float, size: tuple[int, int], look: FrameStyle, listed: bool
+    ) -> None:
+        self._batch, self._spec, self._size, self._look = batch, spec, size, look
+        self._reel = Reel(look, dt, "energy" in batch.diagnostics)
         self._shares = np.zeros(batch.size)
         self._cameras: dict[int, Camera] = {}
+        self._frames: list[list[NDArray[np.uint8]]] | None = [[] for _ in range(batch.size)] if listed else None
 
     def keep(self, shares: Any, begun: Places, info: NDArray[np.float64]) -> None:
         """Record the states of all environments after a step, for later frames.
@@ -45,6 +47,21 @@ class Cameras:
         if self._spec.each is not None and self._spec.each.episode:  # other parameters, drawn for the new episodes
             for place in begun.tolist():
                 self._cameras.pop(place, None)
+        if self._frames is not None:
+            for place in begun.tolist():
+                self._frames[place] = []
+            for place in begun.tolist() if shares is None else range(self._batch.size):
+                self._frames[place].append(self.frame(place))
+
+    def render(self) -> tuple[Any, ...]:
+        """Return one frame for each environment or, with "rgb_array_list", one list of those since the last call.
+
+        As with Gymnasium's RenderCollection, a list begins anew with each episode.
+        """
+        if self._frames is None:
+            return tuple(map(self.frame, range(self._batch.size)))
+        frames, self._frames = self._frames, [[] for _ in range(self._batch.size)]
+        return tuple(frames)
 
     def frame(self, place: int) -> NDArray[np.uint8]:
         """Return the picture of one environment, the one with index ``place``."""
@@ -56,13 +73,12 @@ class Cameras:
         views: list[View] = [camera.view(*self._shown(place)) for place, camera in enumerate(cameras)]
         apart = len({view.time for view in views}) > 1
         pairs = [(camera.apparatus, view) for camera, view in zip(cameras, views, strict=True)]
-        return side_by_side(pairs, self._made.render_size, columns, self._made.look, own_clocks=apart)
+        return side_by_side(pairs, self._size, columns, self._look, own_clocks=apart)
 
     def _camera(self, place: int) -> Camera:
         if place not in self._cameras:
             machine = self._spec.one(place).machine()
-            self._cameras[place] = Camera(machine, self._batch.h, self._spec.hold, self._made.render_size,
-                                           self._made.look)
+            self._cameras[place] = Camera(machine, self._batch.h, self._spec.hold, self._size, self._look)
         return self._cameras[place]
 
     def _shown(self, place: int) -> tuple[Any, ...]:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import FIELD_OF, Batch
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine
+from pendulum_env.engine.random_streams import Streams, generator_state, words_of
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.engine.streams import Streams, generator_state, words_of
 from pendulum_env.envs.attributes import Absent, Fixed, parameter
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.env import LabPendulumEnv, earlier

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from pendulum_env.engine.elementwise import elementwise
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.problem import program_parts
-from pendulum_env.envs.settings import check_parameters
 from pendulum_env.physics.elementary import exp, log
 from pendulum_env.physics.random import normal
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, one_of, shown
+from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -38,7 +37,9 @@ PATIENCE = 1000
 
 
 class RandomStreams(Protocol):
-    """Protocol of random streams, one for each environment, such as :class:`pendulum_env.engine.streams.Streams`."""
+    """Protocol of random streams, one for each environment, such as those of
+    :class:`pendulum_env.engine.random_streams.Streams`.
+    """
 
     def uniform(self, which: Places) -> Array: ...
     def generators(self, which: Places) -> Iterator[np.random.Generator]: ...
@@ -332,6 +333,21 @@ class Bank:
             columns.clear()
             columns.update({key: column.copy() for key, column in saved[name].items()})
         self._ready[:] = saved["ready"]
+
+
+def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Iterable[str] = ()) -> None:
+    """Raise SceneError for names that are not those of numbers among the scene's parameters.
+
+    The message begins with ``refusal`` and names the nearest parameter, or the nearest of ``more`` names.
+    """
+    known: dict[str, Any] = scene.parameters()
+    parts = {"body": scene.body, "medium": scene.medium, **{effect.name: effect for effect in scene.effects}}
+    for name in names:
+        owner, _, own = name.rpartition(".") if isinstance(name, str) else ("", "", "")
+        if name not in known and not (owner in parts and own != "name" and hasattr(parts[owner], own)):
+            raise SceneError(f"{refusal} {shown(name)}{nearest(name, (*more, *known))}")
+        if isinstance(known[name] if name in known else getattr(parts[owner], own), (str, bool)):
+            raise SceneError(f"{refusal} {shown(name)}, which is not a number; make an environment with it.")
 
 
 def parts_of(given: Any) -> Iterable[Draws]:

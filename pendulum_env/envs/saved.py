@@ -13,7 +13,7 @@ from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import LARGEST
 from pendulum_env.engine.starts import checked_control
-from pendulum_env.envs.settings import check_parameters
+from pendulum_env.envs.randomize import check_parameters
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,42 +12,37 @@ from numpy.typing import NDArray
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
-from pendulum_env.engine.sensing import KINDS, SEEDS, MotionFields, Plan, Sensing, gain_of
+from pendulum_env.engine.sensing import SEEDS, MotionFields, Plan, Sensing, gain_of
 from pendulum_env.engine.shape import HOLD
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.physics.data import known
+from pendulum_env.envs.settings import USUAL_HISTORY, EpisodeSettings
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, number, one_of, shown, whole_number
+from pendulum_env.physics.units import SceneError, number, shown
 
 Array = NDArray[Any]
 
-USUAL_HISTORY, MOST_HISTORY = 4, 64
-"""Usual and largest number of readings in an observation of the kind "history"."""
 MOST_STEPS = 1000
 """Largest delay, in control steps."""
 OBSERVED = "observed_angle"
 """Entry of ``info`` with the unwrapped angle that the sensor shows [rad]."""
 
 
-def plan_of(
-    observation: Any, history: Any, sensor: Any, observation_delay: Any, action_delay: Any, h: float, substeps: int
-) -> Plan | None:
-    """Return the checked plan of readings and delays; None if observations show the true motion without delay.
+def plan_of(given: EpisodeSettings, h: float, substeps: int) -> Plan | None:
+    """Return the plan of readings and delays; None if observations show the true motion without delay.
 
     Args:
-        observation, history, sensor, observation_delay, action_delay: as in gym.make.
+        given: settings of the environment.
         h: integrator's step [s].
         substeps: integration steps of a control step.
 
     Raises SceneError for an invalid setting.
     """
-    kind = one_of(observation, "observation", KINDS)
+    kind, history = given.observation, given.history
     if kind != "history" and history is not None:
         raise SceneError(f"history={shown(history)} is for observation='history', not for {kind!r}.")
-    seen = checked_delay(observation_delay, "observation_delay", h, substeps)
-    acts = checked_delay(action_delay, "action_delay", h, substeps)
-    count = whole_number(USUAL_HISTORY if history is None else history, "history", MOST_HISTORY)
-    device = checked_sensor(sensor)
+    seen = checked_delay(given.observation_delay, "observation_delay", h, substeps)
+    acts = checked_delay(given.action_delay, "action_delay", h, substeps)
+    device: Any = given.sensor
     if kind == "full" and device is None and seen == acts == (0, 0):
         return None
     device = device or Sensor()
@@ -55,34 +50,15 @@ def plan_of(
     between = spacing * every * h
     window = int(device.window) if kind == "encoder" else 1
     return Plan(
-        kind=kind, history=count if kind == "history" else 1, substeps=substeps, spacing=spacing, every=every,
-        follows=device.rate is None, window=window, filtered=kind == "encoder" and device.corner is not None,
-        ideal=Sensor(rate=device.rate, window=device.window, corner=device.corner) == as_sensor(device),
+        kind=kind, history=history or (USUAL_HISTORY if kind == "history" else 1), substeps=substeps, spacing=spacing,
+        every=every, follows=device.rate is None, window=window,
+        filtered=kind == "encoder" and device.corner is not None,
+        ideal=Sensor(rate=device.rate, window=device.window, corner=device.corner) == device,
         noisy=device.noise > 0.0, dropping=device.dropout > 0.0, rounding=device.quantum > 0.0,
         zeroed=device.zero == "at_start", seen_late=seen, acts_late=acts,
         numbers=(device.scale, device.offset, device.noise, device.quantum or 1.0, device.dropout,
                  gain_of(device.corner, between), between, window * between),
     )
-
-
-def checked_sensor(sensor: Any) -> Sensor | None:
-    """Return a sensor, which may be given as a dict; None for None. Raises SceneError for anything else."""
-    if sensor is None:
-        return None
-    device = Sensor(**known(sensor, Sensor, "A sensor")) if isinstance(sensor, Mapping) else sensor
-    if not isinstance(device, Sensor):
-        raise SceneError(f"sensor must be a Sensor or a dict of its values, not {shown(sensor)}.")
-    if getattr(device, "jitter", 0.0):
-        raise SceneError(f"jitter={device.jitter:g} is for recordings; in an environment, a sensor reads "  # type: ignore[attr-defined]
-                         "at whole steps, so make it with jitter=0.")
-    return device
-
-
-def as_sensor(device: Sensor) -> Sensor:
-    """Return the plain sensor with the values of one of a class derived from it."""
-    return Sensor(quantum=device.quantum, rate=device.rate, noise=device.noise, scale=device.scale,
-                  offset=device.offset, dropout=device.dropout, zero=device.zero, window=device.window,
-                  corner=device.corner)
 
 
 def checked_delay(value: Any, name: str, h: float, substeps: int) -> tuple[int, int]:

@@ -1,68 +1,217 @@
-"""Settings, start options and spaces that single and vector environments share."""
+"""Settings of single and vector environments, declared once; options of ``reset``; spaces."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from integrators import Method
+from pendulum_env.common.tables import Table
 from pendulum_env.engine.report import SEEN
-from pendulum_env.engine.sensing import Plan
-from pendulum_env.films.look import checked_look, checked_size
+from pendulum_env.engine.sensing import KINDS, Plan
+from pendulum_env.engine.settings import RunSettings, SceneSettings, declared, meaning
+from pendulum_env.engine.threads import MOST_THREADS
+from pendulum_env.envs.limits import checked_steps
+from pendulum_env.envs.randomize import check_parameters, plain_form
+from pendulum_env.films.look import checked_size
+from pendulum_env.physics.data import known
 from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
+from pendulum_env.physics.random import normal
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest, number, one_of, shown, truth, whole_number
-from pendulum_env.render import FrameStyle
+from pendulum_env.physics.sensor import Sensor
+from pendulum_env.physics.units import Checked, SceneError, choice, count, flag, number, one_of, setting, shown, si
+from pendulum_env.render import PANELS, THEMES
 from pendulum_env.tasks import USUAL_TASK, Task, find_task
-from pendulum_env.tasks.task import steps_of
 
 UNBOUNDED = float(np.finfo(np.float32).max)
 """Bound of the observed velocity by default: the largest float32, because checkers warn at inf [rad/s]."""
 START = ("angle", "velocity")
 """Names of the options of ``reset``."""
-MOST_SUBSTEPS = 10**9
+USUAL_HISTORY, MOST_HISTORY = 4, 64
+"""Usual and largest number of readings in an observation of the kind "history"."""
+MOST_ENVS = 2**26
 USUAL_EPISODE = "rk4", 0.02
 """Method and control step [s] of an environment that is made without them."""
 RENDER_MODES = ("rgb_array", "human")
 METADATA: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 50}
-MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array"]}
+MANY: dict[str, Any] = {**METADATA, "render_modes": ["rgb_array", "rgb_array_list"]}
 """Metadata of a vector environment."""
 
 
+def checked_bound(value: Any, name: str) -> float:
+    """Return a bound of the observed velocity [rad/s], inf beyond float32's largest; SceneError for what is none."""
+    value = UNBOUNDED if value is None else value
+    if not (isinstance(value, float) and value == math.inf):
+        try:
+            value = number(value, name, above=0.0, unit="rad/s")
+        except SceneError as error:
+            raise SceneError(f"{str(error).rstrip('.')}; inf is for no bound.") from None
+    return value if value <= UNBOUNDED else math.inf
+
+
+def checked_sensor(value: Any, name: str) -> Any:
+    """Return a sensor, which may be given as a dict; raises SceneError for anything else."""
+    device = Sensor(**known(value, Sensor, "A sensor")) if isinstance(value, Mapping) else value
+    if not isinstance(device, Sensor):
+        raise SceneError(f"{name} must be a Sensor or a dict of its values, not {shown(value)}.")
+    if getattr(device, "jitter", 0.0):
+        raise SceneError(f"jitter={device.jitter:g} is for recordings; in an environment, a sensor reads "  # type: ignore[attr-defined]
+                         "at whole steps, so make it with jitter=0.")
+    return as_sensor(device)
+
+
+def as_sensor(value: Any) -> Any:
+    """Return the plain sensor with the values of one of a class derived from it; any other value unchanged."""
+    if not isinstance(value, Sensor):
+        return value
+    return Sensor(**{entry.name: getattr(value, entry.name) for entry in fields(Sensor)})
+
+
+def mode_of_many(value: Any, name: str) -> str:
+    """Return the mode of rendering of a vector; raises SceneError for "human", and for unknown ones."""
+    if one_of(value, name, ("rgb_array_list", *RENDER_MODES)) == "human":
+        raise SceneError(
+            "render_mode='human' is for a single environment; for a vector use render_mode='rgb_array', and "
+            "render_tiles() for a picture of the first environments."
+        )
+    return str(value)
+
+
+def noisy(share: float, size: float, first: float, second: float) -> float:
+    """Return an action with Gaussian noise of the standard deviation ``size``."""
+    return share + size * normal(1.0 - first, second)
+
+
+def autoreset_mode_of(mode: Any, name: str = "autoreset_mode") -> AutoresetMode:
+    """Return Gymnasium's autoreset mode for a mode or its name; raises SceneError for an unknown name."""
+    names = [entry.value for entry in AutoresetMode]
+    return mode if isinstance(mode, AutoresetMode) else AutoresetMode(one_of(mode, name, names))
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class EpisodeSettings(SceneSettings):
+    """Settings of the environments of the package and of its twin in JAX."""
+
+    integrator: str | Method | None = setting(
+        None, 'name of a method (lab-pendulum list), a Method, or in gym.make "auto" with accuracy',
+        note='None for "rk4", in the scenes gymnasium and dm_control for "symplectic_euler"')
+    dt: float | None = si(None, "s", "control step", above=0.0, optional=True,
+                          note="the integrator's step is dt / substeps; None for 0.02 s, in gymnasium for 0.05 s")
+    speed_limit: Any = setting(None, "speed that ends an episode", unit="rad/s",
+                               note="None for 100 omega0; the speed is never clipped")
+    task: str | Task | None = setting(
+        None, "reward, start and end of an episode: a name (lab-pendulum list tasks), or a Task",
+        lambda task, _: find_task(task), optional=True, note='None for "swing_up"; without a motor take "free"')
+    duration: float | None = si(None, "s", "length of an episode", above=0.0, optional=True,
+                                note="a whole number of steps of dt; None for the task's, or the id's steps; beyond "
+                                     "these give max_episode_steps, too")
+    reward_rate: bool = flag(False, "True gives rewards per second: the task's reward times dt in each step")
+    speed_penalty: float = si(0.0, "1", "reward that is lost where an episode ends by its speed or by diverging",
+                              least=0.0)
+    velocity_bound: Any = setting(
+        None, "bound of the velocity in the observation", checked_bound, unit="rad/s",
+        note="the observed velocity is cut to it, the motion is not; None for the largest float32, inf for none")
+    randomize: Any = setting(
+        None, "parameters drawn for every episode: ranges by name, as {\"length\": (0.3, 0.4)}, a fit, a function of a "
+        "NumPy generator, or a list of these", form=plain_form)
+    observation: str = choice("full", KINDS, "what the agent sees")
+    history: int | None = count(None, 'readings in the observation "history"', MOST_HISTORY, note="None for 4")
+    sensor: Sensor | Mapping[str, Any] | None = setting(
+        None, "how the angle is read: a Sensor, or a dict of its values", checked_sensor,
+        optional=True, form=as_sensor)
+    observation_delay: float | Sequence[float] = setting(
+        0.0, "delay of readings", unit="s",
+        note="a whole number of steps of the integrator; (low, high) for a delay that is drawn at every reset")
+    action_delay: float | Sequence[float] = setting(
+        0.0, "delay of actions", unit="s", note="as of readings; until the first one arrives, the action is 0")
+    action_noise: float = si(0.0, "1", "standard deviation of noise that each control step adds to the action",
+                             least=0.0, acts=noisy)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class EnvSettings(EpisodeSettings, RunSettings):
+    """Settings of ``gym.make``."""
+
+    accuracy: float | None = setting(
+        None, 'with the integrator "auto", the largest error of the angle in an episode', unit="rad",
+        note="method and substeps are measured once per scene")
+    render_mode: str | None = choice(None, RENDER_MODES, "what render gives: frames, or a window in real time")
+    render_size: Any = setting(500, "size of frames", checked_size, unit="px",
+                               note="one number, or (width, height)")
+    render_theme: str = choice("light", THEMES, "colours of frames")
+    render_panels: Sequence[str] = setting(("apparatus", "energy"), "parts of frames", allowed=tuple(PANELS))
+
+
 @dataclass(frozen=True)
-class Settings:
-    """Checked settings of an environment.
+class Counted(Checked):
+    """Number of environments, which comes first."""
 
-    Attributes:
-        dt: control step [s].
-        substeps: number of integrator steps in a control step.
-        task: the task, which defines reward, start and end of an episode.
-        steps: number of control steps in an episode, None where the environment does not count them.
-        rate: factor of the rewards.
-        render_mode, render_size, look: mode of ``render``, its frame size [px], and its theme and panels.
-    """
-
-    dt: float
-    substeps: int
-    task: Task
-    steps: int | None
-    rate: float
-    render_mode: str | None
-    render_size: tuple[int, int]
-    look: FrameStyle
+    num_envs: int = count(1, "number of environments", MOST_ENVS)
 
 
-def usual(scene: Any, integrator: Any, dt: Any) -> tuple[Any, Any]:
-    """Return the method and the control step [s], with those of a scene's episodes where they are None.
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class VectorSettings(EnvSettings, Counted):
+    """Settings of ``gym.make_vec``."""
+
+    speed_limit: Any = setting(None, "speed that ends an episode, or one for each environment", unit="rad/s",
+                               note="None for 100 omega0")
+    render_mode: str | None = setting(None, "what render gives: a frame for each environment, or a list of frames",
+                                      mode_of_many, optional=True, allowed=("rgb_array", "rgb_array_list"))
+    max_episode_steps: int | None = setting(
+        None, "control steps until an episode is truncated, whatever the duration", checked_steps, optional=True,
+        note="-1 leaves the end to the duration; make_vec gives the id's steps, 500, where it is left out")
+    autoreset_mode: str | AutoresetMode = setting(
+        "NextStep", "when ended episodes begin anew (https://farama.org/Vector-Autoreset-Mode)",
+        autoreset_mode_of, allowed=tuple(entry.value for entry in AutoresetMode))
+    num_threads: int | None = count(None, "threads of the compiled loops", MOST_THREADS,
+                                    note="None for one per core, and one for few environments")
+    copy: bool = flag(True, "False makes step overwrite the arrays that it returned before, which is faster")
+
+
+FORMS: Mapping[str, Callable[[Any], Any]] = {
+    entry.name: entry.metadata["form"] for entry in declared(VectorSettings) if "form" in entry.metadata}
+"""Functions that return the value of a setting in a form that JSON holds, by the names of settings that need one."""
+
+
+ACTING = tuple(entry for entry in declared(EpisodeSettings) if "acts" in entry.metadata)
+"""Settings that change actions."""
+
+
+def settings_table() -> Table:
+    """Return a table of the settings of ``gym.make`` and, at its end, those that ``gym.make_vec`` has besides."""
+    named = {entry.name: entry for settings in (EnvSettings, VectorSettings) for entry in declared(settings)}
+    single = {entry.name: entry for entry in declared(EnvSettings)}
+    entries = [*single.values(), *(entry for name, entry in named.items() if name not in single)]
+    return Table(("keyword", "default", "meaning"), tuple(
+        (entry.name, repr(entry.default), meaning(entry)) for entry in entries))
+
+
+def split_settings(given: Mapping[str, Any], others: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Separate keywords of ``gym.make`` by name into settings, but for ``others``, and parameters of the scene."""
+    names = {entry.name for entry in declared(EnvSettings)} - {*others}
+    return ({name: value for name, value in given.items() if name in names},
+            {name: value for name, value in given.items() if name not in names})
+
+
+def acting(given: EpisodeSettings) -> tuple[tuple[Callable[..., float], Any], ...]:
+    """Return the functions by which settings change actions, with their values, but for those that are off."""
+    values = ((entry, getattr(given, entry.name)) for entry in ACTING)
+    return tuple((entry.metadata["acts"], value) for entry, value in values if value != entry.default)
+
+
+def usual(given: EpisodeSettings) -> tuple[Any, float]:
+    """Return the method and the control step [s], with those of the scene's episodes where they are None.
 
     They are rk4 and 0.02 s, but for scenes that stand for another program's environment.
     """
+    scene, integrator, dt = given.scene, given.integrator, given.dt
     if integrator is not None and dt is not None:
         return integrator, dt
     if isinstance(scene, Mapping):
@@ -73,47 +222,26 @@ def usual(scene: Any, integrator: Any, dt: Any) -> tuple[Any, Any]:
     return method if integrator is None else integrator, step if dt is None else dt
 
 
-def checked_settings(
-    dt: Any, substeps: Any, task: Any, render_mode: Any, render_size: Any, render_theme: Any, render_panels: Any,
-    diagnostics: Sequence[str], duration: Any = None, reward_rate: Any = False, many: bool = False,
-) -> Settings:
-    """Check the settings of an environment, or with ``many`` of a vector of environments, and return them.
-
-    Raises SceneError for an invalid setting.
-    """
-    step = number(dt, "dt", above=0.0, unit="s")
-    count = whole_number(substeps, "substeps", MOST_SUBSTEPS)
-    aim = find_task(USUAL_TASK if task is None else task)
-    if render_mode is not None:
-        one_of(render_mode, "render_mode", RENDER_MODES)
-        if many and render_mode == "human":
-            raise SceneError(
-                "render_mode='human' is for a single environment; for a vector use render_mode='rgb_array', and "
-                "render_tiles() for a picture of the first environments."
-            )
-    size = checked_size(render_size, "render_size")
-    look = checked_look(render_theme, render_panels, diagnostics)
-    steps = aim.steps(step) if duration is None else steps_of(duration, step)
-    rate = step if truth(reward_rate, "reward_rate") else 1.0
-    return Settings(step, count, aim, steps, rate, render_mode, size, look)
+def task_of(given: EpisodeSettings) -> Task:
+    """Return the task of an environment."""
+    return find_task(USUAL_TASK if given.task is None else given.task)
 
 
 def settled(
-    made: Settings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, accuracy: Any, steps: int | None,
-    compensated: bool, rtol: Any = None, atol: Any = None,
+    given: EnvSettings, scenes: Callable[[], Scene | Sequence[Scene]], integrator: Any, dt: float, steps: int | None,
 ) -> tuple[str | Method, int, bool]:
     """Return an environment's method and substeps, and True if ``integrator="auto"`` has chosen them.
 
     ``steps`` is the number of control steps of an episode, None for the usual number. Raises AccuracyError if no
     method reaches the accuracy.
     """
-    if accuracy is None and not (isinstance(integrator, str) and integrator == "auto"):
-        return integrator, made.substeps, False
+    if given.accuracy is None and not (isinstance(integrator, str) and integrator == "auto"):
+        return integrator, given.substeps, False
     from pendulum_env.auto.choice import settled as settle
 
-    given = {"substeps": made.substeps != 1, "rtol": rtol is not None, "atol": atol is not None,
-             "compensated": compensated}
-    choice = settle(scenes(), integrator, accuracy, made.dt, steps, given)
+    others = {"substeps": given.substeps != 1, "rtol": given.rtol is not None, "atol": given.atol is not None,
+              "compensated": given.compensated}
+    choice = settle(scenes(), integrator, given.accuracy, dt, steps, others)
     return choice.name, choice.substeps, True
 
 
@@ -136,41 +264,18 @@ def checked_options(options: Any, scene: Scene, task: Task) -> tuple[dict[str, A
     return start, task.within(widths), own
 
 
-def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Iterable[str] = ()) -> None:
-    """Raise SceneError for names that are not those of numbers among the scene's parameters.
+def spaces_of(bound: float, task: Task, plan: Plan | None = None) -> tuple[Any, Any]:
+    """Return the observation space and the action space, for a bound of the observed velocity [rad/s].
 
-    The message begins with ``refusal`` and names the nearest parameter, or the nearest of ``more`` names.
+    An observation is cosine and sine of the angle, the velocity, and further cosines and sines of a task with a
+    reference; an action is the fraction of the motor's torque, from -1 to 1. With a ``plan`` of readings, an
+    observation begins with theirs.
     """
-    known: dict[str, Any] = scene.parameters()
-    parts = {"body": scene.body, "medium": scene.medium, **{effect.name: effect for effect in scene.effects}}
-    for name in names:
-        owner, _, own = name.rpartition(".") if isinstance(name, str) else ("", "", "")
-        if name not in known and not (owner in parts and own != "name" and hasattr(parts[owner], own)):
-            raise SceneError(f"{refusal} {shown(name)}{nearest(name, (*more, *known))}")
-        if isinstance(known[name] if name in known else getattr(parts[owner], own), (str, bool)):
-            raise SceneError(f"{refusal} {shown(name)}, which is not a number; make an environment with it.")
-
-
-def spaces_of(bound: Any, task: Task, plan: Plan | None = None) -> tuple[float, Any, Any]:
-    """Return the checked bound of the observed velocity [rad/s], the observation space and the action space.
-
-    The bound is the largest float32 if none is given; bounds beyond the largest float32 are infinite. An observation is
-    cosine and sine of the angle, the velocity, and further cosines and sines of a task with a reference; an action is
-    the fraction of the motor's torque, from -1 to 1. With a ``plan`` of readings, an observation begins with theirs.
-    Raises SceneError for what is no bound.
-    """
-    most = UNBOUNDED if bound is None else bound
-    if not (isinstance(most, float) and most == math.inf):
-        try:
-            most = number(most, "velocity_bound", above=0.0, unit="rad/s")
-        except SceneError as error:
-            raise SceneError(f"{str(error).rstrip('.')}; inf is for no bound.") from None
-    most = most if most <= UNBOUNDED else math.inf
     width = len(task.goal.seen) - len(SEEN)
     high = np.ones(width + (len(SEEN) if plan is None else plan.width), dtype=np.float32)
     if plan is None or plan.swift:
-        high[2] = most
-    return most, spaces.Box(-high, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
+        high[2] = bound
+    return spaces.Box(-high, high, dtype=np.float32), spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 
 def batched(space: Any, size: int) -> Any:

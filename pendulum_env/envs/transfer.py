@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
-from pendulum_env.common.version import REGISTERED
-from pendulum_env.engine.streams import MOST_SEED
+from pendulum_env.engine.random_streams import MOST_SEED
+from pendulum_env.envs.limits import REGISTERED, checked_steps
 from pendulum_env.envs.vector_env import MOST_ENVS, LabPendulumVectorEnv
 from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown, whole_number
+from pendulum_env.tasks import USUAL_TASK, find_task
 
 Array = NDArray[np.float64]
 Keywords = dict[str, Any]
@@ -167,8 +168,8 @@ def transfer(
         nominal, real: keywords for ``gym.make_vec("LabPendulum-v0", ...)``, such as ``{"scene": "lab"}`` and
             ``{"scene": found.scene, "action_delay": 0.02, "substeps": 4}``. A ``randomize`` draws another pendulum for
             every episode.
-        episodes: number of episodes, 2 or more. Those of 500 control steps, unless ``duration`` or
-            ``max_episode_steps`` is given.
+        episodes: number of episodes, 2 or more. They have 500 control steps, unless ``duration``,
+            ``max_episode_steps`` or a task with a duration is given.
         seed: seed of the first episode.
         progress: True shows a progress bar; a function is called with the fraction done and a text.
 
@@ -281,7 +282,9 @@ def comparable(nominal: Keywords, real: Keywords, count: int) -> tuple[Keywords,
 
 def made(keywords: Keywords, count: int) -> LabPendulumVectorEnv:
     """Return a vector of environments with these keywords, and episodes of 500 steps unless they say otherwise."""
-    return LabPendulumVectorEnv(count, **{"max_episode_steps": REGISTERED, "diagnostics": (), **keywords})
+    lasting = keywords.get("duration") is not None or find_task(keywords.get("task") or USUAL_TASK).duration is not None
+    steps = checked_steps(keywords.get("max_episode_steps")) or (None if lasting else REGISTERED)
+    return LabPendulumVectorEnv(count, **{"diagnostics": (), **keywords, "max_episode_steps": steps})
 
 
 def different(nominal: Keywords, real: Keywords) -> Iterator[Swap]:

@@ -12,39 +12,23 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
 
-from integrators import Method
 from pendulum_env.common.shown import one_line
-from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.each import Each
-from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import check_diagnostics
+from pendulum_env.engine.random_streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.engine.report import SEEN
+from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.engine.streams import MOST_SEED, Streams, fresh_seeds, words_of_range
-from pendulum_env.engine.threads import MOST_THREADS
 from pendulum_env.envs.attributes import Portable, fix
 from pendulum_env.envs.cameras import Cameras
+from pendulum_env.envs.limits import check_duration
 from pendulum_env.envs.members import Members, alone
-from pendulum_env.envs.randomize import Bank, randomization
-from pendulum_env.envs.sensing import drawn_delays, plan_of, readings_of_many
-from pendulum_env.envs.settings import (
-    MANY,
-    START,
-    UNBOUNDED,
-    batched,
-    checked_options,
-    checked_settings,
-    settled,
-    spaces_of,
-    usual,
-)
-from pendulum_env.physics.damping import Damping
+from pendulum_env.envs.randomize import Bank
+from pendulum_env.envs.sensing import drawn_delays, readings_of_many
+from pendulum_env.envs.settings import MANY, START, EnvSettings, VectorSettings, batched, checked_options, spaces_of
 from pendulum_env.physics.flow import regime_of_damping
-from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, naming_keywords, number, one_of, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, number, shown, whole_number
 from pendulum_env.tasks import Task, TaskError
 from pendulum_env.tasks.action import checked_actions
 
@@ -65,17 +49,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
     ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives
     the same bits as the single environment seeded ``s + i``, also after resets and for any number of threads.
 
-    Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, and:
+    Keywords are those of :class:`pendulum_env.envs.env.LabPendulumEnv`, where any parameter of the scene may be an
+    array with one value for each environment, and:
 
-    - any parameter of the scene, and ``speed_limit``, may be an array with one value for each environment.
-    - ``max_episode_steps``: control steps until an episode is truncated; None for never. With ``duration`` the
-      registered 500 steps do not count. With ``integrator="auto"`` the accuracy holds for an episode of this length
-      (500 steps for None), tested in the environments with the smallest and the largest value of each array.
-    - ``autoreset_mode``: "NextStep", "SameStep" or "Disabled" (https://farama.org/Vector-Autoreset-Mode).
-    - ``num_threads``: by default one thread per core for many environments, and one thread for few. With a number given
-      and ``copy=False`` the threads look out for the next step for up to 1 ms before they sleep, which shortens steps.
-    - ``rtol``, ``atol``: every environment takes adaptive steps of its own.
-    - ``copy``: False makes ``step`` overwrite the arrays that it returned before, which is faster.
+    {arguments}
+
+    With ``integrator="auto"`` the accuracy holds for an episode of ``max_episode_steps`` (500 for None), tested in the
+    environments with the smallest and the largest value of each array. With ``num_threads`` given and ``copy=False``
+    the threads spin-wait for the next step for up to 1 ms before they sleep, which shortens steps.
 
     ``reset(options=...)`` takes "angle", "velocity" and parameters of the scene, numbers or arrays of ``num_envs``, and
     "reset_mask". When a parameter that ``randomize`` does not name is first set, another program is made.
@@ -86,98 +67,35 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
     MAKER = "gym.make_vec"
     metadata: dict[str, Any] = MANY
-    scene: Scene
-    integrator: str
-    dt: float
-    substeps: int
-    task: Task
     num_threads: int
-    render_size: tuple[int, int]
+    _settings: VectorSettings
 
-    def __init__(
-        self,
-        num_envs: int = 1,
-        scene: str | Scene | Mapping[str, object] = "lab",
-        integrator: str | Method | None = None,
-        damping: Damping = "scene",
-        dt: float | None = None,
-        substeps: int = 1,
-        task: str | Task | None = None,
-        diagnostics: Sequence[str] = ("energy",),
-        speed_limit: Any = None,
-        render_mode: str | None = None,
-        render_size: int | tuple[int, int] = 500,
-        backend: Backend = "auto",
-        max_episode_steps: int | None = None,
-        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        num_threads: int | None = None,
-        copy: bool = True,
-        rtol: float | None = None,
-        atol: float | None = None,
-        compensated: bool = False,
-        accuracy: float | None = None,
-        render_theme: str = "light",
-        render_panels: Sequence[str] = ("apparatus", "energy"),
-        velocity_bound: float | None = None,
-        speed_penalty: float = 0.0,
-        duration: float | None = None,
-        reward_rate: bool = False,
-        randomize: Any = None,
-        observation: str = "full",
-        history: int | None = None,
-        sensor: Sensor | Mapping[str, Any] | None = None,
-        observation_delay: float | Sequence[float] = 0.0,
-        action_delay: float | Sequence[float] = 0.0,
-        **parameters: Any,
-    ) -> None:
+    @taking(VectorSettings)
+    def __init__(self, given: VectorSettings) -> None:
         super().__init__()
         self._turn = RLock()
-        self._num_envs = whole_number(num_envs, "num_envs", MOST_ENVS)
-        names = check_diagnostics(diagnostics)
-        integrator, dt = usual(scene, integrator, dt)
-        setup = checked_settings(dt, substeps, task, render_mode, render_size, render_theme, render_panels, names,
-                                 duration, reward_rate, many=True)
-        self._render_mode, self._render_size = setup.render_mode, setup.render_size
-        self.autoreset_mode = autoreset_mode_of(autoreset_mode)
-        self.metadata = {**MANY, "render_fps": 1.0 / setup.dt, "autoreset_mode": self.autoreset_mode}
-        given = None if max_episode_steps is None else whole_number(max_episode_steps, "max_episode_steps", 2**53)
-        if setup.steps is not None:  # the registered number gives way to a duration, any other holds too
-            given = setup.steps if given in (None, REGISTERED) else min(given, setup.steps)
-        most = np.inf if given is None else given
-        wanted = None if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
-        draws = self._randomization = randomization(randomize)
-        self._bank = Bank(self._num_envs) if draws else None
-        self._randomize = randomize
-        with naming_keywords(type(self)):
-            spec = self._spec = RunSpec.of_episodes(
-                scene, damping, parameters, dt=setup.dt, size=self._num_envs, diagnostics=names,
-                speed_limit=speed_limit, backend=backend, rtol=rtol, atol=atol, compensated=compensated,
-                others=draws.scenes if draws else None,
-                choose=lambda scenes: settled(setup, scenes, integrator, accuracy, given, compensated, rtol, atol),
-            )
-        self._batch = spec.batch(self._num_envs, setup.task.goal, most, wanted)
-        self._observation, self._history, self._sensor = observation, history, sensor
-        self._observation_delay, self._action_delay = observation_delay, action_delay
-        plan = plan_of(observation, history, sensor, observation_delay, action_delay, spec.h, spec.hold)
+        self._num_envs, self.autoreset_mode = given.num_envs, AutoresetMode(given.autoreset_mode)
+        plan = self._set_up(given, given.num_envs, given.max_episode_steps)
+        spec, task, self._settled = self._spec, self._task, False
+        self.metadata = {**MANY, "render_fps": 1.0 / self._dt, "autoreset_mode": self.autoreset_mode}
+        most = np.inf if self._episode_steps is None else self._episode_steps
+        self._batch = spec.batch(self._num_envs, task.goal, most, given.num_threads)
+        self._bank = Bank(self._num_envs) if self._randomization else None
         self._sensing = readings_of_many(spec, self._batch, plan)
-        self._delays: dict[str, Array] = {}
+        self._plain = self._sensing is None and not self._acts
         self._seen_before: NDArray[np.float32] | None = None
-        spec.tell()
-        spec.tell_of_task(task)
-        self._scene, self._dt, self._substeps, self._task = spec.scene, setup.dt, spec.hold, setup.task
+        self._tell()
         self._names, self._masks = self._batch.names, tuple(f"_{name}" for name in self._batch.names)
-        self._integrator, self._num_threads = spec.integrator, self._batch.num_threads
-        self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        bound, self.single_observation_space, self.single_action_space = spaces_of(velocity_bound, setup.task, plan)
-        self._rate, self._checks = setup.rate, setup.task.own
-        self._velocity_bound = bound
-        self._bounded = bound < UNBOUNDED
+        self._num_threads = self._batch.num_threads
+        self.single_observation_space, self.single_action_space = spaces_of(self._velocity_bound, task, plan)
         self.observation_space = batched(self.single_observation_space, self._num_envs)
         self.action_space = batched(self.single_action_space, self._num_envs)
-        self._reused = None if truth(copy, "copy") else self._batch.results(lasting=True)
+        self._reused = None if given.copy else self._batch.results(lasting=True)
         if self._reused is not None:
             self._batch.reuse(self._reused)
-        self._camera = Cameras(self._batch, spec, setup) if setup.render_mode else None
+        self._camera = (Cameras(self._batch, spec, self._dt, given.render_size, self._look,
+                                given.render_mode == "rgb_array_list")
+                        if given.render_mode else None)
         self._streams: Streams | None = None
         self._seeds: NDArray[Any] | range = range(0)
         self._over, self._everyone = NOBODY, np.ones(self._num_envs, dtype=np.bool_)
@@ -187,7 +105,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._marks: Infos = {**dict.fromkeys((*self._masks, "_stop_reason"), shown), "stop_reason": self._running}
         self._told: Infos | None = None
         self._begun = self._explained = False
-        self._steps, self._turning = 0, spec.turning_speed()
+        self._steps = 0
         self._slack = not self._batch.layout.shape.lenient  # True once no warning of a slack wire is due
 
     def __repr__(self) -> str:
@@ -211,6 +129,10 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         mask = checked_mask(rest.pop("reset_mask"), size) if isinstance(rest, dict) and some else self._everyone
         if self.closed or (some and not self._begun):
             raise self._unready("reset() with reset_mask" if some else "reset()")
+        if not self._settled:
+            check_duration(self._spec.tell, self.spec, self._own_steps, self._settings.max_episode_steps, self._dt,
+                           self._task.name)
+            self._settled = True
         which = np.flatnonzero(mask)
         asked, task, given = checked_options(rest, self.scene, self.task)
         own = {name: checked_values(name, values, which, size) for name, values in given.items()}
@@ -251,12 +173,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         if not self._begun or self.closed:
             raise self._unready("the next step()" if self._known else "the first step()")
         waiting = self._over
-        action = checked_actions(actions, self._num_envs, later=self._sensing is None and not waiting.size)
+        action = checked_actions(actions, self._num_envs, later=self._plain and not waiting.size)
         if waiting.size and self.autoreset_mode is AutoresetMode.DISABLED:
             raise gymnasium.error.ResetNeeded(
                 f"Episodes that have ended: {waiting.size}, the first in environment {waiting[0]}; reset them with "
                 "options={'reset_mask': ...} before the next step."
             )
+        if self._acts:
+            action = self._acted_by_all(action, waiting)
         results = self._batch.results() if self._reused is None else self._reused
         try:
             if self._sensing is None:
@@ -309,13 +233,14 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             infos.update(extra)
         return seen, results.reward, results.terminated, results.truncated, infos
 
-    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+    def render(self) -> tuple[Any, ...] | None:
         """Return one frame for each environment, uint8 of shape (height, width, 3); None without a render mode.
 
+        With "rgb_array_list" there is one list for each environment, of the frames of its episode since the last call.
         Raises ResetNeeded before the first reset.
         """
         cameras = self._ready_to_render()
-        return None if cameras is None else tuple(map(cameras.frame, range(self._num_envs)))
+        return None if cameras is None else cameras.render()
 
     def render_tiles(self, count: int = 9, columns: int | None = None) -> NDArray[np.uint8] | None:
         """Return one picture of the first ``count`` environments, row by row; None without a render mode.
@@ -327,6 +252,13 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         cameras, most = self._ready_to_render(), whole_number(count, "count", MOST_ENVS)
         across = None if columns is None else whole_number(columns, "columns", MOST_ENVS)
         return None if cameras is None else cameras.tiles(min(most, self._num_envs), across)
+
+    def _acted_by_all(self, action: NDArray[Any], waiting: Places) -> Array:
+        """Return the actions that settings make of those given, but for environments that only begin anew."""
+        shares = np.clip(action.astype(np.float64), -1.0, 1.0)
+        which = np.setdiff1d(np.arange(self._num_envs), waiting, assume_unique=True)
+        shares[which] = self._acted(shares[which], lambda: self._seeded().uniform(which))
+        return shares
 
     def _ready_to_render(self) -> Cameras | None:
         if self._camera is None:
@@ -571,14 +503,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
 
 fix(LabPendulumVectorEnv, ("omega0",))
-
-
-def autoreset_mode_of(mode: Any) -> AutoresetMode:
-    """Return Gymnasium's autoreset mode for a mode or its name; raises SceneError for an unknown name."""
-    names = [entry.value for entry in AutoresetMode]
-    if isinstance(mode, AutoresetMode):
-        return mode
-    return AutoresetMode(one_of(mode, "autoreset_mode", names))
+documented(LabPendulumVectorEnv, arguments=described(VectorSettings, EnvSettings))
 
 
 def checked_mask(mask: Any, size: int) -> NDArray[np.bool_]:

@@ -146,7 +146,8 @@ def record(
         size: size of the frames in pixels, or (width, height); of several runs, the size of each.
         theme, panels: style of the frames, names from THEMES and PANELS of :mod:`pendulum_env.render`.
         progress: function that is called with the fraction done and the current task.
-        **shared: keywords of all runs, such as ``warn=False``; see :data:`pendulum_env.engine.spec.SHARED`.
+        **shared: keywords of all runs, such as ``warn=False``; see
+            :class:`pendulum_env.engine.settings.CommonSettings`.
 
     Returns the path and the runs that stopped early. Warns as :func:`pendulum_env.rollout` does. Raises SceneError or
     ValueError for values out of range, OSError where the film cannot be written.

@@ -29,10 +29,6 @@ class MatrixEntry:
     known: str = ""
 
 
-Entry = MatrixEntry
-"""Old name of MatrixEntry, which scripts and pickles may use."""
-
-
 @dataclass(frozen=True, repr=False)
 class Matrix(Plotted):
     """Matrix of results of methods in hard cases.

@@ -434,8 +434,6 @@ def _slack(method: Method) -> Finding:
                         of="the time of flight"))
 
 
-FALL = math.sqrt(EARTH)
-"""Angular frequency of a pendulum of 1 m on Earth [rad/s]."""
 PIECES = "scipy's DOP853 at 3e-14 from one zero of the velocity to the next (Hairer, Norsett & Wanner 1993, II.5-6)"
 STUCK = "Coulomb 1785: at rest, friction balances all other torques up to its limit"
 TableRow = tuple[str, str, str, str, Scene, Rule, Callable[[Method], Finding]]

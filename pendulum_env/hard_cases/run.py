@@ -13,10 +13,10 @@ from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.hard_cases.case import Case
 from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
 from pendulum_env.hard_cases.files import write
-from pendulum_env.hard_cases.matrix import Entry, Matrix, MatrixEntry
-from pendulum_env.physics.units import SceneError, one_of, several, truth
+from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
+from pendulum_env.physics.units import SceneError, boolean, one_of, several
 
-__all__ = ["Entry", "Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress", "write"]
+__all__ = ["Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress", "write"]
 
 
 def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: bool) -> tuple[Case, ...]:
@@ -36,7 +36,7 @@ def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: boo
         raise SceneError("long adds the long cases of groups, and only single cases are named; leave long out.")
     if scene is not None:
         one_of(scene, "hard case with the scene", {case.scene.name for case in CASES})
-    include_long = truth(long, "long")
+    include_long = boolean(long, "long")
     chosen = tuple(case for case in CASES
                    if case.name in wanted or (case.group in wanted and (include_long or not case.long)))
     chosen = tuple(case for case in chosen if scene in (None, case.scene.name))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import singledispatch
 from typing import Any, cast
@@ -13,27 +13,23 @@ import jax.numpy as jnp
 import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
-from integrators import Method
-from integrators.solving.solve import MOST_STEPS
-from pendulum_env.common.version import REGISTERED
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
-from pendulum_env.engine.machine import check_diagnostics, find_method
+from pendulum_env.engine.machine import find_method
+from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import HOLD
+from pendulum_env.envs.limits import REGISTERED
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
-from pendulum_env.envs.settings import UNBOUNDED, spaces_of, usual
+from pendulum_env.envs.settings import UNBOUNDED, EpisodeSettings, acting, spaces_of, task_of, usual
 from pendulum_env.jax.gymnax import Gymnax
 from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, smoothed, twin
 from pendulum_env.jax.sensing import TwinSensing
 from pendulum_env.physics import random
-from pendulum_env.physics.damping import Damping, build_scene
-from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, nearest, number, shown, truth, whole_number
-from pendulum_env.tasks import USUAL_TASK, Task, find_task
+from pendulum_env.physics.damping import build_scene
+from pendulum_env.physics.units import SceneError, count, naming_keywords, nearest, setting, shown
 from pendulum_env.tasks.task import steps_of
 
 LONGEST = 2**31 - 1
@@ -77,6 +73,7 @@ class EnvState:
         params: numbers drawn for this episode; None without ``randomize``.
         sensed: a :class:`pendulum_env.jax.sensing.SensedState`, readings and actions on their way; None without a
             sensor, delays, or another kind of observation.
+        acted: the last action, as settings such as ``action_noise`` have changed it; None without them.
     """
 
     values: tuple[Any, ...]
@@ -84,6 +81,7 @@ class EnvState:
     time: Any
     params: EnvParams | None
     sensed: Any = None
+    acted: Any = None
 
     def replace(self, **changes: Any) -> EnvState:
         """Return the state with other values of these fields; SceneError for other names."""
@@ -99,6 +97,17 @@ def replaced(one: Any, changes: Mapping[str, Any], remedy: str) -> Any:
     return replace(one, **changes)
 
 
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class TwinSettings(EpisodeSettings):
+    """Settings of :class:`LabPendulum`."""
+
+    max_steps: int | None = count(None, "control steps in an episode, in place of duration", LONGEST)
+    smooth: float | None = setting(
+        None, "velocity over which dry friction is smoothed", unit="rad/s", note="as in pendulum_env.jax.rollout")
+    dtype: Any = setting(None, '"float32", "float64", or JAX\'s type of this name',
+                         note="None for float64 where JAX has it enabled")
+
+
 class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     """LabPendulum in JAX: pure functions of a state, an action, a random key and parameters.
 
@@ -107,82 +116,51 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
     ``gym.make("LabPendulum-v0")``; random numbers are JAX's. ``gymnax()`` returns an adapter with gymnax's ``reset``
     and ``step``.
 
-    Args:
-        scene, integrator, damping, task, dt, substeps, diagnostics, speed_limit: as in ``gym.make``.
-        max_steps: control steps in an episode; ``duration``: its length [s], in its place.
-        velocity_bound, speed_penalty, reward_rate: as in ``gym.make``.
-        randomize: parameters drawn for every episode, as in ``gym.make``: ranges by name, such as ``(low, high)``, a
-            fit, its bootstrap or posterior, or a list of these. A draw from a bootstrap or posterior is one of its
-            rows.
-        observation, history, sensor, observation_delay, action_delay: as in ``gym.make``. Delays that are drawn, and
-            the first reading, take the key of ``initial``; later noise takes that of ``transition``. The derivative of
-            a reading rounded to a quantum is 0, as that of ``jnp.round``, so that learning by gradients needs a sensor
-            without quantum, such as one with the noise ``quantum / sqrt(12)`` in its place.
-        smooth: velocity [rad/s] over which dry friction is smoothed, as in :func:`pendulum_env.jax.rollout`.
-        dtype: "float32" or "float64", or JAX's type of this name, such as ``jnp.float32``; by default float64 where JAX
-            has it enabled.
-        **parameters: parameters of the scene, such as ``length=0.5``.
+    Keywords are those of ``gym.make``, but for backends, tolerances, compensated sums and frames, and:
+
+    {arguments}
+
+    A draw from a bootstrap or posterior is one of its rows. Delays that are drawn, and the first reading, take the key
+    of ``initial``; later noise takes that of ``transition``. The derivative of a reading rounded to a quantum is 0, as
+    that of ``jnp.round``, so that learning by gradients needs a sensor without quantum, such as one with the noise
+    ``quantum / sqrt(12)`` in its place.
 
     Attributes:
-        noisy: True if ``transition`` needs a key, because the sensor draws random numbers.
+        noisy: True if ``transition`` needs a key, because the sensor or the action draws random numbers.
 
     Raises SceneError, MethodError or TaskError for invalid arguments, and for what has no twin: dry friction
     without ``smooth``, steps that call Python, functions of a NumPy generator in ``randomize``, gusts in float32.
     """
 
-    def __init__(
-        self,
-        scene: str | Scene | Mapping[str, object] = "lab",
-        *,
-        integrator: str | Method | None = None,
-        damping: Damping = "scene",
-        task: str | Task = USUAL_TASK,
-        dt: float | None = None,
-        substeps: int = 1,
-        diagnostics: Sequence[str] = ("energy",),
-        speed_limit: float | None = None,
-        max_steps: int | None = None,
-        duration: float | None = None,
-        velocity_bound: float | None = None,
-        speed_penalty: float = 0.0,
-        reward_rate: bool = False,
-        randomize: Any = None,
-        observation: str = "full",
-        history: int | None = None,
-        sensor: Sensor | Mapping[str, Any] | None = None,
-        observation_delay: float | Sequence[float] = 0.0,
-        action_delay: float | Sequence[float] = 0.0,
-        smooth: float | None = None,
-        dtype: Any = None,
-        **parameters: Any,
-    ) -> None:
-        self.kind = kind_of(dtype)
-        integrator, dt = usual(scene, integrator, dt)
-        self.scene = with_parameters(smoothed(build_scene(scene, damping, {}), smooth), parameters)
-        self.task = find_task(task)
-        self.method = find_method(integrator, self.scene)
+    @taking(TwinSettings)
+    def __init__(self, given: TwinSettings) -> None:
+        self._settings, self.kind = given, kind_of(given.dtype)
+        integrator, self.dt = usual(given)
+        with naming_keywords(type(self)):
+            self.scene = with_parameters(smoothed(build_scene(given.scene, given.damping, {}), given.smooth),
+                                         given.parameters)
+        self.task, self.method = task_of(given), find_method(integrator, self.scene)
         check_fits(self.scene, self.method, self.kind)
-        self.dt = number(dt, "dt", above=0.0, unit="s")
-        self.substeps = whole_number(substeps, "substeps", MOST_STEPS)
-        self.h = self.dt / self.substeps
-        if max_steps is not None and duration is not None:
+        self.substeps, self.h = given.substeps, self.dt / given.substeps
+        steps = given.max_steps
+        if steps is None:
+            steps = self.task.steps(self.dt) if given.duration is None else steps_of(given.duration, self.dt)
+        elif given.duration is not None:
             raise SceneError("Give duration or max_steps, not both.")
-        steps = (whole_number(max_steps, "max_steps", LONGEST) if max_steps is not None else
-                 self.task.steps(self.dt) if duration is None else steps_of(duration, self.dt))
-        self.max_steps = REGISTERED if steps is None else steps
-        self._limit = speed_limit
-        self.twin: Twin = twin(self.scene, self.method, check_diagnostics(diagnostics))
+        self.max_steps = int(REGISTERED) if steps is None else steps
+        self.twin: Twin = twin(self.scene, self.method, tuple(given.diagnostics))
         self._judge = functions(goal_text(self.task.goal))
-        plan = plan_of(observation, history, sensor, observation_delay, action_delay, self.h, self.substeps)
+        plan = plan_of(given, self.h, self.substeps)
         remembers = bool(self.twin.program.shape.remembered)
         self._hold = 1 if plan is not None and remembers and plan.changes else self.substeps
         self._sensing = None if plan is None else TwinSensing(plan, self.scene.periodic, remembers, self.kind)
-        self.noisy = plan is not None and plan.draws
-        self._bound, self.observation_space, self.action_space = spaces_of(velocity_bound, self.task, plan)
+        self._acts = acting(given)
+        self.noisy = bool(self._acts) or (plan is not None and plan.draws)
+        self._bound = given.velocity_bound
+        self.observation_space, self.action_space = spaces_of(self._bound, self.task, plan)
         self._bounded = self._bound < UNBOUNDED and (plan is None or bool(plan.swift))
-        self._penalty = number(speed_penalty, "speed_penalty", least=0.0)
-        self._rate = self.dt if truth(reward_rate, "reward_rate") else 1.0
-        self._randomization = randomization(randomize)
+        self._penalty, self._rate = given.speed_penalty, self.dt if given.reward_rate else 1.0
+        self._randomization = randomization(given.randomize)
         if self._randomization:
             self._check_draws(self._randomization)
         self.default_params: EnvParams
@@ -199,7 +177,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         """
         place = with_parameters(self.scene, parameters)
         values = {HOLD[0]: float(self._hold), **numbers(place)}
-        limit = checked_limit(self._limit, place)
+        limit = checked_limit(self._settings.speed_limit, place)
         return EnvParams(
             tuple(jnp.asarray(values[name], self.kind) for name in self.twin.parameters),
             jnp.asarray(traced(frequency(place)), self.kind), jnp.asarray(traced(limit), self.kind),
@@ -282,18 +260,23 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         values = self.twin.start(angle, velocity, used.numbers, stream, self.kind)
         rest = uniform[len(names):] if self._draws else None
         sensed = None if self._sensing is None else self._sensing.begin(self._motion((values, None)), rest)
-        return EnvState(values, jnp.zeros_like(values[1]), jnp.zeros(values[1].shape, jnp.int32), own, sensed)
+        return EnvState(values, jnp.zeros_like(values[1]), jnp.zeros(values[1].shape, jnp.int32), own, sensed,
+                        jnp.zeros_like(values[1]) if self._acts else None)
 
     def transition(self, state: EnvState, action: Any, rng: Any = None, params: EnvParams | None = None) -> EnvState:
         """Return the state after one control step of a constant action, which is clipped to [-1, 1].
 
-        A sensor that draws random numbers needs a key, ``rng``.
+        A sensor that draws random numbers, and noise of actions, need a key, ``rng``.
         """
         used, share = self._of(state, params), self._share(action)
         carry, sensed = (state.values, state.stop), state.sensed
         if self.noisy and rng is None:
-            raise SceneError("A control step with a sensor that draws random numbers takes a key, as in "
+            raise SceneError("A control step with random numbers, of a sensor or of the action, takes a key, as in "
                              "transition(state, action, jax.random.key(0)).")
+        acted = state.acted
+        if self._acts:
+            rng, own = jax.random.split(rng)
+            acted = share = self._acted(share, state.stop.shape, own)
         if self._sensing is None:
             values, stop = self._advanced(carry, used, share, self.substeps)
         else:
@@ -303,7 +286,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             share = self._sensing.acting(sensed, share, self._sensing.last)
         _, lost = self._judged(state, values, share, used)
         stop = jnp.where((stop == 0.0) & lost, FELL, stop)
-        return replace(state, values=values, stop=stop, time=state.time + 1, sensed=sensed)
+        return replace(state, values=values, stop=stop, time=state.time + 1, sensed=sensed, acted=acted)
 
     def observation(self, state: EnvState, rng: Any = None, params: EnvParams | None = None) -> Any:
         """Return cosine and sine of the angle and the velocity, float32; with a reference four more entries.
@@ -331,7 +314,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         With ``reward_rate`` it is a rate per second, times ``dt``. ``speed_penalty`` is subtracted where the episode
         ends in this step, unless because the task is lost.
         """
-        share = self._share(action)
+        share = next_state.acted if self._acts else self._share(action)
         if self._sensing is not None:
             share = self._sensing.acting(next_state.sensed, share, self._sensing.last)
         reward, _ = self._judged(state, next_state.values, share, self._of(state, params))
@@ -402,6 +385,13 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         action = jnp.asarray(action, self.kind)
         return jnp.clip(action[..., 0] if action.ndim and action.shape[-1] == 1 else action, -1.0, 1.0)
 
+    def _acted(self, share: Any, shape: tuple[int, ...], key: Any) -> Any:
+        """Return the actions that settings such as ``action_noise`` make of others, with random numbers of a key."""
+        for place, (function, value) in enumerate(self._acts):
+            first, second = jax.random.uniform(jax.random.fold_in(key, place), (2, *shape), self.kind)
+            share = jnp.clip(on_arrays(function)(jnp.broadcast_to(share, shape), value, first, second), -1.0, 1.0)
+        return share
+
     def _reports(self, values: Any, used: EnvParams) -> dict[str, Any]:
         """Return the observation and the entries of ``info`` of a state of the program, by name."""
         reports: dict[str, Any]
@@ -422,6 +412,9 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         reward, lost = self._judge.call("judge", *place.values(), phi, share, used.omega0, self.h, *before)
         shape = jnp.shape(place["angle"])
         return jnp.broadcast_to(jnp.asarray(reward, self.kind), shape), jnp.broadcast_to(jnp.asarray(lost, bool), shape)
+
+
+documented(LabPendulum, arguments=described(TwinSettings, EpisodeSettings))
 
 
 # --- random parameters ------------------------------------------------------------------------------------------------

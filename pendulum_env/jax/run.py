@@ -16,15 +16,15 @@ from jax import lax
 
 from integrators import Method, MethodError
 from integrators.solving.solve import MOST_STEPS
-from pendulum_env.common.checks import truth
+from pendulum_env.common.checks import boolean
 from pendulum_env.engine.certificate import ESTIMATE, ErrorEstimator, endless
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.generate import Program, program
 from pendulum_env.engine.machine import check_diagnostics, find_method
+from pendulum_env.engine.random_streams import MOST_SEED, Streams
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import HOLD, SLACK, STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_steps, start_values
-from pendulum_env.engine.streams import MOST_SEED, Streams
 from pendulum_env.jax.parameters import is_array, numbers, traced, with_parameters
 from pendulum_env.jax.programs import Later, Unchanged, bare, functions
 from pendulum_env.physics import random
@@ -280,7 +280,7 @@ def rollout(
     method = find_method(integrator, place)
     kind = kind_of(dtype)
     check_fits(place, method, kind)
-    estimates = truth(estimate_error, "estimate_error")
+    estimates = boolean(estimate_error, "estimate_error")
     usual = place.run
     h = usual.dt if dt is None else dt if is_array(dt) else number(dt, "dt", above=0.0, unit="s")
     hold = whole_number(substeps, "substeps", MOST_STEPS)

@@ -64,7 +64,7 @@ def scene(one: Scene) -> Iterator[str]:
 def environment(env: Any) -> Iterator[str]:
     """Yield the parts of an environment's card: its scene, its settings and its present state."""
     state = env.get_state()["state"]
-    yield f"LabPendulum-v0: {env.scene.name}"
+    yield f"{'LabPendulum-v0' if env.spec is None else env.spec.id}: {env.scene.name}"
     yield equation(env.scene)
     yield html.facts((
         *settings(env),
@@ -75,7 +75,7 @@ def environment(env: Any) -> Iterator[str]:
 
 def vector(envs: Any) -> Iterator[str]:
     """Yield the parts of a vector's card: its scene, its size and its settings."""
-    yield f"LabPendulum-v0: {envs.scene.name}, {envs.num_envs} environments"
+    yield f"{'LabPendulum-v0' if envs.spec is None else envs.spec.id}: {envs.scene.name}, {envs.num_envs} environments"
     yield equation(envs.scene)
     yield html.facts((
         *settings(envs),

@@ -181,11 +181,6 @@ def quality_factor(scene: Surroundings, amplitude: float) -> float:
     return 0.5 * math.pi / loss if loss > 0.0 else math.inf
 
 
-def damping_regime(scene: Surroundings, amplitude: float) -> str:
-    """Return "underdamped", "critically damped" or "overdamped" for a swing of this amplitude [rad]."""
-    return regime_of_damping(quality_factor(scene, amplitude))
-
-
 def regime_of_damping(quality: float) -> str:
     """Return "underdamped", "critically damped" or "overdamped" for a quality factor above, at (to 1e-9) or below 1/2.
     """

@@ -31,6 +31,7 @@ from pendulum_env.physics.medium import VACUUM, Medium
 from pendulum_env.physics.units import (
     Checked,
     SceneError,
+    boolean,
     file_path,
     first_line,
     line,
@@ -39,7 +40,6 @@ from pendulum_env.physics.units import (
     shown,
     si,
     total,
-    truth,
 )
 
 
@@ -314,7 +314,7 @@ class Scene(Checked, Displayed):
         Raises SceneError where ``as_latex`` is not True or False.
         """
         text = equation_text(self.effects, self.coefficients)
-        return latex(text) if truth(as_latex, "as_latex") else text
+        return latex(text) if boolean(as_latex, "as_latex") else text
 
     def describe(self) -> str:
         """Return a description of the scene in words and numbers with units, one line for each part and effect."""

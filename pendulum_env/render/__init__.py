@@ -34,6 +34,3 @@ __all__ = [
            "side_by_side",
            "write_film",
 ]
-
-Look, Past = FrameStyle, PastSamples
-"""Names that FrameStyle and PastSamples had in version 0.1."""

@@ -125,10 +125,6 @@ class FrameStyle:
         return frozenset().union(*(PANELS[name].needs for name in self.panels))
 
 
-Look = FrameStyle
-"""Name that FrameStyle had in version 0.1."""
-
-
 def _known(kind: str, name: object, names: Iterable[str]) -> None:
     """Raise ValueError, with the nearest known name, for a name that is not one of ``names``."""
     known = list(names)

@@ -109,10 +109,6 @@ class PastSamples:
         _require(shapes == {(len(self.time),)}, "the past's arrays", "of one length", sorted(shapes))
 
 
-Past = PastSamples
-"""Name that PastSamples had in version 0.1."""
-
-
 @dataclass(frozen=True, eq=False)
 class Orbits:
     """Curves behind a phase portrait, as arrays of shape (n, 2) of angles [rad] and velocities [rad/s].

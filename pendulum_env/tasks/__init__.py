@@ -7,9 +7,6 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pendulum_env.common.checks import SceneError, nearest, number, shown
 from pendulum_env.physics.elementary import sin
 from pendulum_env.tasks.task import QUANTITIES, Task
@@ -28,8 +25,6 @@ TOLERANCE = math.radians(8.0)
 
 HELD_ANGLE, HELD_SPEED = 0.1, 0.1
 """Angle from upright [rad] and velocity [omega0] up to which the task swing_up_sparse is fulfilled."""
-
-Numbers = float | NDArray[np.float64]
 
 
 def _hanging(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:

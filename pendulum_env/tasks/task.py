@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.common.checks import line, nearest, number, shown, truth
+from pendulum_env.common.checks import boolean, line, nearest, number, shown
 from pendulum_env.engine.goal import BEFORE, FOLLOWED, OFFERED, Goal, Judge, judge
 from pendulum_env.engine.source import arguments
 from pendulum_env.tasks.translate import Function, TaskError, Translator, is_ours
@@ -111,7 +111,7 @@ class Task:
                 self._check_names(role, function, offered[role])
         begin = made["start"]  # the package's own takes arrays, and need not be copied into a program
         goal = Goal(made["reward"], made["lost"], made["reference"], None if begin is None or is_ours(begin) else begin,
-                    truth(self.upright, "upright"), tuple(translator.pieces))
+                    boolean(self.upright, "upright"), tuple(translator.pieces))
         for name_of, text in (("equation", self.equation), ("ends", self.ends)):
             if not isinstance(text, str):
                 raise TaskError(f"{name_of} of the task {shown(name)} must be text, not {shown(text)}.")

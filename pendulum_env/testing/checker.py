@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from pendulum_env.common.checks import function, shown, truth, whole_number
+from pendulum_env.common.checks import boolean, function, shown, whole_number
 from pendulum_env.testing.contract import (
     AGAIN,
     check_arrays,
@@ -105,7 +105,7 @@ def check_vector_env(
     if make_single is not None:
         function(make_single, "make_single")
     several, longest = whole_number(num_envs, "num_envs", MOST_ENVS, 2), whole_number(steps, "steps", MOST_STEPS)
-    stops = truth(raises, "raises")
+    stops = boolean(raises, "raises")
     report = Checker(make_vec, make_single, several, longest).report()
     if stops and report.failed:
         raise AssertionError(str(report))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,13 +63,3 @@ class Truth:
         deviation = np.maximum(compared.distance(angle), np.abs(np.asarray(velocity) - compared.velocity))
         beyond = ~(deviation <= compared.error)
         return float(np.max(deviation[beyond])) if beyond.any() else 0.0
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a pickled reference solution, also one that version 0.1 has pickled.
-
-        Version 0.1 stored no times, and ``error_estimate`` in place of ``error``.
-        """
-        if "error_estimate" in state:
-            state = {"time": np.full(len(state["angle"]), np.nan), "error": state["error_estimate"],
-                     **{name: value for name, value in state.items() if name != "error_estimate"}}
-        self.__dict__.update(state)

@@ -46,10 +46,6 @@ class StudyError(ValueError):
     """Error raised for invalid input of a study, or for a reference solution that cannot be computed."""
 
 
-Reference = Truth
-"""Old name of Truth, which scripts and pickles of version 0.1 may use."""
-
-
 def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> Truth:
     """Return the reference solution of a scene without control, from a start at time 0.
 

@@ -28,9 +28,9 @@ from pendulum_env.common.version import __version__
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.javascript import javascript, translated
 from pendulum_env.engine.machine import Machine, fitting, offers
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.engine.streams import Streams
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.equation import equation_mathml, equation_text
 from pendulum_env.physics.presets import PURPOSES, SCENES

@@ -10,6 +10,7 @@ from typing import Any
 
 from integrators import MethodError
 from pendulum_env.common.provenance import output_folder, provenance
+from pendulum_env.common.replacing import replacing
 from pendulum_env.common.warn import warn
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import Apparatus, View, frame
@@ -17,7 +18,6 @@ from pendulum_env.render.bars import joules
 from pendulum_env.render.notes import Sheet, sheet_around, with_list
 from pendulum_env.render.paint import Image
 from pendulum_env.render.panel import staged
-from pendulum_env.render.png import write_png
 from pendulum_env.render.stand import Stand
 from pendulum_env.render.strip import shared_scale
 from pendulum_env.render.view import between
@@ -35,9 +35,9 @@ HINTS = (
 )
 """Hints on keys, of which the status line shows the longest that fits."""
 FOLDER = Path("out/show")
+"""Folder of saved pictures."""
 NAME = 200
 """Largest number of bytes of a saved picture's name; file systems allow 255, with the ending."""
-"""Folder of saved pictures."""
 MOUSE = ("press", "move", "release")
 """Events of :meth:`pendulum_env.window.screen.Screen.happened` that are handled with their time."""
 START, METHOD = "start", "integrator"
@@ -391,6 +391,9 @@ class Live:
 
         No file is replaced. Raises OutputError if the file cannot be written.
         """
+        import PIL.Image  # loaded with the first picture: starts of the package do without
+        from PIL.PngImagePlugin import PngInfo
+
         if self._picture is None:
             self.look()
         assert self._picture is not None
@@ -404,7 +407,11 @@ class Live:
         folder, count = output_folder(self.folder), 1
         while (path := folder / f"{name}{f'_{count}' if count > 1 else ''}.png").exists():
             count += 1
-        write_png(path, self._picture, provenance(**one, time=time, start_angle=angle, start_velocity=velocity))
+        texts = PngInfo()
+        for key, text in provenance(**one, time=time, start_angle=angle, start_velocity=velocity).items():
+            texts.add_text(key, text)
+        with replacing(path) as temporary:
+            PIL.Image.fromarray(self._picture).save(temporary, "png", pnginfo=texts)
         return path
 
 

@@ -8,7 +8,6 @@ import json
 import math
 import pickle
 import warnings
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -336,7 +335,7 @@ def test_costs_can_be_measured(monkeypatch):
 
 
 def test_the_command_prints_the_choice_and_what_comes_next():
-    result = CliRunner().invoke(cli.app, ["auto", "--scene", "textbook", "--accuracy", "1e-4", "--steps", "20"])
+    result = CliRunner().invoke(cli.app, ["auto", "--scene", "textbook", "--accuracy", "1e-4", "--duration", "0.4"])
     assert result.exit_code == 0, result.output
     assert quick().why.split(" in ")[0] in " ".join(result.output.split())
     assert "cost / rk4 steps" in result.output
@@ -345,5 +344,4 @@ def test_the_command_prints_the_choice_and_what_comes_next():
 def test_the_choice_is_documented():
     from pendulum_env import LabPendulumEnv
 
-    text = Path(inspect.getfile(LabPendulumEnv)).read_text(encoding="utf-8")
-    assert '"auto" with `accuracy`' in text
+    assert '"auto" with accuracy' in (LabPendulumEnv.__doc__ or "")

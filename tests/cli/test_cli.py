@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 from command_line import Here, table
 from folder_contents import contents
 
 from pendulum_env import SCENES, cli
 from pendulum_env.cli import console
 from pendulum_env.study.compare import files
+from pendulum_env.study.lists.tables import TABLES, find_table
 
 
 def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -80,7 +85,7 @@ def test_cost_effects_record_and_list(tmp_path: Path, run_here: Here) -> None:
     assert "angle error grows" in printed
     written = {path.name for path in (tmp_path / "c").iterdir()}
     assert {"cost.png", "cost_errors.png", "cost.csv", "cost.jsonl", "growth.png", "growth.csv"} <= written
-    code, printed, said = run_here("effects", "--scene", "textbook", "--amplitude", "30", "--tolerance", "1e-2",
+    code, printed, said = run_here("effects", "--scene", "textbook", "--angle", "30", "--tolerance", "1e-2",
                                    "--out", "e")
     assert code == 0, said
     assert any(line.split()[:1] == ["(gravity)"] and "matters" in line for line in printed.splitlines())
@@ -133,7 +138,7 @@ BAD = {
     ["stress", "--cases", "none of these"], ["exercise", "--length", "-1"],
     ["effects", "--tolerance", "0", "--out", "e"], ["compare", "--duration", "-1"],
     ["record", "--out", "file/film.gif"], ["compare", "--out", "o" * 300], ["compare", "--stability", "-i", "rk5"],
-    ["auto", "--steps", "0"],
+    ["auto", "--duration", "0"],
 ], ids=" ".join)
 def test_everything_is_checked_before_anything_is_made_or_computed(
     words: list[str], tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
@@ -174,7 +179,7 @@ def test_a_command_of_ones_own_that_fails_says_so_and_where_with_debug(
 
 def test_a_step_that_exits_is_refused_before_the_report(tmp_path: Path, run_here: Here) -> None:
     (tmp_path / "step.py").write_text("import sys\nsys.exit(0)\n")
-    code, _, said = run_here("exercise", "--step", "step.py")
+    code, _, said = run_here("exercise", "--own-step", "step.py")
     assert code == 2
     assert "The step failed with SystemExit" in said
     assert {path.name for path in tmp_path.iterdir()} == {"step.py"}
@@ -268,3 +273,136 @@ def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     (warning,) = [line for line in done.stderr.splitlines() if "arning" in line]
     assert warning.startswith("Warning: A step of 0.01 s covers 1 rad of the phase of vertical_drive, ")
+
+
+OPTIONS: Mapping[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+ELSE = {"--out": "a folder or, of commands that write one file, it", "-o": "the same", "--scene": "one or several"}
+"""Options of two meanings, which the kind of the command decides."""
+
+
+def test_an_option_means_the_same_in_every_command() -> None:
+    """One help text and one short form for each name; and no command takes a plural beside a singular."""
+    declared: dict[str, set[tuple[object, ...]]] = {}
+    for command in OPTIONS.values():
+        for one in command.params:
+            if one.param_type_name == "option" and one.name != "help":
+                for name in one.opts:
+                    declared.setdefault(name, set()).add((*one.opts, one.help))
+    assert {name for name, meanings in declared.items() if len(meanings) > 1} - {*ELSE} == set()
+    assert {name for name in declared if f"{name}s" in declared and name != "--angle"} == set()
+    for names, short in (("--out", "-o"), ("--integrators", "-i")):
+        assert all(short in one.opts for command in OPTIONS.values() for one in command.params if names in one.opts)
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("compare --dt 0,01", "'0,01' is not a number; write 0.01."),
+    ("compare --dt soon", "'soon' is not a number, as 0.5 is."),
+    ("section --points 1,5", "'1,5' is not a whole number, as 100 is."),
+    ("code --integrator rk4", "No such option: --integrator (Possible options: --integrators)"),
+    ("web --scenes all", "--scene)"), ("exercise --step mine.py", "--own-step)"),
+    ("section --steps 20", "--steps-per-period)"), ("fit --steps 20", "--walker-steps)"),
+    ("effects --amplitude 3", "--angle"), ("kode", "Did you mean 'code'"), ("help kode", "Did you mean 'code'"),
+    ("compare -i zzz", "There is no integrator 'zzz'; there are "), ("cost --scene zzz", "; there are 21, such as "),
+    ("code -i rk4,heun", "runs one integrator, not rk4, heun"),
+])
+def test_an_error_quotes_what_was_typed_and_names_the_nearest(words: str, said: str, run_here: Here) -> None:
+    code, printed, told = run_here(*words.split())
+    assert (code, printed) == (2, "")
+    assert said in " ".join(told.replace("│", " ").split())
+    assert len(told) < 700, "no list of a hundred names"
+
+
+def test_names_have_any_case_and_paths_their_own(tmp_path: Path, run_here: Here) -> None:
+    plain = run_here("code", "--scene", "vacuum", "--integrators", "rk4")
+    assert plain[0] == 0
+    assert run_here("code", "--scene", "VACUUM", "-i", "RK4", "--language", "Plain") == plain
+    SCENES["vacuum"].save(tmp_path / "Mine.json")
+    assert run_here("code", "--scene", "Mine.json", "-i", "Rk4", "--damping", "None") == plain
+    assert run_here("list", "TASKS") == run_here("list", "tasks")
+
+
+def test_help_in_three_ways(run_here: Here) -> None:
+    whole, one = run_here("--help"), run_here("code", "--help")
+    assert run_here("-h") == run_here("help") == whole
+    assert run_here("code", "-h") == run_here("help", "code") == one
+    assert "Usage: lab-pendulum code [OPTIONS]" in one[1]
+    assert [code for code, _, _ in (whole, one)] == [0, 0]
+    assert all(name in whole[1] for name in (*cli.COMMANDS, "--install-completion", "--debug"))
+
+
+def test_debug_stands_before_or_behind_a_command(run_here: Here) -> None:
+    for words in (("--debug", "code", "-i", "zzz"), ("code", "-i", "zzz", "--debug")):
+        code, printed, told = run_here(*words)
+        assert (code, printed) == (2, "")
+        assert told.startswith("Traceback")
+        assert "There is no integrator 'zzz'" in told.splitlines()[-1]
+        assert "Error: There" in told.splitlines()[-1], "the error itself, no sentence behind it"
+    assert run_here("code", "-i", "zzz")[2].startswith("Error: ")
+
+
+def test_the_version_has_a_digest_of_the_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """The same for the same files, wherever they are and however their lines end; another for another byte."""
+    house = tmp_path / "house"
+    for name in ("integrators", "pendulum_env"):
+        (house / name / "cli").mkdir(parents=True)
+        (house / name / "a.py").write_bytes(b"x = 1\n")
+    monkeypatch.setattr(cli, "__file__", str(house / "pendulum_env" / "cli" / "__init__.py"))
+    first = cli.sources()
+    assert first == hashlib.sha256(b"".join(name + b"/a.py\0x = 1\n" for name in (b"integrators", b"pendulum_env"))
+                                   ).hexdigest()[:12]
+    (house / "integrators" / "a.py").write_bytes(b"x = 1\r\n")
+    assert cli.sources() == first
+    (house / "integrators" / "a.py").write_bytes(b"x = 2\n")
+    assert cli.sources() != first
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
+@pytest.mark.parametrize(("typed", "shown"), [
+    ("lab-pendulum se", "section"), ("lab-pendulum code --scene exercise_l", "exercise_large"),
+    ("lab-pendulum cost -i rk4,dop8", "rk4,dop853"), ("lab-pendulum web --o", "--out")])
+def test_a_shell_completes_commands_options_scenes_and_methods(typed: str, shown: str) -> None:
+    words = typed.split()
+    environment = {"_LAB_PENDULUM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(words) - 1)}
+    done = subprocess.run([sys.executable, "-m", "pendulum_env"], env={**os.environ, **environment}, text=True,
+                          capture_output=True, timeout=60)
+    assert done.stdout.split() == [shown], done.stderr
+
+
+def test_the_completion_of_a_shell_is_printed() -> None:
+    undetected = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+    done = subprocess.run([sys.executable, "-m", "pendulum_env", "--show-completion", "bash"], text=True,
+                          capture_output=True, timeout=60, env=undetected)
+    assert "complete -o default -F _lab_pendulum_completion lab-pendulum" in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("words", [
+    "measure", "compare --duration 0.2 -i rk4 --no-film", "record --duration 0.1 --size 64", "code", "list",
+    "web --scene vacuum -i rk4"])
+def test_success_is_silent_on_stderr(words: str, run_here: Here) -> None:
+    code, printed, told = run_here(*words.split())
+    assert (code, told) == (0, "")
+    assert ("No recording is given, so the simulated one" in printed) == (words == "measure")
+
+
+@pytest.mark.parametrize("name", [name for name, command in OPTIONS.items() if any(
+    "--out" in one.opts for one in command.params) and name not in ("record", "web")])
+def test_a_folder_that_cannot_be_is_refused_alike(name: str, tmp_path: Path, run_here: Here) -> None:
+    (tmp_path / "file").write_text("kept")
+    code, printed, told = run_here(name, "-o", "file/x")
+    assert (code, printed, told) == (2, "", "Error: The output folder file/x cannot be written: Not a directory.\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("what", ["", *TABLES, "integrators --scene lab", "scenes --scene lab"])
+def test_a_list_is_one_screen_and_all_of_it_more(what: str, run_here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    code, printed, _ = run_here("list", *what.split())
+    assert code == 0
+    lines = printed.splitlines()
+    assert len(lines) < 24
+    assert max(map(len, lines)) <= 80
+    if what in TABLES:
+        assert all(row[0] in " ".join(printed.split()) for row in find_table(what).rows)
+    if what != "scenes --scene lab":
+        assert len(run_here("list", *what.split(), "--all")[1]) > len(printed)
+        assert "--all" in lines[-1]

@@ -83,18 +83,18 @@ SHORT: Mapping[str, str] = {
     "compare": "--scene exercise --integrators forward_euler,rk4 --duration 0.5 --no-film",
     "cost": "--scene vacuum --integrators rk4,heun --duration 1 --repeats 1 --growth 2",
     "demo": "--no-film",
-    "auto": "--scene vacuum --accuracy 1e-3 --steps 10",
+    "auto": "--scene vacuum --accuracy 1e-3 --duration 0.2",
     "fit": "--effects linear --mass 0.01 --radius 0.02",
     "measure": "",
     "exercise": "",
     "show": "--help",
     "stress": "--cases upright_for_a_moment --integrators rk4",
-    "effects": "--scene textbook --amplitude 30 --tolerance 1e-2 --out out/effects",
-    "section": "--points 50 --transient 2 --steps 20",
-    "code": "--scene lab --integrator rk4",
-    "web": "--scenes vacuum --integrators rk4 --out lab.html",
+    "effects": "--scene textbook --angle 30 --tolerance 1e-2 --out out/effects",
+    "section": "--points 50 --transient 2 --steps-per-period 20",
+    "code": "--scene lab --integrators rk4",
+    "web": "--scene vacuum --integrators rk4 --out lab.html",
     "record": "--duration 0.2 --size 100 --out out/film.gif",
-    "list": "",
+    "list": "", "help": "",
 }
 """Options of a short run of every command."""
 
@@ -193,4 +193,4 @@ def test_the_package_runs_as_the_command(monkeypatch, capsys):
     with pytest.raises(SystemExit) as stop:
         runpy.run_module("pendulum_env", run_name="__main__")
     assert not stop.value.code
-    assert capsys.readouterr().out == f"lab-pendulum {__version__}\n"
+    assert capsys.readouterr().out == f"lab-pendulum {__version__}, sources {cli.sources()}\n"

@@ -29,9 +29,11 @@ OPTIONS: Mapping[str, str] = {
     "files": "none of these", "torque": "none of these", "current": "none of these", "prior": "none of these",
     "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
     "gravity": "positive",
-    "growth": "one and more", "panels": "word", "what": "word", "amplitude": "positive", "scene": "word",
+    "growth": "one and more", "panels": "word", "what": "word", "scene": "word",
     "damping": "word", "over": "none of these", "basins": "count", "transient": "count or none", "phase": "number",
-    "period": "positive", "period_error": "positive", "name": "short text",
+    "period": "positive", "own_step": "none of these", "walker_steps": "count", "steps_per_period": "count",
+    "control_step": "positive", "command": "word", "window": "count", "integrators": "word",
+    "period_error": "positive", "name": "short text",
 }
 """Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword."""
 AS_TEXT = {**KINDS, "names or none": ({"empty"}, set()), "short text": (set(TEXTS) - {"long"}, set())}

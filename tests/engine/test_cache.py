@@ -58,7 +58,7 @@ def test_a_warm_start_writes_nothing(warm: Path, start: Start) -> None:
 
 
 def test_code_that_was_rewritten_in_another_way_is_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After an upgrade, and after one that folds or pairs otherwise, programs of the same text are compiled anew."""
+    """After an upgrade, and after one that folds otherwise, programs of the same text are compiled anew."""
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
     found = program(SCENES["textbook"], integrators.get("symplectic_euler"), ())
     for _ in range(2):

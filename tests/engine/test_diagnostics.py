@@ -41,7 +41,7 @@ from pendulum_env.physics.effects import (
     WireDrag,
 )
 from pendulum_env.physics.exact import flight
-from pendulum_env.physics.flow import damping_regime, keulegan_carpenter, quality_factor, regime_of_damping
+from pendulum_env.physics.flow import keulegan_carpenter, quality_factor, regime_of_damping
 from pendulum_env.physics.medium import Medium, air, water
 
 LENGTH, MASS, RADIUS = 0.4, 0.9, 0.05
@@ -532,7 +532,7 @@ def test_flow_without_viscosity_is_refused() -> None:
 def test_the_regime_of_damping(gamma: float, wanted: str) -> None:
     """Check the damping regime: theta'' + gamma theta' + omega0² theta = 0 is critically damped at gamma = 2 omega0."""
     scene = scene_with(LinearDrag(gamma))
-    assert damping_regime(scene, 0.3) == wanted
+    assert regime_of_damping(quality_factor(scene, 0.3)) == wanted
     env = gym.make("LabPendulum-v0", scene=scene, diagnostics=("flow",), backend="python")
     assert env.reset(seed=1)[1]["damping_regime"] == wanted
     assert env.step(np.zeros(1, dtype=np.float32))[-1]["damping_regime"] == wanted

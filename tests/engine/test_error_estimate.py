@@ -18,8 +18,8 @@ import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, Rollout, Scene, SceneError, rollout
 from pendulum_env.engine import certificate
 from pendulum_env.engine.certificate import MOST, TRUST, ErrorEstimator
+from pendulum_env.engine.growing_file import read
 from pendulum_env.engine.machine import DIAGNOSTICS, fitting
-from pendulum_env.engine.stream import read
 from pendulum_env.physics import exact
 from pendulum_env.study.compare import compare
 from pendulum_env.truth.reference import reference

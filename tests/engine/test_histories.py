@@ -13,7 +13,7 @@ from pendulum_env import SCENES, rollout
 from pendulum_env.engine import runs
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.layout import AHEAD, BLOCK, FEWEST_VALUES
-from pendulum_env.engine.stages import divided
+from pendulum_env.engine.stages import scheduled
 from pendulum_env.tasks import TASKS
 
 LONG = ["quinlan_tremaine8", "quinlan8a", "quinlan8b", "quinlan_tremaine10", "quinlan_tremaine12",
@@ -41,7 +41,7 @@ def same(many: Any, i: int, one: Any) -> None:
 def test_copies_are_results_that_the_step_was_given() -> None:
     """The second value of the history is a copy of the first; the third stays where it is."""
     results = ("q1", "v1", "a1", "a1_ago1", "a2_ago1", "u1_ago1")
-    assert dict(divided(STEP, results, ("h", "rate")).copies) == {"v1": "v", "a1_ago1": "a", "a2_ago1": "a2_ago"}
+    assert dict(scheduled(STEP, results, ("h", "rate")).copies) == {"v1": "v", "a1_ago1": "a", "a2_ago1": "a2_ago"}
 
 
 def test_methods_with_long_histories_have_room_for_newer_values() -> None:

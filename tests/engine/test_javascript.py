@@ -24,7 +24,7 @@ QUICK = (
     Case("lab_rod", "discrete_gradient"), Case("sticky_bearing", "velocity_verlet"), Case("water", "bdf3"),
     Case("overdamped", "radau5"), Case("driven", "kahan_li6"), Case("chaotic", "rk4"),
     Case("kapitza", "yoshida6a", "compensated"), Case("windy", "bs3", "adaptive"), Case("clock_bob", "hht_alpha"),
-    Case("moon", "taylor", "adaptive"), Case("lab", "quick_taylor15"), Case("rod", "gauss4"),
+    Case("moon", "taylor", "adaptive"), Case("lab", "taylor15"), Case("rod", "gauss4"),
     Case("kater", "kahan_li8"), Case("torsion", "verner6"),
 )
 """Scenes, each with a method of another family."""

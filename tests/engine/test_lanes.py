@@ -162,7 +162,7 @@ def test_a_vector_holds_twice_the_numbers_of_a_register(features: str, width: in
 
 
 @pytest.mark.parametrize(("integrator", "over"), [("tsit5", "lanes(n)"), ("dop853", "lanes(n)"),
-                                                  ("taylor16", "range(U(n))"), ("quick_taylor16", "range(U(n))")])
+                                                  ("taylor16", "range(U(n))")])
 @pytest.mark.parametrize("rtol", [False, True])
 def test_loops_of_taylor_series_are_left_to_the_compiler(integrator: str, over: str, rtol: bool) -> None:
     method = integrators.get(integrator)

@@ -77,7 +77,7 @@ def compiled(text: str, name: str = "go") -> Callable[..., Any]:
 
 def left(text: str, entry: str = "go", given: tuple[Any, ...] = (numba.float64, numba.float64)) -> list[str]:
     """Return the names of the functions that numba compiles."""
-    found = llvm.Program(text, entry, given)
+    found = llvm.LlvmProgram(text, entry, given)
     found.forget()
     return [node.name for node in ast.parse(found.text).body if isinstance(node, ast.FunctionDef)]
 
@@ -201,7 +201,7 @@ def test_statements_in_a_row_have_the_bits_that_python_computes() -> None:
 
 def test_rows_of_an_array_and_whole_numbers_are_left_to_numba() -> None:
     given = numba.typeof((np.zeros(3), np.zeros((9, 3)), np.zeros(8, F4), np.zeros(2, np.int64), 8, 0.1)).types
-    program = llvm.Program(ROWS, "go", given)
+    program = llvm.LlvmProgram(ROWS, "go", given)
     program.forget()
     text = program.text
     for line in ("first = out[1]", "kept = counts[0]", "n = rows * 3", "m = n + kept + n", "break"):

@@ -20,7 +20,7 @@ from pendulum_env.engine import runs
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import VELOCITY, Machine
-from pendulum_env.engine.streams import Streams
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import BearingFriction, Gravity, Gusts, LinearDrag, Motor, Wind
 from pendulum_env.physics.effects.motor import motor_advance

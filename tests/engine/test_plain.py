@@ -225,11 +225,11 @@ def test_a_branch_of_one_s_own_and_moving_air_are_refused() -> None:
 
 
 def test_the_command_prints_it(run_here: Here) -> None:
-    status, printed, said = run_here("code", "--integrator", "rk4", "--scene", "exercise_large", "--set", "length=0.5")
+    status, printed, said = run_here("code", "--integrators", "rk4", "--scene", "exercise_large", "--set", "length=0.5")
     assert (status, said) == (0, "")
     assert printed == code(SCENES["exercise_large"].replace(length=0.5), "rk4")
     assert run_here("code", "-i", "rk4", "--language", "engine")[1] == code("exercise_large", "rk4", "engine")
-    status, _, said = run_here("code", "--integrator", "gauss4")
+    status, _, said = run_here("code", "--integrators", "gauss4")
     assert status == 2
     assert "use language='engine' (--language engine)" in said
     assert "did you mean plain" in run_here("code", "--language", "plane")[2]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import warnings
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ import pytest
 
 import pendulum_env
 from pendulum_env import SceneError, compare, cost, film, growth, rollout
-from pendulum_env.engine.spec import SHARED, RunSpec
+from pendulum_env.engine.settings import CommonSettings
+from pendulum_env.engine.spec import RunSpec
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
@@ -77,7 +79,7 @@ def test_a_control_without_a_motor_is_warned_of(door: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("door", DOORS)
-@pytest.mark.parametrize("name", SHARED)
+@pytest.mark.parametrize("name", [entry.name for entry in fields(CommonSettings)])
 def test_shared_keywords_are_checked_by_every_door(door: str, name: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=rf"{name} must be True or False, not 'maybe'"):
         DOORS[door](tmp_path, scene="vacuum", **{name: "maybe"})

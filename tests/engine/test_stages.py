@@ -13,7 +13,7 @@ import integrators
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine.generate import batch_program
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.stages import Stage, divided, rows_of
+from pendulum_env.engine.stages import StepStage, rows_of, scheduled
 
 STEP = '''
 def push(q, rate):
@@ -56,7 +56,7 @@ def calls_in_step(text: str) -> list[str]:
     return re.findall(r"^    (\w+)\(", before, re.MULTILINE)
 
 
-def run_in_turn(stages: tuple[Stage, ...], functions: tuple[str, ...]) -> dict[str, Any]:
+def run_in_turn(stages: tuple[StepStage, ...], functions: tuple[str, ...]) -> dict[str, Any]:
     """Run stages, each of which sees the arguments and what earlier ones hand to it, in the rows of memory."""
     space = dict(FUNCTIONS)
     exec(STEP, space)
@@ -75,16 +75,16 @@ def run_in_turn(stages: tuple[Stage, ...], functions: tuple[str, ...]) -> dict[s
 
 
 def test_stages_in_turn_are_the_step() -> None:
-    division = divided(STEP, ("q1", "v1"), SAME)
-    assert len(division.stages) == 4
-    found, space = run_in_turn(division.stages, division.functions), dict(FUNCTIONS)
+    schedule = scheduled(STEP, ("q1", "v1"), SAME)
+    assert len(schedule.stages) == 4
+    found, space = run_in_turn(schedule.stages, schedule.functions), dict(FUNCTIONS)
     exec(STEP, space)
     assert (found["q1"], found["v1"]) == space["step"](**ARGUMENTS)
 
 
 def test_values_are_computed_once_between_stages() -> None:
     """The force and its slope share a cosine, ``unused`` needs no sine, and those of ``rate`` and of a choice stay."""
-    stages = divided(STEP, ("q1", "v1"), SAME).stages
+    stages = scheduled(STEP, ("q1", "v1"), SAME).stages
     assert [sorted(value.function for value in stage.values) for stage in stages] == [
         ["cos", "sin"], ["cos", "power", "sin"], ["cos", "sin"], []]
     lines = [line for stage in stages for line in stage.lines]
@@ -95,16 +95,16 @@ def test_values_are_computed_once_between_stages() -> None:
 
 def test_what_is_the_same_for_all_pendulums_is_not_handed_on() -> None:
     """The first stage only adds angle and time, and needs no half step; all others compute it themselves."""
-    stages = divided(STEP, ("q1", "v1"), SAME).stages
+    stages = scheduled(STEP, ("q1", "v1"), SAME).stages
     assert [sum(line.startswith("s_half =") for line in stage.lines) for stage in stages] == [0, 1, 1, 1]
     assert not any(name.endswith("half") for stage in stages for name in stage.handed)
-    handed = divided(STEP, ("q1", "v1"), ("rate",)).stages
+    handed = scheduled(STEP, ("q1", "v1"), ("rate",)).stages
     assert any(name.endswith("half") for stage in handed for name in stage.handed)
 
 
 @pytest.mark.parametrize("line", ["for k in range(2):\n        v = v + h", "if v > 0.0:\n        v = 0.0"])
 def test_other_steps_are_taken_whole(line: str) -> None:
-    assert divided(STEP.replace("unused = sin(q - v)", line), ("q1", "v1"), SAME).stages == ()
+    assert scheduled(STEP.replace("unused = sin(q - v)", line), ("q1", "v1"), SAME).stages == ()
 
 
 def test_a_block_computes_as_many_sines_as_the_method_has_forces() -> None:

@@ -26,8 +26,6 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-import integrators.moved
-import pendulum_env.moved
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv, SceneError
 from pendulum_env.tasks.action import ActionError
 
@@ -213,23 +211,3 @@ def test_any_order_of_calls(machine: type[RuleBasedStateMachine], lives: int) ->
 @pytest.mark.parametrize("machine", [Life, VectorLife])
 def test_many_lives(machine: type[RuleBasedStateMachine]) -> None:
     lived(machine, 200, 40)
-
-
-@pytest.mark.filterwarnings("ignore:.* has moved to:DeprecationWarning")
-@pytest.mark.parametrize("make", [
-    lambda: LabPendulumEnv(**USUAL), lambda: LabPendulumEnv(**USUAL, render_panels=("phase",), integrator="gauss4"),
-    lambda: LabPendulumVectorEnv(2, **USUAL, length=[0.3, 0.4]),
-], ids=["single", "with panels", "vector"])
-def test_pickles_with_module_paths_of_before_load(make: Any) -> None:
-    env = make()
-    env.reset(seed=3)
-    action = np.full(env.action_space.shape, 0.3, dtype=np.float32)
-    env.step(action)
-    text = pickle.dumps(env, protocol=0)
-    for old, new in {**integrators.moved.MOVED, **pendulum_env.moved.MOVED}.items():
-        text = text.replace(f"c{new}\n".encode(), f"c{old}\n".encode())
-    assert b"cpendulum_env.envs." not in text
-    assert b"cpendulum_env.films." not in text
-    again = pickle.loads(text)
-    assert told(again.step(action)[:3]) == told(env.step(action)[:3])
-    np.testing.assert_array_equal(again.render(), env.render())

@@ -17,10 +17,7 @@ import integrators
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, SceneError, rollout
 from pendulum_env.engine import batch
-from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.certified import CertifiedBatch, batch_class, machine_class
 from pendulum_env.engine.generate import program
-from pendulum_env.engine.machine import Machine
 
 
 def made(**options: Any) -> Any:
@@ -183,9 +180,6 @@ def test_without_the_diagnostic_nothing_is_there(monkeypatch: pytest.MonkeyPatch
     assert "error" not in text
     assert "half_angle" not in text
     assert len(plain.get_state()["state"]) == len(program(scene, method, ("energy",)).shape.state)
-    assert machine_class(("energy",)) is Machine
-    assert batch_class(("energy",)) is Batch
-    assert batch_class(("energy", "error")) is CertifiedBatch
     programs: list[Any] = []
     own = batch.functions
     monkeypatch.setattr(batch, "functions", lambda made, backend: (programs.append(made), own(made, backend))[1])

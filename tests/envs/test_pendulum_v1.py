@@ -19,6 +19,7 @@ from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, SceneErro
 from pendulum_env.controllers import swing_up
 from pendulum_env.physics.effects import EFFECTS
 
+TWIN = "LabPendulumGymnasium-v0"
 LIKE: dict[str, Any] = {"scene": "gymnasium", "task": "gymnasium"}
 SINGLE = 2.0**-23
 """Spacing of float32 at 1."""
@@ -51,7 +52,7 @@ def differences(episodes: int, seed: int = 0, shares: Shares = shares, kind: typ
     source, theirs = np.random.default_rng(seed), gym.make("Pendulum-v1", disable_env_checker=True)
     steps = 200
     actions = np.stack([shares(source, episodes) for _ in range(steps)])
-    vector = gym.make_vec("LabPendulum-v0", num_envs=episodes, **LIKE)
+    vector = gym.make_vec(TWIN, num_envs=episodes)
     rows = [(vector.reset(seed=seed)[0], np.zeros(episodes))]
     ends = []
     for action in actions:
@@ -96,7 +97,7 @@ def test_with_ordinary_actions_pendulum_v1_rounds_its_torque() -> None:
 
 
 def test_the_single_environment_is_pendulum_v1_too() -> None:
-    theirs, ours = gym.make("Pendulum-v1"), gym.make("LabPendulum-v0", **LIKE, backend="python")
+    theirs, ours = gym.make("Pendulum-v1"), gym.make(TWIN, backend="python")
     assert (ours.unwrapped.dt, ours.unwrapped.integrator) == (0.05, "symplectic_euler")  # type: ignore[attr-defined]
     for options in (None, {"x_init": 0.3, "y_init": 2.0}, {"x_init": 0.0}):
         observation, _ = theirs.reset(seed=5, options=options)
@@ -189,7 +190,7 @@ def test_a_clipped_motion_has_no_reference() -> None:
 
 def test_the_controller_swings_pendulum_v1_up() -> None:
     """Check that it earns as much as good agents in Pendulum-v1: above -400 in every episode."""
-    vector = gym.make_vec("LabPendulum-v0", num_envs=20, **LIKE, diagnostics=())
+    vector = gym.make_vec(TWIN, num_envs=20, diagnostics=())
     policy, total = swing_up(vector), np.zeros(20)
     theirs = gym.make("Pendulum-v1")
     seen, _ = vector.reset(seed=0)
@@ -220,7 +221,8 @@ def mujoco(folders: pytest.TempPathFactory, *cases: dict[str, Any]) -> list[Any]
 
 def ours(case: dict[str, Any]) -> np.ndarray[Any, Any]:
     """Return the same of the scene dm_control."""
-    env = LabPendulumEnv("dm_control", case["method"], task="dm_control", substeps=case["substeps"], warn=False)
+    env = LabPendulumEnv("dm_control", integrator=case["method"], task="dm_control", substeps=case["substeps"],
+                         warn=False)
     env.reset(options={"angle": case["angle"] + math.pi, "velocity": case["velocity"]})
     rows = []
     for share in case["controls"]:

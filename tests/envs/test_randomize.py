@@ -17,7 +17,7 @@ from vector_steps import MODES, same, side_by_side, vector
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Recording, SceneError, fit
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.machine import numbers_of
-from pendulum_env.engine.streams import Streams
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.envs.randomize import OneStream, Randomization
 
 RANGES: dict[str, Any] = {"length": (0.3, 0.4), "mass": ("log", 0.03, 0.05), "max_torque": [0.04, 0.05, 0.06]}

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from pendulum_env import SCENES, SceneError, Sensor, transfer
+from pendulum_env import SCENES, SceneError, Sensor, Task, transfer
 from pendulum_env.envs.transfer import Transfer, mean
 from pendulum_env.physics.effects import CoulombFriction, SmallAngleGravity
 
@@ -139,6 +139,16 @@ def test_steps_may_differ_where_rewards_are_rates() -> None:
     found = transfer(along, short, {**short, "dt": 0.01}, episodes=2)
     assert [one.name for one in found.differences] == ["dt"]
     assert found.gap.value == pytest.approx(0.0, abs=0.05 * abs(found.nominal.mean()))
+
+
+@pytest.mark.parametrize(("keywords", "seconds"), [
+    ({}, 10.0), ({"duration": 2.0}, 2.0), ({"duration": 20.0}, 20.0), ({"max_episode_steps": 7}, 0.14)])
+def test_episodes_end_without_a_limit_too(keywords: dict[str, Any], seconds: float) -> None:
+    """Each step costs 1; -1 leaves an episode its duration, or 500 steps."""
+    still: dict[str, Any] = {"max_episode_steps": -1, **keywords, "task": Task("still", lambda phi: -1.0),
+                             "backend": "python", "warn": False}
+    assert transfer(lambda seen: np.zeros((len(seen), 1)), still, still, episodes=2).nominal == pytest.approx(
+        -seconds / 0.02)
 
 
 def test_the_table_says_both_values_and_both_changes() -> None:

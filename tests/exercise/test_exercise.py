@@ -282,9 +282,9 @@ BAD = {
     "no file": (["--recording", "none.txt"], "none.txt"),
     "folder": (["--out", "file/x"], "cannot be written"),
     "name": (["--name", "a\nb"], "--name must be one line"),
-    "no step": (["--step", "none.py"], "The file 'none.py' of the step cannot be read: No such file"),
-    "step without acceleration": (["--step", "still.py"], "The step never calls acceleration"),
-    "step that explodes": (["--step", "wild.py"], "do not stay finite for 10 s with steps of 0.01 s"),
+    "no step": (["--own-step", "none.py"], "The file 'none.py' of the step cannot be read: No such file"),
+    "step without acceleration": (["--own-step", "still.py"], "The step never calls acceleration"),
+    "step that explodes": (["--own-step", "wild.py"], "do not stay finite for 10 s with steps of 0.01 s"),
 }
 
 

@@ -95,7 +95,7 @@ def corpus() -> dict[str, list[bytes]]:
 def readers() -> dict[str, tuple[Callable[[Path], Any], tuple[type[Exception], ...]]]:
     """Return the package's readers of files, each with the errors that it declares."""
     from pendulum_env import Recording, Scene, SceneError
-    from pendulum_env.engine.stream import read
+    from pendulum_env.engine.growing_file import read
     from pendulum_env.lab import DrivenLog, RecordingError, measure_gate
     from pendulum_env.study.sweep.journal import Journal
 
@@ -207,13 +207,12 @@ def _last(error: BaseException) -> tuple[str, int]:
 
 def of_command(case: Case) -> None:
     """Run a command with odd words; it must end with exit code 0, 1 or 2, and without a traceback."""
-    import click
     import typer
 
     from pendulum_env import cli
 
     source = case.source
-    commands: dict[str, click.Command] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    commands: dict[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
     name = source.choice([name for name in commands if name not in IGNORED])
     words = [name]
     values = ("", "x", "nan", "inf", "-1", "0", "1e308", "5e-324", "lab", "rk4", "vacuum", "a,b", "=", "length=", "1:2",
@@ -221,11 +220,11 @@ def of_command(case: Case) -> None:
               "scene.json", "none", "--", "0.01", "1", "2", "[1,2]", "{}", "null")
     for parameter in source.sample(commands[name].params, min(len(commands[name].params), source.randint(1, 4))):
         word = source.choice(values)
-        if isinstance(parameter, click.Option):
+        if parameter.param_type_name == "option":
             words += [source.choice(parameter.opts)] + ([] if parameter.is_flag else [word])
         else:
             words.append(word)
-    if any("--out" in each.opts for each in commands[name].params) and "--out" not in words:
+    if any("--out" in each.opts for each in commands[name].params) and not {"--out", "-o"} & {*words}:
         words += ["--out", "out"]
     case.label = f"lab-pendulum {' '.join(map(ascii, words))}"
     before, sys.argv = sys.argv, ["lab-pendulum", *words]

@@ -312,7 +312,7 @@ def matrix(*entries: tuple[Case, str, str]) -> run.Matrix:
     return run.Matrix(
         tuple({case.name: case for case, _, _ in entries}.values()),
         tuple({name: METHODS[name] for _, name, _ in entries}.values()),
-        tuple(run.Entry(case, method, finding, case.as_expected(method, finding), known)
+        tuple(run.MatrixEntry(case, method, finding, case.as_expected(method, finding), known)
               for case, method, finding, known in tried))
 
 

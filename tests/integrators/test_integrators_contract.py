@@ -515,7 +515,7 @@ def test_unknown_names_are_met_with_near_ones(wrong, near):
 
 @pytest.mark.parametrize("wrong", ["zzz", "", 3, None])
 def test_names_like_nothing_are_met_with_the_list(wrong):
-    with pytest.raises(MethodError, match=r"there are forward_euler, .*rk4"):
+    with pytest.raises(MethodError, match=rf"there are {len(METHODS)}, such as forward_euler, "):
         integrators.get(wrong)
 
 

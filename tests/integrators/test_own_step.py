@@ -15,6 +15,7 @@ import gymnasium as gym
 import mpmath
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.integrate import solve_ivp
 
 from integrators import METHODS, MethodError, analysis, from_step, solve
@@ -297,12 +298,11 @@ def test_the_new_angle_in_a_step_called_forward_euler_is_named() -> None:
 
 def test_a_film_of_it_is_that_of_the_method_that_it_equals(tmp_path: Path) -> None:
     """Check the pictures below the line with the name, and that another method gives others."""
-    image = pytest.importorskip("PIL.Image")
     found = {}
     for name, method in {"own": from_step(THREE_LINES), "its equal": "symplectic_euler", "another": "rk4"}.items():
         path = film("exercise_large", tmp_path / f"{name}.gif", method, dt=0.1, duration=1.0, fps=10.0, size=200,
                     panels=("apparatus",)).path
-        with image.open(path) as frames:
+        with Image.open(path) as frames:
             found[name] = []
             for frame in range(frames.n_frames):
                 frames.seek(frame)

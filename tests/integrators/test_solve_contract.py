@@ -214,7 +214,7 @@ def test_one_method_of_every_family(family: tuple[Any, ...], kind: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", [*METHODS, "taylor20", "quick_taylor14"])
+@pytest.mark.parametrize("name", [*METHODS, "taylor20"])
 def test_every_method(name: str, kind: str) -> None:
     assert faults(name, kind) == []
 

@@ -47,6 +47,10 @@ class Stepped(LinearDrag):
         return {"linear_drag_rate": 0.1 if scene.body.length < 0.4 else 0.2}
 
 
+def echo(action: float) -> float:
+    return action
+
+
 SPIN = Task("spin", spin, spun, start=lambda first, second, omega0: (first, omega0 * second))
 
 
@@ -291,6 +295,18 @@ def test_options_that_are_off_take_no_arrays_and_no_random_numbers() -> None:
     assert len(jax.tree.leaves(late.started(0.5, 0.0))) == env.twin.size + 2 + 3  # the last 3 actions
 
 
+def test_noise_of_actions_is_normal_and_the_reward_counts_it() -> None:
+    env = twin.LabPendulum(task=Task("echo", echo), action_noise=0.2, **LIGHT)
+    keys = jax.random.split(jax.random.key(0), 4000)
+    state = jax.vmap(env.initial)(keys)
+    after = jax.jit(jax.vmap(env.transition, (0, None, 0)))(state, 0.1, keys)
+    acted = np.asarray(jax.vmap(env.reward, (0, None, 0))(state, 0.1, after))
+    assert stats.kstest(acted, stats.norm(0.1, 0.2).cdf).pvalue > 1e-3
+    assert np.array_equal(acted, after.acted)
+    still = jax.vmap(env.transition, (0, None, 0))(state, -9.0, keys)
+    assert float(still.acted.min()) == -1.0
+
+
 def test_a_loop_of_environments_with_everything_random_starts_again_within_the_step() -> None:
     ranges = {"length": (0.3, 0.4), "wind_speed": ("log", 1.0, 4.0), "gust_time": [0.25, 0.5]}
     env = twin.LabPendulum("windy", task="free", duration=0.2, randomize=[ranges, bootstrap()],
@@ -332,6 +348,9 @@ def test_a_loop_of_environments_with_everything_random_starts_again_within_the_s
     ("takes a key, as in started", lambda: twin.LabPendulum(action_delay=(0.0, 0.02)).started(0.5, 0.0)),
     ("takes a key, as in transition", lambda: (env := twin.LabPendulum(sensor={"noise": 0.1})).transition(
         env.initial(jax.random.key(0)), jnp.zeros(1))),
+    ("takes a key, as in transition", lambda: (env := twin.LabPendulum(action_noise=0.1)).transition(
+        env.initial(jax.random.key(0)), jnp.zeros(1))),
+    ("unexpected keyword argument 'action_nois'; did you mean action_noise", lambda: twin.LabPendulum(action_nois=0.1)),
     ("random numbers of gusts need float64; .* or leave the effect out",
      lambda: twin.LabPendulum("windy", task="free", dtype="float32")),
     ("function of a NumPy generator as randomize has no twin in JAX, .*; give ranges or a fit",

@@ -49,7 +49,7 @@ def pairs() -> Iterator[tuple[str, str]]:
 
 
 ALL = [(name, method) for name, scene in PLACES.items() for method in fitting(scene)]
-PAIRS = [*(ALL if FULL else dict.fromkeys(pairs())), ("lab", "quick_taylor14")]
+PAIRS = [*(ALL if FULL else dict.fromkeys(pairs())), ("lab", "taylor14")]
 """Pairs for values; with LAB_PENDULUM_GRID=full, every scene with every method that fits."""
 KINDS = list(dict.fromkeys(
     [*((scene, method) for scene, method in pairs() if kind(method) == method), *list(pairs())[-len(PLACES):]]))

@@ -184,7 +184,7 @@ def test_no_verdict_follows_a_fit_that_is_not_usable(
 def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
     asked: list[dict[str, Any]], run_here: Here
 ) -> None:
-    _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--damping", "linear", "--out", "x")
+    _, printed, _ = run_here("fit", "swing.txt", "--length", "0.2", "--effects", "linear", "--out", "x")
     assert asked[0]["effects"] == "linear"
     assert "given 0.2 m: 50.0% below; state its error with --length-error" in printed
     assert "Radius: assumed to be" in printed

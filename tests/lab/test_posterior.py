@@ -529,7 +529,7 @@ def test_the_command_writes_valid_files_even_if_it_is_interrupted(
         return propose(self, rows, source)
 
     monkeypatch.setattr(sampling.Jump, "__call__", stop)
-    done = CliRunner().invoke(app, [*SHORT, "--posterior", "--steps", "120", "--seed", "3", "--svg", "--prior",
+    done = CliRunner().invoke(app, [*SHORT, "--posterior", "--walker-steps", "120", "--seed", "3", "--svg", "--prior",
                                     "gamma=normal:0.03:0.001", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.exception
     names = {"posterior.csv", "posterior.npz", "corner.png", "corner.svg", "fit.png", "scene.json"}
@@ -546,10 +546,10 @@ def test_the_command_writes_valid_files_even_if_it_is_interrupted(
 
 
 @pytest.mark.parametrize(("words", "why"), [
-    (["--steps", "10"], "--steps needs --posterior"),
+    (["--walker-steps", "10"], "--walker-steps needs --posterior"),
     (["--seed", "1"], "--seed needs --posterior"),
     (["--prior", "gamma=1:2"], "--prior needs --posterior"),
-    (["--posterior", "--steps", "0"], "--steps must be a whole number from 1"),
+    (["--posterior", "--walker-steps", "0"], "--walker-steps must be a whole number from 1"),
     (["--posterior", "--prior", "gamma"], "--prior needs a name and a range"),
 ])
 def test_the_command_refuses_before_it_reads(words: list[str], why: str, tmp_path: Path) -> None:

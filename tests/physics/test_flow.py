@@ -21,9 +21,9 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.flow import (
     bottom_speed,
-    damping_regime,
     keulegan_carpenter,
     quality_factor,
+    regime_of_damping,
     swing_loss,
     terminal_speed,
 )
@@ -74,7 +74,7 @@ def test_the_quality_factor_is_that_of_all_losses() -> None:
 def test_the_regime_of_damping(share: float, regime: str) -> None:
     """Damping is critical at gamma/omega0 = 2."""
     scene = scene_with(LinearDrag(gamma=share * FREQUENCY), weight=SmallAngleGravity())
-    assert damping_regime(scene, 0.2) == regime
+    assert regime_of_damping(quality_factor(scene, 0.2)) == regime
     run = rollout(scene, integrator="dop853", angle=0.2, velocity=0.0, dt=0.01, duration=6.0, backend="python")
     assert (min(run.angle) < 0.0) == (regime == "underdamped")
 

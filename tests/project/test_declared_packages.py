@@ -20,7 +20,7 @@ from pendulum_env.cli import app
 (CORE,) = re.findall(
     r"^dependencies = \[\n(.*?)^\]", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 DECLARED = set(re.findall(r'^    "([\w-]+)', CORE, flags=re.M))
-MODULES = {"pygame": "pygame-ce"}
+MODULES = {"PIL": "Pillow", "pygame": "pygame-ce"}
 """Name of a module -> name of its package, where they differ by more than a dash."""
 OPTIONAL = {"anywidget", "distributed", "emcee", "h5py", "jax", "jinja2", "markupsafe", "minari", "mpmath", "pdoc",
             "python_calamine", "stable_baselines3", "tensordict", "torch", "torchrl", "traitlets"}

@@ -53,7 +53,7 @@ HOUSE: dict[str, tuple[str, ...]] = {
 }
 """Room -> the rooms that its modules may import. Modules at the top of pendulum_env are nobody's to import."""
 
-OPENED_BY_NAME = ("pendulum_env", "pendulum_env.__main__", "pendulum_env.moved")
+OPENED_BY_NAME = ("pendulum_env", "pendulum_env.__main__")
 """Modules beside the rooms: the public names, loaded on first use; ``python -m``; old module paths."""
 
 HEAVY = ("numba", "gymnasium", "scipy", "matplotlib", "pygame", "moviepy", "typer")

@@ -183,7 +183,7 @@ def test_the_truth_is_kept_with_its_doubt(parts: Any, tmp_path: Path) -> None:
 
 def test_lines_for_forces_of_the_place_are_not_for_drag(parts: Any) -> None:
     own, problem = parts.own_lines, parts.problem.Problem
-    for name, damped in (("rk4", True), ("dprkn12", False), ("quick_taylor20, adaptive", True), ("exact", False)):
+    for name, damped in (("rk4", True), ("dprkn12", False), ("taylor20, adaptive", True), ("exact", False)):
         assert own.fits(f"lab-pendulum {name}", problem("undamped", 1.0, 1))
         assert own.fits(f"lab-pendulum {name}", problem("damped", 1.0, 1)) == damped
 
@@ -193,7 +193,7 @@ def test_lines_for_forces_of_the_place_are_not_for_drag(parts: Any) -> None:
 def test_our_lines_solve_the_problem(parts: Any, scene: str, tmp_path: Path) -> None:
     """Alone by a Machine, by a tolerance, with steps chosen one by one or evenly, and many by rollout."""
     own = parts.own_lines
-    for size, line, setting in ((1, "rk4", 2), (1, "dop853, adaptive", 1e-9), (1, "quick_taylor14, even", 1e-9),
+    for size, line, setting in ((1, "rk4", 2), (1, "dop853, adaptive", 1e-9), (1, "taylor14, even", 1e-9),
                                 (3, "rk4", 2)):
         problem = parts.problem.Problem(scene, 1.0, size)
         truth = np.load(parts.truth.truth(problem, tmp_path)[0])

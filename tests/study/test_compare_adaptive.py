@@ -121,7 +121,7 @@ def test_what_is_refused(methods, options, said):
 def test_the_commands(tmp_path: Path) -> None:
     runner = CliRunner()
     done = runner.invoke(cli.app, [
-        "record", "--scene", "vacuum", "--integrator", "dop853", "--rtol", "1e-8", "--duration", "0.2", "--size", "120",
+        "record", "--scene", "vacuum", "-i", "dop853", "--rtol", "1e-8", "--duration", "0.2", "--size", "120",
         "--out", str(tmp_path / "film.gif")])
     assert done.exit_code == 0, done.exception
     with Image.open(tmp_path / "film.gif") as image:

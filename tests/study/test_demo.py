@@ -20,8 +20,7 @@ from PIL import Image
 
 import pendulum_env
 from pendulum_env import SCENES, controllers
-from pendulum_env.cli import app
-from pendulum_env.cli.demo import FURTHER, WIDTH
+from pendulum_env.cli.demo import WIDTH
 from pendulum_env.physics import exact
 from pendulum_env.study.demo import tour
 from pendulum_env.study.demo.swing import DT, HELD, NEAR, SIZE, Swung, draw, pictures, swung_up
@@ -150,10 +149,7 @@ def test_the_command_reads_well(short: list[str], run_here: Here, tmp_path: Path
     for i, name in enumerate(NAMES, 1):
         assert f"\n{i}. {name.title()}\n" in f"\n{printed}"
         assert f"Wrote d/{name}.txt" in printed.replace("\\", "/")
-    known = {command.name or getattr(command.callback, "__name__", "") for command in app.registered_commands}
-    assert {command.split()[1] for command, _ in FURTHER} <= known
-    assert all(command in printed for command, _ in FURTHER)
-    assert "lab-pendulum exercise" in printed
+    assert printed.endswith("Further commands: lab-pendulum help\n")
 
 
 def test_an_interruption_leaves_what_was_told(short: list[str], tmp_path: Path) -> None:

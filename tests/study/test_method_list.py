@@ -145,18 +145,18 @@ def run(*words: str) -> tuple[int, str, object]:
 
 
 def test_the_command() -> None:
-    code, said, _ = run("integrators", "--scene", "lab")
+    code, said, _ = run("integrators", "--scene", "lab", "--all")
     assert code == 0
     fits = len(fitting(SCENES["lab"]))
     assert said.startswith(f"{fits} of {len(METHODS)} integrators fit the scene lab, ")
     reason = "methods do not fit: they need forces free of the velocity, which quadratic_drag,"
     assert reason in " ".join(said.split())
-    code, said, _ = run("integrators", "--scene", "exercise", "--damping", "none")
+    code, said, _ = run("integrators", "--scene", "exercise", "--damping", "none", "--all")
     assert f"{len(METHODS)} of {len(METHODS)} integrators fit" in said
     assert "\nSplitting, explicit (" in said
     code, said, _ = run("scenes", "--scene", "lab", "--damping", "linear")
     assert said.split() == with_damping(SCENES["lab"], "linear").describe().split()
-    code, said, _ = run("effects")
+    code, said, _ = run("effects", "--all")
     assert code == 0
     for name, effect in EFFECTS.items():
         assert re.search(rf"^{name}(, damping={effect.damping})?$", said, flags=re.M)

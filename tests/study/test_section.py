@@ -197,7 +197,7 @@ def test_an_interruption_leaves_files_as_they_were(tmp_path: Path) -> None:
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-SHORT = ("--transient", "1", "--steps", "20", "--points", "40")
+SHORT = ("--transient", "1", "--steps-per-period", "20", "--points", "40")
 
 
 @pytest.mark.slow

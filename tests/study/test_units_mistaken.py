@@ -8,9 +8,10 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+import typer
 
 from pendulum_env import SCENES, SceneError, fit, rollout
-from pendulum_env.cli.options import radians
+from pendulum_env.cli.options import AngleOrNone
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Buoyancy, Gravity
@@ -38,17 +39,30 @@ def test_degrees_that_were_converted_are_not_taken_for_radians() -> None:
     assert len(seen) == 1
 
 
+def received(degrees: float | None) -> float | None:
+    """The angle that a command receives for an option of --angle."""
+    command = typer.Typer(add_completion=False)
+    angles: list[float | None] = []
+
+    @command.command()
+    def told(angle: AngleOrNone = None) -> None:
+        angles.append(angle)
+
+    command([] if degrees is None else ["--angle", str(degrees)], standalone_mode=False)
+    return angles[0]
+
+
 @pytest.mark.parametrize(("degrees", "meant"), [(0.0873, 5), (0.5236, 30), (-1.5708, -90), (1.57, 90), (0.7854, 45)])
 def test_radians_on_the_command_line(degrees: float, meant: int) -> None:
     with pytest.warns(UserWarning, match=f"command line are in degrees: {degrees:g} rad would be {meant} degrees"):
-        assert radians(degrees) == math.radians(degrees)
+        assert received(degrees) == math.radians(degrees)
 
 
 @pytest.mark.parametrize("degrees", [None, 0.0, 0.1, 0.2, 0.5, 0.7, 1.0, 1.5, 2.0, 2.5, 3.0, 5.0, 30.0, 90.0, 180.0])
 def test_small_degrees_on_the_command_line(degrees: float | None) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert radians(degrees) == (None if degrees is None else math.radians(degrees))
+        assert received(degrees) == (None if degrees is None else math.radians(degrees))
 
 
 SENTENCES = {

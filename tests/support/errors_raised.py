@@ -79,7 +79,7 @@ def modules() -> dict[str, ModuleType]:
     found = {}
     for package in (integrators, pendulum_env):
         for one in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-            if not one.name.endswith(("__main__", ".moved")) and not one.name.startswith(ELSEWHERE):
+            if not one.name.endswith("__main__") and not one.name.startswith(ELSEWHERE):
                 found[one.name] = import_module(one.name)
         found[package.__name__] = package
     return found

@@ -1,7 +1,7 @@
 """The kind of value that each keyword takes, the values that are tried for it, and what a refusal is.
 
-Kinds of the parameters of scenes, effects and sensors follow from their declarations (``si``, ``choice``, ``flag``), so
-that those of a new effect need no entry.
+Kinds of the parameters of scenes, effects and sensors, and of settings, follow from their declarations (``si``,
+``count``, ``choice``, ``flag``), so that those of a new effect, or a new setting, need no entry.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from pendulum_env import Run, Scene, Sensor, VirtualSensor
+from pendulum_env.common.checks import boolean, number, one_of, whole_number
+from pendulum_env.envs.settings import VectorSettings
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.medium import Medium
@@ -37,6 +39,7 @@ KINDS: Mapping[str, tuple[set[str], set[str]]] = {
     "wait": ({"zero", "half", "tiny"}, {"huge"}),
     "count": (set(), {"beyond"}),
     "count or none": ({"zero"}, {"beyond"}),
+    "count or endless": ({"negative"}, {"beyond"}),
     "seed": ({"zero"}, {"beyond"}),
     "seeds": ({"zero"}, {"list of none"}),
     "share": (ORDER, {"tiny"}),
@@ -71,35 +74,38 @@ All others have to be refused; None is not tried where it is the default.
 
 
 def declared(entry: Field[Any]) -> str:
-    """Return the kind of a field made by ``si``, ``choice`` or ``flag``."""
-    if "allowed" in entry.metadata:
-        return "flag" if entry.metadata["allowed"] == ("true", "false") else "word"
-    limits = entry.metadata["check"].keywords
+    """Return the kind of a field made by ``si``, ``count``, ``choice`` or ``flag``."""
+    check = entry.metadata["check"]
+    if getattr(check, "func", check) is not number:
+        return "flag" if check is boolean else "count" if check.func is whole_number else "word"
+    limits = check.keywords
     return "positive" if limits["above"] == 0.0 else "least" if limits["least"] == 0.0 else "number"
 
 
 DECLARED: Mapping[str, str] = {
     entry.name: declared(entry)
-    for kind in (*EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor, VirtualSensor)
-    for entry in fields(kind) if "check" in entry.metadata
+    for kind in (VectorSettings, *EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor, VirtualSensor)
+    for entry in fields(kind)
+    if getattr(check := entry.metadata.get("check"), "func", check) in (number, whole_number, one_of, boolean)
 }
-"""The kind of each parameter that a scene, an effect or a sensor declares."""
+"""The kind of each parameter that a scene, an effect or a sensor declares, and of each setting of an environment."""
 
 KIND_OF: Mapping[str, str] = DECLARED | {
     name: kind
     for kind, names in {
         "mapping": "sensor scene scenes options values parameters damping",
-        "word": "observation integrator language method task render_mode render_theme theme backend autoreset_mode unit"
+        "word": "integrator language method task render_mode theme backend autoreset_mode unit"
                 " separator decimal y_axis time_unit states zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
-        "least": "observation_delay action_delay level tau friction_ratio speed_penalty",
-        "count": "history substeps every num_envs max_episode_steps num_threads repeats in_flight per_task steps n"
+        "least": "observation_delay action_delay level tau friction_ratio",
+        "count": "every repeats in_flight per_task steps n"
                  " render_size size",
+        "count or endless": "max_episode_steps",
         "number": "release at until",
         "one and more": "periods",
         "wait": "hand",
         "part": "above",
-        "flag": "robust displaced upright reward_rate compensated copy estimate_error warn complete resume anew"
+        "flag": "robust displaced upright compensated estimate_error complete resume anew"
                 " even_steps in_memory as_latex dense velocity_free one_way film recalibrate long raises",
         "none of these": "widths randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"

@@ -11,6 +11,8 @@ from typing import Any, cast
 
 from integrators import RungeKutta
 from integrators.method import exact
+from pendulum_env.common.tables import Table
+from pendulum_env.envs.settings import settings_table
 from pendulum_env.study.lists.tables import find_table
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -81,6 +83,11 @@ def check_table(name: str, registry: Iterable[str]) -> None:
     assert all(len(row) == len(found.head) and all(row) for row in found.rows)
 
 
+def listed(name: str) -> Table:
+    """Return the table between the marks ``list NAME`` and ``end`` of a README."""
+    return settings_table() if name == "settings" else find_table(name)
+
+
 def check_listed(name: str) -> None:
-    """AssertionError unless ``lab-pendulum list NAME --markdown`` prints what stands between the marks of a README."""
-    assert table(f"list {name}") == find_table(name).markdown()
+    """AssertionError unless the table that the package makes stands between the marks of a README."""
+    assert table(f"list {name}") == listed(name).markdown()

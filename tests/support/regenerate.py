@@ -20,7 +20,7 @@ import matplotlib
 from choice import chosen
 from coefficients import COEFFICIENTS, checked, digest
 from leading_error_truths import LEADING_ERRORS
-from readme_code import PATHS, ROOT
+from readme_code import PATHS, ROOT, listed
 from same_bits import GROUPS
 from same_bits import STORED as DIGESTS
 from splitting_truths import TRUTHS
@@ -33,7 +33,6 @@ from pendulum_env import SCENES
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.study.lists.methods import computed_limits
-from pendulum_env.study.lists.tables import find_table
 from pendulum_env.tasks import TASKS
 
 LIMITS_FILE = ROOT / "integrators" / "tables" / "limits.py"
@@ -57,7 +56,7 @@ def texts() -> dict[Path, str]:
 
 def table(path: Path, found: re.Match[str]) -> str:
     """Return a table with its mark; RefusedError if a row that is there is not in the new one."""
-    rows = find_table(found[1]).markdown()
+    rows = listed(found[1]).markdown()
     for row in found[3].splitlines():
         if row not in rows.splitlines():
             raise RefusedError(f"The row '{row[:60]}...' in {path.relative_to(ROOT)} is not what the package says now; "

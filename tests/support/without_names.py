@@ -28,7 +28,7 @@ from pendulum_env import rollout
 from pendulum_env.engine import kernels
 from pendulum_env.render import Apparatus, View, frame
 
-MODULES = ("atomic", "compiling", "kernels", "lanes", "llvm", "pairs")
+MODULES = ("atomic", "compiling", "kernels", "lanes", "llvm")
 """Modules of the engine that import numba; "PREAMBLE" of kernels is one, too."""
 LIBRARY, GENERATOR = "numba.core.codegen:JITCodeLibrary", "numba.core.codegen:JITCPUCodegen"
 OF_CLASSES = (

@@ -172,7 +172,8 @@ def test_holding_upright_fulfils_the_sparse_task() -> None:
 @pytest.mark.parametrize(("dt", "steps"), [(0.02, 500), (0.002, 5000), (0.05, 200)])
 def test_an_episode_of_a_duration_has_its_steps(dt: float, steps: int) -> None:
     env = gym.make("LabPendulum-v0", dt=dt, duration=10.0, max_episode_steps=-1, backend="python", diagnostics=())
-    vector = gym.make_vec("LabPendulum-v0", num_envs=1, dt=dt, duration=10.0, backend="python", diagnostics=())
+    vector = gym.make_vec("LabPendulum-v0", num_envs=1, dt=dt, duration=10.0, max_episode_steps=-1, backend="python",
+                          diagnostics=())
     for made, action in ((env, np.zeros(1, np.float32)), (vector, np.zeros((1, 1), np.float32))):
         made.reset(seed=0)
         count, over = 0, False
@@ -181,26 +182,6 @@ def test_an_episode_of_a_duration_has_its_steps(dt: float, steps: int) -> None:
             assert not terminated
             count += 1
         assert count == steps
-
-
-def test_the_registered_steps_stay_and_are_told() -> None:
-    env = gym.make("LabPendulum-v0", dt=0.01, duration=10.0, backend="python")
-    assert env.spec is not None
-    assert env.spec.max_episode_steps == 500
-    env.reset(seed=0)
-    count = 0
-    while not env.step(np.zeros(1, np.float32))[3]:
-        count += 1
-    assert count == 499
-    with pytest.warns(UserWarning, match="has ended after 500 steps.*max_episode_steps=-1"):
-        env.reset()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        env.reset()
-    vector = gym.make_vec("LabPendulum-v0", num_envs=1, duration=1.0, max_episode_steps=7, backend="python")
-    vector.reset(seed=0)
-    ends = [bool(vector.step(np.zeros((1, 1), np.float32))[3][0]) for _ in range(7)]
-    assert ends == [False] * 6 + [True]
 
 
 def test_returns_of_a_rate_do_not_change_with_the_step() -> None:
@@ -269,7 +250,8 @@ def test_a_name_is_written_as_json_and_an_object_refused() -> None:
 
 @pytest.mark.parametrize("name", OWN)
 def test_gymnasium_and_the_vector_check_are_content(name: str) -> None:
-    options: dict[str, Any] = {"task": OWN[name], "backend": "python", "duration": 0.4, "reward_rate": True}
+    options: dict[str, Any] = {"task": OWN[name], "backend": "python", "duration": 0.4, "reward_rate": True,
+                               "max_episode_steps": 20}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gym.make("LabPendulum-v0", render_mode="rgb_array", **options).unwrapped, skip_render_check=True)

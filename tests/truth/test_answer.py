@@ -1,9 +1,8 @@
-"""Truth, the type of reference solutions: parts of it, distances over turns, and pickles of version 0.1."""
+"""Truth, the type of reference solutions: parts of it and distances over turns."""
 
 from __future__ import annotations
 
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -40,14 +39,3 @@ def test_distances_count_turns() -> None:
     assert TURNED.distance(unwrapped) == pytest.approx(0.0, abs=1e-15)
     assert TURNED.distance([0.1, 0.2, -0.1], TURNED.turns).tolist() == [0.0, 0.0, 0.0]
     assert TURNED.distance([0.1, 0.2, -0.1], 0.0) == pytest.approx([0.0, math.pi, 2.0 * math.pi])
-
-
-def test_references_pickled_with_the_first_version_are_truths() -> None:
-    """Version 0.1 pickled reference solutions without times, with ``error_estimate`` in place of ``error``."""
-    old = Truth.__new__(Truth)
-    old.__setstate__({"angle": np.ones(2), "velocity": np.zeros(2), "error_estimate": 1e-9, "how": "by hand"})
-    copy = pickle.loads(pickle.dumps(old))
-    assert copy.error == copy.error_estimate == 1e-9
-    assert copy.angle.tolist() == [1.0, 1.0]
-    assert np.isnan(copy.time).all()
-    assert (copy.how, copy.closed, copy.turns) == ("by hand", False, 0.0)

@@ -58,9 +58,9 @@ def test_a_small_page_holds_what_it_shows() -> None:
 
 
 BAD = {
-    "scene": (["--scenes", "labb"], "did you mean lab"), "method": (["--integrators", "rk5"], "did you mean"),
+    "scene": (["--scene", "labb"], "did you mean lab"), "method": (["--integrators", "rk5"], "did you mean"),
     "ending": (["--out", "x.txt"], "must end in .html"), "folder": (["--out", "none/x.html"], "cannot be written"),
-    "no fit": (["--scenes", "water", "--integrators", "velocity_verlet"], "None of the methods fits"),
+    "no fit": (["--scene", "water", "--integrators", "velocity_verlet"], "None of the methods fits"),
 }
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from command_line import Here
 from fake_clock import Clock
+from PIL import Image
 from readme_code import READMES
 
 from pendulum_env import SCENES, LabPendulumEnv, rollout
@@ -87,9 +88,21 @@ def windows(monkeypatch: pytest.MonkeyPatch) -> Windows:
     return found
 
 
+def test_settings_of_environments_may_be_set(clock: Clock, run_here: Here, steps: Steps) -> None:
+    clock.plan = [nothing, nothing, key("q")]
+    code, _, wrong = run_here("show", "--set", "action_noise=0.2", "--set", "length=0.5", "--window", "200",
+                              "--angle", "0", "--dt", "0.02")
+    assert code == 0, wrong
+    assert {(env.action_noise, env.length, push) for env, push, _ in steps} == {(0.2, 0.5, 0.0)}
+    assert steps[-1][2]["angle"] != 0.0  # moved by the noise alone
+    code, _, wrong = run_here("show", "--set", "action_nois=0.2")
+    assert code == 2
+    assert "action_nois" in wrong
+
+
 def test_the_arrow_keys_push(clock: Clock, run_here: Here, steps: Steps) -> None:
     clock.plan = [nothing, key("right"), nothing, key("right", False), nothing, key("q")]
-    code, said, wrong = run_here("show", "--angle", "0", "--size", "200", "--dt", "0.02")
+    code, said, wrong = run_here("show", "--angle", "0", "--window", "200", "--dt", "0.02")
     assert (code, said) == (0, "")
     assert "Error" not in wrong
     pushes = [push for _, push, _ in steps]
@@ -107,7 +120,7 @@ def test_methods_side_by_side_start_together_and_follow_their_own_method(
     names = ["forward_euler", "symplectic_euler", "rk4"]
     clock.plan = [nothing] * 20 + [key("q")]
     code, _, _ = run_here("show", "--scene", "vacuum", "-i", ",".join(names), "--angle", "46", "--dt", "0.02",
-                          "--size", "600x400")
+                          "--window", "600x400")
     assert code == 0
     for name in names:
         own = [info for env, _, info in steps if env.integrator == name]
@@ -137,7 +150,7 @@ def test_the_methods_of_the_keys_are_ready_before_the_window_opens(
 
     monkeypatch.setattr(Machine, "__init__", made)
     clock.plan = [key(digit) for digit in "12345"] + [nothing, key("q")]
-    assert run_here("show", "--size", "200", "--dt", "0.02")[0] == 0
+    assert run_here("show", "--window", "200", "--dt", "0.02")[0] == 0
     assert list(dict.fromkeys(env.integrator for env, _, _ in steps[:1])) == ["rk4"]
     assert {name for name, windows in compiled if not windows} == set(METHOD_KEYS.values())
     assert {name for name, windows in compiled if windows} == set(METHOD_KEYS.values())
@@ -160,14 +173,14 @@ def test_a_key_never_waits_for_the_compiler(
 
     monkeypatch.setattr("pendulum_env.envs.env.carried", carried)
     clock.plan = [key("5"), nothing, key("4"), nothing, key("q")]
-    run_here("show", "--scene", "vacuum", "-i", "symplectic_euler", "--dt", "0.02", "--size", "200")
+    run_here("show", "--scene", "vacuum", "-i", "symplectic_euler", "--dt", "0.02", "--window", "200")
     assert taken == [("rk4", True, True), ("velocity_verlet", True, False)]
 
 
 def test_digits_choose_the_method_under_the_mouse(clock: Clock, run_here: Here, steps: Steps) -> None:
     """Check three pendulums in a row: a digit changes that under the mouse, and without a mouse the first."""
     clock.plan = [nothing, key("2"), nothing, point(550, 100), key("1"), nothing, nothing, key("q")]
-    run_here("show", "-i", "forward_euler,symplectic_euler,rk4", "--dt", "0.02", "--size", "600x400")
+    run_here("show", "-i", "forward_euler,symplectic_euler,rk4", "--dt", "0.02", "--window", "600x400")
     envs = list(dict.fromkeys(env for env, _, _ in steps))
     assert [env.integrator for env in envs] == ["backward_euler", "symplectic_euler", "forward_euler"]
 
@@ -175,7 +188,7 @@ def test_digits_choose_the_method_under_the_mouse(clock: Clock, run_here: Here, 
 def test_d_halves_the_step_and_restarts(clock: Clock, run_here: Here, steps: Steps, windows: Windows) -> None:
     clock.plan = [nothing] * 4 + [key("d"), nothing, nothing, key("d", shift=True), nothing,
                                   key("d", shift=True), nothing, key("q")]
-    run_here("show", "-i", "forward_euler,rk4", "--angle", "30", "--dt", "0.02", "--size", "400x300")
+    run_here("show", "-i", "forward_euler,rk4", "--angle", "30", "--dt", "0.02", "--window", "400x300")
     runs = [[(env.dt, info["time"]) for env, _, info in steps if env is one]
             for one in dict.fromkeys(env for env, _, _ in steps)]
     assert [run[0][0] for run in runs] == [0.02, 0.02, 0.01, 0.01, 0.02, 0.02, 0.04, 0.04]
@@ -189,7 +202,7 @@ def test_a_step_too_long_or_too_short_stays(clock: Clock, run_here: Here, window
     for dt, shift, frames in (("0.0000501", False, 2), ("0.9", True, 80)):
         clock.plan = [key("d", shift=shift), *[nothing] * frames, lambda: said.append(windows[-1].controls.message),
                       key("q")]
-        run_here("show", "--dt", dt, "--size", "200", "--scene", "vacuum")
+        run_here("show", "--dt", dt, "--window", "200", "--scene", "vacuum")
     assert said == ["dt stays 5.01e-05 s: here it can be 5e-05 to 1 s.", "dt stays 0.9 s: here it can be 5e-05 to 1 s."]
 
 
@@ -202,18 +215,17 @@ def test_the_stopwatch_counts_the_pendulum_s_time(clock: Clock, run_here: Here, 
 
     clock.plan = [key("space"), key("t"), *([key("s"), nothing] * 10), key("t"), nothing, look, key("r"), nothing, look,
                   key("q")]
-    run_here("show", "--dt", "0.02", "--size", "200")
+    run_here("show", "--dt", "0.02", "--window", "200")
     assert read == ["stopwatch 0.20 s", ""]
 
 
 def test_a_picture_is_saved_in_the_folder_asked_for(
     clock: Clock, run_here: Here, tmp_path: Path
 ) -> None:
-    image = pytest.importorskip("PIL.Image")
     clock.plan = [key("p"), nothing, key("q")]
-    run_here("show", "-i", "rk4,heun", "--dt", "0.02", "--size", "400x300", "--out", str(tmp_path / "shots"))
+    run_here("show", "-i", "rk4,heun", "--dt", "0.02", "--window", "400x300", "--out", str(tmp_path / "shots"))
     (file,) = (tmp_path / "shots").iterdir()
-    with image.open(file) as found:
+    with Image.open(file) as found:
         assert found.size == (400, 300)
         assert json.loads(found.text["method"]) == ["rk4", "heun"]
         assert json.loads(found.text["scene"])["name"] == "lab"
@@ -222,10 +234,10 @@ def test_a_picture_is_saved_in_the_folder_asked_for(
 
 def test_a_run_that_ends_begins_again_in_a_pause(clock: Clock, run_here: Here, steps: Steps) -> None:
     clock.plan = [nothing] * 60 + [key("q")]
-    code, _, wrong = run_here("show", "--scene", "vacuum", "--damping", "linear:gamma=100", "--integrator",
-                              "forward_euler", "--dt", "0.1", "--velocity", "1", "--size", "200")
-    assert code == 0
-    assert "forward_euler stopped at " in wrong
+    code, printed, wrong = run_here("show", "--scene", "vacuum", "--damping", "linear:gamma=100", "--integrators",
+                              "forward_euler", "--dt", "0.1", "--velocity", "1", "--window", "200")
+    assert (code, wrong) == (0, "")
+    assert "forward_euler stopped at " in printed
     ended = next(i for i, (_, _, info) in enumerate(steps) if info["stop_reason"])
     assert [info["time"] for _, _, info in steps[ended + 1:]] == [0.1]
 
@@ -234,7 +246,7 @@ def test_beside_a_run_that_ended_the_others_go_on(clock: Clock, run_here: Here, 
     stopped: list[list[bool]] = []
     clock.plan = [nothing] * 60 + [lambda: stopped.append([view.stopped for view in windows[0].drawn]), key("q")]
     run_here("show", "--scene", "vacuum", "--damping", "linear:gamma=100", "-i", "forward_euler,backward_euler",
-             "--dt", "0.1", "--velocity", "1", "--size", "400x300")
+             "--dt", "0.1", "--velocity", "1", "--window", "400x300")
     last = {env.integrator: info for env, _, info in steps}
     assert last["forward_euler"]["stop_reason"]
     assert last["backward_euler"]["stop_reason"] == ""
@@ -243,9 +255,9 @@ def test_beside_a_run_that_ended_the_others_go_on(clock: Clock, run_here: Here, 
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    (("--theme", "drak"), "dark"), (("--panels", "apparatus,phse"), "phase"), (("--size", "3"), "--size"),
-    (("--size", ""), "1600x900"),
-    (("--size", "800y600"), "1600x900"), (("--integrator", "rk5"), "rk4"), (("--panels", ""), "panel"),
+    (("--theme", "drak"), "dark"), (("--panels", "apparatus,phse"), "phase"), (("--window", "3"), "--window"),
+    (("--window", ""), "1600x900"),
+    (("--window", "800y600"), "1600x900"), (("--integrators", "rk5"), "rk4"), (("--panels", ""), "panel"),
     (("-i", "rk4,rk4"), "twice"), (("-i", "rk4,heun,midpoint,dopri5,rk4_38,dop853,bs3"), "1 to 6"),
 ])
 def test_what_cannot_be_is_refused(run_here: Here, words: tuple[str, ...], said: str) -> None:

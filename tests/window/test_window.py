@@ -18,9 +18,10 @@ import pytest
 from fake_clock import DT, Clock, shown
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.passive_env_checker import env_render_passive_checker
+from PIL import Image
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
-from pendulum_env.engine.certified import machine_class
+from pendulum_env.engine.certified import CertifiedMachine
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import View
@@ -476,8 +477,9 @@ def test_a_typed_angle_starts_there_and_r_again(clock: Clock) -> None:
 def machine_of(env: Any, more: dict[str, Any]) -> Machine:
     """Return the machine of an environment with these keywords, for the names of its state."""
     asked = more.get("diagnostics", ("energy",))
-    return machine_class(asked)(env.scene, env.integrator, asked, "python", more.get("rtol"), None,
-                                more.get("compensated", False), env.substeps)
+    kind = CertifiedMachine if "error" in asked else Machine
+    return kind(env.scene, env.integrator, asked, "python", more.get("rtol"), None,
+                more.get("compensated", False), env.substeps)
 
 
 def recorded(env: Any, more: dict[str, Any]) -> tuple[str, ...]:
@@ -613,9 +615,11 @@ def test_the_step_of_an_environment_stays(clock: Clock) -> None:
     assert "lab-pendulum show" in env.window.controls.status()
 
 
-def test_a_saved_picture_is_the_window_s_with_its_provenance(clock: Clock, tmp_path: Path) -> None:
+def test_a_saved_picture_is_the_window_s_with_its_provenance(
+    clock: Clock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Check the file with Pillow: the pixels of the window, the scene and the method; a second picture has a name."""
-    image = pytest.importorskip("PIL.Image")
+    monkeypatch.setattr("sys.argv", ["lab-pendulum", "show", "--note=Ω ж"])
     env = shown(integrator="symplectic_euler")
     env.window.folder = tmp_path / "new"
     step(env)
@@ -626,7 +630,7 @@ def test_a_saved_picture_is_the_window_s_with_its_provenance(clock: Clock, tmp_p
     files = sorted((tmp_path / "new").iterdir())
     assert [file.name for file in files] == ["lab_symplectic_euler_0.02s.png", "lab_symplectic_euler_0.02s_2.png"]
     assert env.window.controls.message == f"saved {files[1]}"
-    with image.open(files[0]) as found:
+    with Image.open(files[0]) as found:
         facts = found.text
         env.window.controls.message = ""
         env.window.look()
@@ -635,6 +639,7 @@ def test_a_saved_picture_is_the_window_s_with_its_provenance(clock: Clock, tmp_p
     assert (facts["method"], float(facts["dt"]), float(facts["time"])) == ("symplectic_euler", DT, DT)
     assert float(facts["start_angle"]) == 0.5
     assert facts["Software"].startswith("lab-pendulum ")
+    assert facts["Command"] == "lab-pendulum show '--note=Ω ж'"  # outside Latin-1
 
 
 def test_a_picture_that_cannot_be_written_is_said(clock: Clock, tmp_path: Path) -> None:
@@ -795,8 +800,9 @@ def test_an_interruption_ends_a_pause(clock: Clock) -> None:
 def test_a_vector_has_no_window() -> None:
     with pytest.raises(SceneError, match="render_tiles"):
         LabPendulumVectorEnv(2, render_mode="human")
-    assert LabPendulumVectorEnv.metadata["render_modes"] == ["rgb_array"]
-    assert LabPendulumVectorEnv(2, backend="python").metadata["render_modes"] == ["rgb_array"]
+    modes = ["rgb_array", "rgb_array_list"]
+    assert LabPendulumVectorEnv.metadata["render_modes"] == modes
+    assert LabPendulumVectorEnv(2, backend="python").metadata["render_modes"] == modes
 
 
 UNSEEN = """

@@ -16,14 +16,14 @@ import numpy as np
 from against.problem import RECORDS, Array, Problem, Solver
 
 METHODS = (
-    *(f"quick_taylor{order}" for order in (16, 12, 20, 6, 8, 10, 14, 18, 22, 24)), "rk4", "dop853", "verner9",
+    *(f"taylor{order}" for order in (16, 12, 20, 6, 8, 10, 14, 18, 22, 24)), "rk4", "dop853", "verner9",
     "dprkn12", "blanes_moan_srkn14a", "kahan_li8", "quinlan_tremaine14",
 )
 """Methods that are (nearly) the cheapest for some accuracy, and some well-known ones; the most general one first."""
 SEARCH = "PRECISION_SEARCH"
 """Environment variable; if it is set, all explicit methods of order 3 or more are tried."""
-ADAPTIVE = ("dop853", "verner9", "quick_taylor16", "quick_taylor20")
-EVEN = tuple(f"quick_taylor{order}" for order in (10, 12, 14, 16, 18, 20))
+ADAPTIVE = ("dop853", "verner9", "taylor16", "taylor20")
+EVEN = tuple(f"taylor{order}" for order in (10, 12, 14, 16, 18, 20))
 RELATIVE, FINEST = 0.01, 3e-14
 """Relative tolerance of "even" solvers, as a fraction of the absolute one, and its smallest value."""
 EXACT = "lab-pendulum exact"

@@ -31,7 +31,7 @@ from pendulum_env.physics.damping import NONE, with_damping
 from pendulum_env.physics.effects import DAMPINGS
 from pendulum_env.physics.flow import swing_loss
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, naming_keywords, nearest, other_units, several, shown, truth
+from pendulum_env.physics.units import SceneError, boolean, naming_keywords, nearest, other_units, several, shown
 
 BOB = ("radius", "mass")
 """Parameters that must be given for the drag on the bob to be known, in a known medium."""
@@ -157,7 +157,7 @@ def planned(
     known = scene is not None or all(name in parameters for name in BOB)
     usual = (place.body.fitted, *([SCALE] if recording.displaced else []))
     names = _checked(usual if free is None else free, place)
-    steady = truth(robust, "robust")
+    steady = boolean(robust, "robust")
     wanted = models_of(effects, place, known)
     if not isinstance(place.body, Body) and all(_undetermined(place, damping, names) for damping in wanted):
         raise SceneError(f"free cannot have {' and '.join(name for name in names if name != SCALE)} together: a free "

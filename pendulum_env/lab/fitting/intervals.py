@@ -19,7 +19,7 @@ from pendulum_env.lab.fitting.model import SENSOR, START, Model
 from pendulum_env.lab.fitting.shooting import FitSolution, refit
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, nearest, number, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, nearest, number, shown, whole_number
 
 Array = NDArray[np.float64]
 
@@ -312,7 +312,7 @@ def sample(fit: Fitted, n: int, seed: int, start: bool) -> dict[str, Any]:
 
 def keywords_of(fit: Fitted, rows: Array, start: bool) -> dict[str, Any]:
     """Return rows of a fit's parameters as keywords of ``gym.make_vec`` or, with ``start``, of ``rollout``."""
-    wanted = {*START[:2]} if truth(start, "start") else set()
+    wanted = {*START[:2]} if boolean(start, "start") else set()
     columns = {name: column.copy() for name, column in zip(fit.names, rows.T, strict=True)
                if name not in SENSOR or name in wanted}
     return {"scene": fit.scene, **columns}

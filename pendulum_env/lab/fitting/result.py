@@ -555,10 +555,6 @@ class FitComparison:
         return Table(head[:columns], tuple(row[:columns] for row in rows))
 
 
-Comparison = FitComparison
-"""Name of :class:`FitComparison` in version 0.1, for results pickled with it."""
-
-
 def common_bic(fits: Sequence[Fit]) -> list[float]:
     """Return the Bayesian information criteria of several fits to one recording, with one number n' of independent
     readings.

@@ -87,10 +87,6 @@ class FitSolution:
         return self.followed < float(self.model.time[-1])
 
 
-Solution = FitSolution
-"""Name of :class:`FitSolution` in version 0.1, for results pickled with it."""
-
-
 def solve(
     model: Model,
     angle: Array,

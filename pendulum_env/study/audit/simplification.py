@@ -14,7 +14,7 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import number, truth
+from pendulum_env.physics.units import boolean, number
 from pendulum_env.study.audit.cases import cases, with_effect
 from pendulum_env.study.audit.judging import change_of
 from pendulum_env.study.audit.study import COARSE, STEPS, audit
@@ -53,7 +53,7 @@ def simplify(
     """
     place = find_scene(scene)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
-    tell, wanted = told_by(progress), truth(complete, "complete")
+    tell, wanted = told_by(progress), boolean(complete, "complete")
     verdict = audit(place, amplitude=amplitude, tolerance=tolerance, backend=backend,
                   progress=lambda done, text: tell(0.9 * done, text))
     full, added = _completed(verdict) if wanted else (place, ())

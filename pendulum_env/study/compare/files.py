@@ -16,7 +16,7 @@ from pendulum_env.films.look import checked_look
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus
 from pendulum_env.films.runs import Track, at_times, drawn_large, instants, strip_span
-from pendulum_env.physics.units import SceneError, shown, truth
+from pendulum_env.physics.units import SceneError, boolean, shown
 from pendulum_env.render import FrameStyle, side_by_side, write_film
 from pendulum_env.render.panel import PLAIN
 from pendulum_env.render.stage import DEFAULT
@@ -84,7 +84,7 @@ def write(
 
     if not isinstance(comparison, Comparison):
         raise SceneError(f"comparison must be a Comparison, the result of compare, not {shown(comparison)}.")
-    tell, share = told_by(progress), 0.3 if truth(film, "film") else 1.0
+    tell, share = told_by(progress), 0.3 if boolean(film, "film") else 1.0
     look = checked_look(theme, panels, ("energy",), "")
     place, facts = output_folder(folder), comparison.facts
     paths = []

@@ -23,7 +23,7 @@ from pendulum_env.engine.spec import RunSpec, scene_and_shared
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import function, naming_keywords, number, several, truth, whole_number
+from pendulum_env.physics.units import boolean, function, naming_keywords, number, several, whole_number
 from pendulum_env.study.cost.files import write
 from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy
 from pendulum_env.study.cost.runs import SPARSE, Setting, measure, setting_of
@@ -119,7 +119,7 @@ def cost(
     v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
     checked_start(place, q, v)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
-    anew, repeats = not truth(resume, "resume"), whole_number(repeats, "repeats", MOST_REPEATS)
+    anew, repeats = not boolean(resume, "resume"), whole_number(repeats, "repeats", MOST_REPEATS)
     if on_point is not None:
         function(on_point, "on_point")
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)

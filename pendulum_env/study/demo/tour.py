@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.engine.kernels import Backend, resolve
-from pendulum_env.physics.units import SceneError, truth
+from pendulum_env.physics.units import SceneError, boolean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,7 +69,7 @@ def demo(
 
     Raises OutputError where the folder cannot be written, SceneError or EngineError for an invalid argument.
     """
-    tell, filmed = told_by(progress), truth(film, "film")
+    tell, filmed = told_by(progress), boolean(film, "film")
     resolve(backend)
     place = output_folder(folder)
     chapters: tuple[tuple[Callable[..., Chapter], float], ...] = (

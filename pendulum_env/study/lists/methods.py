@@ -197,8 +197,11 @@ def _legend(needed: Iterable[str], width: int) -> str:
     return "\n".join(lines)
 
 
-def fit_listing(scene: Scene, width: int = 100) -> str:
-    """Return a text list of the methods that fit a scene, then of those that do not, with the reasons."""
+def fit_listing(scene: Scene, width: int = 100, whole: bool = True) -> str:
+    """Return a text list of the methods that fit a scene, then of those that do not, with the reasons.
+
+    Without ``whole`` it is only the names of those that fit.
+    """
     width = min(max(width, NARROWEST), WIDEST)
     refused = unfit(scene)
     reasons: dict[str, list[str]] = {}
@@ -206,6 +209,10 @@ def fit_listing(scene: Scene, width: int = 100) -> str:
         reasons.setdefault(why, []).append(name)
     lines = [f"{len(METHODS) - len(refused)} of {len(METHODS)} integrators fit the scene {scene.name}, "
              f"{', '.join(effect.name for effect in scene.effects) or 'without effects'}.", ""]
+    if not whole:
+        fit = ", ".join(name for name in METHODS if name not in refused)
+        return "\n".join([*lines[:1], *textwrap.wrap(fit, width, break_on_hyphens=False),
+                          "--all describes them, and says why others do not fit."])
     lines.append(listing((method for name, method in METHODS.items() if name not in refused), width))
     for why, names in reasons.items():
         lines += ["", *textwrap.wrap(f"{len(names)} methods do not fit: they need {why}.", width,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
@@ -81,6 +82,36 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
 """Functions that return the tables, by name."""
 
 
+ROWS = 21
+"""Largest number of rows that a list prints on a screen of 24 lines."""
+
+
 def find_table(name: str) -> Table:
     """Return the table with a name of :data:`TABLES`, such as "scenes"; raises SceneError for another name."""
     return TABLES[one_of(name, "list of", TABLES)]()
+
+
+def names_of(name: str, width: int, lines: int | None = None) -> str:
+    """Return the names in a table, after its own name and their number, in text of at most so many ``lines``."""
+    names = [row[0] for row in find_table(name).rows]
+    for count in range(len(names), 0, -1):
+        more = "" if count == len(names) else f", and {len(names) - count} more"
+        text = textwrap.fill(f"{name} ({len(names)}): {', '.join(names[:count])}{more}", width,
+                             subsequent_indent="    ", break_on_hyphens=False)
+        if lines is None or text.count("\n") < lines:
+            break
+    return text
+
+
+def brief(name: str, width: int) -> str:
+    """Return a table as text that fits one screen: a name and the beginning of its description in each line.
+
+    Of tables with more than 21 rows (ROWS), only the names are given.
+    """
+    table = find_table(name)
+    if len(table.rows) > ROWS:
+        return names_of(name, width)
+    column = table.head.index("what it is") if "what it is" in table.head else -1
+    room = max(len(row[0]) for row in table.rows)
+    lines = [f"{row[0]:{room}}  {row[column]}" for row in table.rows]
+    return "\n".join(one if len(one) <= width else f"{one[:width - 3].rpartition(' ')[0]} ..." for one in lines)

@@ -16,7 +16,8 @@ from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.motion import drive_rate
-from pendulum_env.engine.spec import RunSpec, SceneLike
+from pendulum_env.engine.settings import SceneLike
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.threads import MOST_THREADS, cores
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene

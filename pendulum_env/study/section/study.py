@@ -24,7 +24,8 @@ from pendulum_env.common.tables import Table
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted
 from pendulum_env.engine.motion import EVENTS, drive_rate, event_function
-from pendulum_env.engine.spec import RunSpec, SceneLike, scene_and_shared
+from pendulum_env.engine.settings import SceneLike
+from pendulum_env.engine.spec import RunSpec, scene_and_shared
 from pendulum_env.engine.threads import MOST_THREADS, cores
 from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.damping import Damping

@@ -20,7 +20,7 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.tables import Table
-from pendulum_env.physics.units import SceneError, file_path, function, several, shown, truth, whole_number
+from pendulum_env.physics.units import SceneError, boolean, file_path, function, several, shown, whole_number
 from pendulum_env.study.sweep.journal import Journal, WrittenResults, plain, text_of
 from pendulum_env.study.sweep.summary import UNITS, summary
 from pendulum_env.truth.reference import StudyError
@@ -175,7 +175,7 @@ def sweep(
         raise SceneError(f"executor must be an Executor of concurrent.futures or None, not {shown(executor)}.")
     if not isinstance(name, str):
         raise SceneError(f"name must be text, not {shown(name)}.")
-    reporting, empty, kept = telling_of(progress, "sweep"), truth(anew, "anew"), truth(in_memory, "in_memory")
+    reporting, empty, kept = telling_of(progress, "sweep"), boolean(anew, "anew"), boolean(in_memory, "in_memory")
     if not kept and file is None:
         raise StudyError("A sweep with in_memory=False has its results in a file; give one, such as file='a.jsonl'.")
     called = summary if run is None else run

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from pendulum_env.common.replacing import OutputError, replacing
 
 
-class Stream:
+class GrowingFile:
     """A file of a batch's records, open for writing, which is a valid file at any time, even if the process is killed.
 
     A killed process leaves a file with the records appended so far. The number of records is in the file's header;
@@ -80,7 +80,7 @@ class Stream:
         np.lib.format.write_array_header_2_0(file, described)
         file.flush()
 
-    def __enter__(self) -> Stream:
+    def __enter__(self) -> GrowingFile:
         """Return this open file, at the start of a ``with`` block."""
         return self
 

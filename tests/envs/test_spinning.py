@@ -17,7 +17,7 @@ import pytest
 
 import pendulum_env  # noqa: F401
 from pendulum_env import Task
-from pendulum_env.engine import team, threads
+from pendulum_env.engine import spinning, threads
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.tasks import TaskError
 from pendulum_env.tasks.action import ActionError
@@ -26,7 +26,7 @@ SIZE = 5 * BLOCK - 3
 """An odd number of blocks, so that one of two threads takes the last while the other waits for it."""
 ACTIONS = np.random.default_rng(0).uniform(-1, 1, (4, SIZE, 1)).astype(np.float32)
 
-pytestmark = pytest.mark.skipif(threads.cores() < 2, reason="A team has at most one thread for each core.")
+pytestmark = pytest.mark.skipif(threads.cores() < 2, reason="A spinning pool has at most one thread for each core.")
 
 
 def vector(count: int | None, **options: Any) -> Any:
@@ -46,11 +46,11 @@ def bits(env: Any, last: int = 20, first: int = 0, pause: float = 0.0) -> list[b
 
 
 def members() -> int:
-    return sum(thread.name == "lab-pendulum team" for thread in threading.enumerate())
+    return sum(thread.name == "lab-pendulum spinning" for thread in threading.enumerate())
 
 
 def stepped(env: Any) -> Any:
-    """The environment after enough steps for its pace to be known, so that a team takes the next one."""
+    """The environment after enough steps for its pace to be known, so that a spinning pool takes the next one."""
     for _ in range(3):
         env.step(ACTIONS[0])
     assert members()
@@ -70,7 +70,7 @@ def _alone() -> None:
 @pytest.mark.parametrize("options", [{}, {"integrator": "symplectic_euler", "substeps": 3}, {"substeps": 200},
                                      {"length": np.linspace(0.2, 0.5, SIZE)}, {"slack": "warn", "scene": "exercise"},
                                      {"autoreset_mode": "SameStep"}])
-def test_a_team_has_the_bits_of_one_thread(options: dict[str, Any]) -> None:
+def test_a_spinning_pool_has_the_bits_of_one_thread(options: dict[str, Any]) -> None:
     wanted = bits(vector(1, **options))
     env = stepped(vector(2, **options))
     assert bits(env) == wanted
@@ -78,12 +78,12 @@ def test_a_team_has_the_bits_of_one_thread(options: dict[str, Any]) -> None:
 
 def test_threads_that_sleep_are_woken() -> None:
     wanted = bits(vector(1))
-    assert bits(stepped(vector(2)), pause=5 * team.LIMIT) == wanted
+    assert bits(stepped(vector(2)), pause=5 * spinning.LIMIT) == wanted
 
 
 def test_a_step_does_not_wait_for_a_thread_that_never_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = bits(vector(1))
-    monkeypatch.setattr(team, "_work", lambda *arguments: time.sleep(0.5))
+    monkeypatch.setattr(spinning, "_work", lambda *arguments: time.sleep(0.5))
     assert bits(stepped(vector(2))) == wanted
 
 
@@ -106,7 +106,7 @@ def test_actions_of_any_kind_are_those_of_one_thread(given: Any) -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_a_team_refuses_actions_that_are_not_finite(value: float) -> None:
+def test_a_spinning_pool_refuses_actions_that_are_not_finite(value: float) -> None:
     """The first action and the last are looked at, and no environment moves."""
     wanted, env = bits(vector(1)), stepped(vector(2))
     begun = bits(env, 3)
@@ -128,7 +128,7 @@ def test_a_parameter_that_varies_from_now_on_is_seen_by_all_threads() -> None:
 
 def test_threads_end_with_their_environment() -> None:
     env = stepped(vector(2))
-    time.sleep(5 * team.LIMIT)
+    time.sleep(5 * spinning.LIMIT)
     assert members() == 1
     del env
 
@@ -150,7 +150,7 @@ def test_a_forked_process_starts_threads_of_its_own() -> None:
                                      pytest.param({"num_threads": threads.cores() + 1}, marks=pytest.mark.skipif(
                                          threads.cores() >= 5, reason="There are no more threads than blocks, 5.")),
                                      {"num_threads": 2, "integrator": "dopri5", "rtol": 1e-6}])
-def test_no_thread_looks_out_unasked(options: dict[str, Any]) -> None:
+def test_no_thread_spins_unasked(options: dict[str, Any]) -> None:
     env = vector(options.pop("num_threads"), **options)
     bits(env)
     assert members() == 0

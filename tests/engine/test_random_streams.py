@@ -8,7 +8,7 @@ from gymnasium.utils import seeding
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pendulum_env.engine.streams import MOST_SEED, Streams
+from pendulum_env.engine.random_streams import MOST_SEED, Streams
 
 
 @settings(max_examples=40, deadline=None)
