@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Any
 
 import gymnasium
+import numpy as np
 from gymnasium.wrappers import TimeLimit
 
 from pendulum_env.common.checks import SceneError, whole_number
@@ -30,6 +31,8 @@ class Registered(int):
     ``gym.make`` and ``gym.make_vec`` pass it on where the user gives no ``max_episode_steps``, so that its class tells
     it from an argument of the same value.
     """
+
+    dtype = np.dtype(np.int64)  # Gymnasium 1.1 asks NumPy whether this class is one of whole numbers
 
 
 REGISTERED = Registered(500)
