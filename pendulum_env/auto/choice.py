@@ -14,6 +14,7 @@ from pendulum_env.auto.costs import SHIPPED, measure
 from pendulum_env.auto.promise import AccuracyError, Choice, Chosen
 from pendulum_env.auto.search import Candidate
 from pendulum_env.common.progress import Progress, late_bar
+from pendulum_env.common.version import sources
 from pendulum_env.common.warn import warn
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, boolean, function, number, several, shown, whole_number
@@ -74,7 +75,7 @@ def choose(
     table = measured if recalibrate else store.load_table(SHIPPED)
     key = {
         "scenes": [scene.to_dict() for scene in places], "accuracy": limit, "dt": step, "steps": count,
-        "sources": store.sources(), "table": None if table is None else sorted(table.items()),
+        "sources": sources(), "table": None if table is None else sorted(table.items()),
     }
     path = store.file_of(key)
     choice = None if recalibrate else _read(store.load(path, key), (limit, step, count))

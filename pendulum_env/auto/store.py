@@ -9,30 +9,13 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import integrators
-from pendulum_env import engine, physics, truth
 from pendulum_env.common.trust import own_bytes, own_folder, write_own
 from pendulum_env.engine.kernels import cache_folder
 
 TABLE = "auto_costs.json"
-
-
-@cache
-def sources() -> str:
-    """Return a digest of the names, sizes and times of the package's source files that influence an automatic choice.
-    """
-    rooms = [integrators, engine, physics, truth]
-    folders = [Path(room.__file__).parent for room in rooms if room.__file__] + [Path(__file__).parent]
-    files = []
-    for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            status = path.stat()
-            files.append((path.name, status.st_size, status.st_mtime_ns))
-    return hashlib.sha256(repr(files).encode()).hexdigest()[:24]
 
 
 def file_of(key: Mapping[str, Any]) -> Path | None:

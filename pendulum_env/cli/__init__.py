@@ -8,9 +8,7 @@ import warnings
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import cache
-from hashlib import sha256
 from inspect import cleandoc
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -33,7 +31,7 @@ from pendulum_env.cli.show import show
 from pendulum_env.cli.stress import stress
 from pendulum_env.cli.web import web
 from pendulum_env.common.texts import clean
-from pendulum_env.common.version import __version__
+from pendulum_env.common.version import __version__, sources
 
 NAME = "lab-pendulum"
 """Name of the program."""
@@ -139,15 +137,6 @@ def _version(wanted: bool) -> None:
     if wanted:
         print(f"lab-pendulum {__version__}, sources {sources()}")
         raise typer.Exit
-
-
-def sources() -> str:
-    """Return a digest of the packages' Python files, by which two installations of a version can be told apart."""
-    digest = sha256()
-    root = Path(__file__).parents[2]
-    for path in sorted(path for name in ("integrators", "pendulum_env") for path in (root / name).rglob("*.py")):
-        digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes().replace(b"\r\n", b"\n"))
-    return digest.hexdigest()[:12]
 
 
 @app.callback()

@@ -13,6 +13,7 @@ import integrators
 from integrators import METHODS
 from pendulum_env import SCENES, SceneError
 from pendulum_env.adapters.minari import collect
+from pendulum_env.common.version import sources
 
 COLUMNS = ("observations", "actions", "rewards", "terminations", "truncations")
 LAB = SCENES["lab"].replace(length=0.4)
@@ -83,6 +84,7 @@ def test_steps_end_with_whole_episodes_and_are_told_of() -> None:
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert {data.storage.metadata[name] for name in ("algorithm_name", "description")} == {"random", "for a test"}
+    assert data.storage.metadata["sources"] == sources()
     actions = np.concatenate([episode.actions for episode in episodes(data)])
     assert np.abs(actions).max() <= 1.0
     assert actions.std() == pytest.approx(3**-0.5, rel=0.2)  # uniform in [-1, 1]

@@ -21,6 +21,7 @@ from folder_contents import contents
 
 from pendulum_env import SCENES, cli
 from pendulum_env.cli import console
+from pendulum_env.common import version
 from pendulum_env.study.compare import files
 from pendulum_env.study.lists.tables import TABLES, find_table
 
@@ -343,17 +344,19 @@ def test_debug_stands_before_or_behind_a_command(run_here: Here) -> None:
 def test_the_version_has_a_digest_of_the_sources(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The same for the same files, wherever they are and however their lines end; another for another byte."""
     house = tmp_path / "house"
+    for name in ("integrators", "pendulum_env/common"):
+        (house / name).mkdir(parents=True)
     for name in ("integrators", "pendulum_env"):
-        (house / name / "cli").mkdir(parents=True)
         (house / name / "a.py").write_bytes(b"x = 1\n")
-    monkeypatch.setattr(cli, "__file__", str(house / "pendulum_env" / "cli" / "__init__.py"))
-    first = cli.sources()
+    monkeypatch.setattr(version, "__file__", str(house / "pendulum_env" / "common" / "version.py"))
+    digest = version.sources.__wrapped__  # not the cached one
+    first = digest()
     assert first == hashlib.sha256(b"".join(name + b"/a.py\0x = 1\n" for name in (b"integrators", b"pendulum_env"))
                                    ).hexdigest()[:12]
     (house / "integrators" / "a.py").write_bytes(b"x = 1\r\n")
-    assert cli.sources() == first
+    assert digest() == first
     (house / "integrators" / "a.py").write_bytes(b"x = 2\n")
-    assert cli.sources() != first
+    assert digest() != first
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")

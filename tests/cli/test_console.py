@@ -19,6 +19,7 @@ from pendulum_env import __version__, cli
 from pendulum_env.cli import app
 from pendulum_env.cli.console import print_table, print_text
 from pendulum_env.common.tables import Table
+from pendulum_env.common.version import sources
 from pendulum_env.study.compare import compare
 from pendulum_env.study.compare.drift import LEADING_ERROR
 
@@ -193,4 +194,4 @@ def test_the_package_runs_as_the_command(monkeypatch, capsys):
     with pytest.raises(SystemExit) as stop:
         runpy.run_module("pendulum_env", run_name="__main__")
     assert not stop.value.code
-    assert capsys.readouterr().out == f"lab-pendulum {__version__}, sources {cli.sources()}\n"
+    assert capsys.readouterr().out == f"lab-pendulum {__version__}, sources {sources()}\n"

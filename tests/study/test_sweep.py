@@ -24,6 +24,7 @@ from small_sweep import GRID, ROWS, add
 
 import pendulum_env
 from pendulum_env import SCENES, SceneError, sweep
+from pendulum_env.common import provenance, version
 from pendulum_env.common.provenance import OutputError
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.study.sweep.study import TASK
@@ -334,7 +335,7 @@ def test_short_points_share_a_task(run, count, options, least, most):
     assert least <= executor.count <= most
 
 
-def test_points_of_a_task_before_one_that_fails_are_kept(tmp_path):
+def test_all_points_of_a_task_but_one_that_fails_are_kept(tmp_path):
     path = tmp_path / "sweep.jsonl"
 
     def run(point):
@@ -342,7 +343,7 @@ def test_points_of_a_task_before_one_that_fails_are_kept(tmp_path):
 
     with ThreadPoolExecutor(1) as executor, pytest.raises(StudyError, match="Point 6 of 9"):
         sweep({"a": range(9)}, executor, run=run, file=path, in_flight=1, per_task=8)
-    assert [entry["point"]["a"] for entry in lines_of(path)[1:]] == [0, 1, 2, 3, 4]
+    assert [entry["point"]["a"] for entry in lines_of(path)[1:]] == [0, 1, 2, 3, 4, 6, 7, 8]
 
 
 @pytest.mark.parametrize(
@@ -364,7 +365,7 @@ def test_what_was_done_before_an_executor_broke_down_is_in_the_file(tmp_path, fa
 
 
 @pytest.mark.parametrize("threads", [0, 1])
-def test_a_point_that_fails_is_named_and_what_was_done_stays(tmp_path, threads):
+def test_a_point_that_fails_is_named_after_all_others_are_done(tmp_path, threads):
     path = tmp_path / "sweep.jsonl"
 
     def run(point):
@@ -373,7 +374,90 @@ def test_a_point_that_fails_is_named_and_what_was_done_stays(tmp_path, threads):
     said = "Point 3 of 4, {'a': 2}, failed with ZeroD"
     with ThreadPoolExecutor(1) as executor, pytest.raises(StudyError, match=said):
         sweep({"a": [0, 1, 2, 3]}, executor if threads else None, run=run, file=path, in_flight=1)
-    assert [entry["point"]["a"] for entry in lines_of(path)[1:]] == [0, 1]
+    assert [entry["point"]["a"] for entry in lines_of(path)[1:]] == [0, 1, 3]
+    with pytest.raises(StudyError, match=said):  # the point alone is tried again
+        sweep({"a": [0, 1, 2, 3]}, run=run, file=path)
+    assert len(lines_of(path)) == 4
+
+
+def inverse(point):
+    if point["a"] in (2, 5):
+        raise ValueError(f"no inverse\nof {point['a']}")
+    return {"inverse": 1.0 / (1.0 + point["a"])}
+
+
+@pytest.mark.parametrize("threads", [0, 1, 3])
+@pytest.mark.parametrize("in_memory", [True, False])
+def test_points_that_fail_are_recorded_with_their_reason(tmp_path, threads, in_memory):
+    """In the rows, the table, the CSV and the journal; a sweep that continues runs neither them nor the others."""
+    path, grid = tmp_path / "sweep.jsonl", {"a": range(7)}
+    options = {"run": inverse, "file": path, "in_memory": in_memory}
+    with ThreadPoolExecutor(max(threads, 1)) as pool:
+        found = sweep(grid, pool if threads else None, on_error="record", **options)
+    reasons = {2: "ValueError: no inverse of 2", 5: "ValueError: no inverse of 5"}
+    rows = [{"a": a, "error": reasons[a]} if a in reasons else {"a": a, "inverse": 1.0 / (1.0 + a)} for a in range(7)]
+    assert (list(found), dict(found.failed), found.complete) == (rows, reasons, True)
+    assert found.column("error") == [reasons.get(a) for a in range(7)]
+    assert [cells[-1] for cells in found.table.rows] == [reasons.get(a, "") for a in range(7)]
+    assert "2 failed" in repr(found)
+    table = list(csv.DictReader(line for line in found.write(tmp_path / "sweep.csv").read_text().splitlines()
+                                if not line.startswith("#")))
+    assert [row["error"] for row in table] == [reasons.get(a, "") for a in range(7)]
+    written = {entry["point"]["a"]: entry["error"] for entry in lines_of(path)[1:] if "error" in entry}
+    assert written == reasons
+    again = sweep(grid, on_error="record", **{**options, "run": lambda point: 1 / 0}, name=found.facts["Run"])
+    assert list(again) == rows
+    tried = []
+    whole = sweep(grid, on_error="raise", **{**options, "run": lambda point: tried.append(point) or {"inverse": 9.0}},
+                  name=found.facts["Run"])
+    assert (tried, whole.failed) == ([{"a": 2}, {"a": 5}], {})
+    assert whole.column("inverse") == [9.0 if a in reasons else 1.0 / (1.0 + a) for a in range(7)]
+
+
+def test_a_task_that_is_lost_costs_only_the_point_that_loses_it():
+    """Such as one that kills a cluster's worker: the other points of its task are tried alone."""
+    class Losing(AtOnce):
+        def submit(self, fn, /, *args, **kwargs):
+            future = Future()
+            if {"a": 3} in args[1]:
+                future.set_exception(RuntimeError("the worker died"))
+            else:
+                future.set_result(fn(*args, **kwargs))
+            return future
+
+    found = sweep({"a": range(6)}, Losing(), run=double, per_task=4, on_error="record")
+    assert found.failed == {3: "RuntimeError: the worker died"}
+    assert found.column("double") == [2 * a if a != 3 else None for a in range(6)]
+
+
+def test_other_sources_do_not_continue_a_file(tmp_path, monkeypatch):
+    path = tmp_path / "sweep.jsonl"
+    sweep(GRID, run=add, file=path, on_row=stop_after(2))
+    before = path.read_bytes()
+    monkeypatch.setattr(provenance, "sources", lambda: "0123456789ab")
+    own = version.sources()
+    with pytest.raises(StudyError, match=f"other sources of this package, {own} and not 0123456789ab.*anew=True"):
+        sweep(GRID, run=add, file=path)
+    assert path.read_bytes() == before
+    assert list(sweep(GRID, run=add, file=path, anew=True)) == ROWS
+
+
+def test_a_worker_with_other_sources_is_refused_before_its_first_point(monkeypatch):
+    tried = []
+
+    class Elsewhere(AtOnce):
+        def submit(self, fn, /, run, points, expected):
+            future = Future()
+            try:
+                future.set_result(fn(run, points, "0123456789ab"))  # what another machine's sources give
+            except Exception as error:
+                future.set_exception(error)
+            return future
+
+    for on_error in ("raise", "record"):
+        with pytest.raises(StudyError, match=f"A worker on .* has other sources .*{version.sources()} and not 01234"):
+            sweep(GRID, Elsewhere(), run=lambda point: tried.append(point) or {}, on_error=on_error)
+    assert tried == []
 
 
 @pytest.mark.slow
@@ -612,6 +696,8 @@ def test_a_file_that_is_gone_or_changed_after_the_sweep_is_said(tmp_path):
         ({"grid": {"a": [object()]}}, "A point must hold only JSON's types"),
         ({"grid": {"a": [1]}, "a": 2}, "a is given as a keyword of all points and also in the grid"),
         ({"grid": {"a": [1]}, "in_flight": 0}, "in_flight must be a whole number from 1"),
+        ({"grid": {"a": [1]}, "on_error": "ignore"}, "There is no on_error 'ignore'; there are raise, record"),
+        ({"grid": {"a": [1]}, "run": lambda point: {"error": 1.0}, "on_error": "record"}, "rename it"),
         ({"grid": {"a": [1]}, "run": lambda point: 3.0}, "must return a dict of numbers, not 3"),
         ({"grid": {"a": [1]}, "run": lambda point: {"a": 3.0}}, "also a keyword of the points"),
         ({"grid": {"a": [1]}, "run": lambda point: {"b": object()}}, "The result of run must hold only JSON's types"),

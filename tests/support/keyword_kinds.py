@@ -94,7 +94,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
     name: kind
     for kind, names in {
         "mapping": "sensor scene scenes options values parameters damping",
-        "word": "integrator language method task render_mode theme backend autoreset_mode unit"
+        "word": "integrator language method task render_mode theme backend autoreset_mode unit on_error"
                 " separator decimal y_axis time_unit states zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
         "least": "observation_delay action_delay level tau friction_ratio",

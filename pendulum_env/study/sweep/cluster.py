@@ -17,7 +17,7 @@ def executor_at(address: str | None) -> Iterator[Executor | None]:
     """Yield the executor of the Dask scheduler at an address such as ``tcp://HOST:PORT``; None without an address.
 
     Raises StudyError if ``distributed`` is not installed, no scheduler answers, or it has no workers. The workers need
-    this package, too.
+    this package, too, with the same sources.
     """
     if address is None:
         yield None

@@ -73,6 +73,7 @@ class Journal:
 
     Attributes:
         done: results that the file had when it was opened, by the JSON text of their combination of parameters.
+        failed: reasons of points that failed, likewise.
         head: the file's first line.
 
     An incomplete last line is cut off. Raises StudyError for a file that is not the journal of this sweep, which is
@@ -83,6 +84,7 @@ class Journal:
                  in_memory: bool = True) -> None:
         self.path, self._in_memory = file_path(path, "file"), in_memory
         self.done: dict[str, Any] = {}
+        self.failed: dict[str, str] = {}
         output_folder(self.path.parent)
         try:
             if not self.path.exists() or self.path.stat().st_size == 0:
@@ -108,12 +110,13 @@ class Journal:
             self._file.close()
             raise
 
-    def add(self, point: Any, result: Any) -> Any:
+    def add(self, point: Any, result: Any, kind: str = "result") -> Any:
         """Append a combination of parameters and its result to the file at once; raises OutputError on failure.
 
-        Return the result, or its place in the file if results are not kept in memory.
+        ``kind`` is "result", or "error" for the reason of a point that failed. Return the result, or its place in the
+        file if results are not kept in memory.
         """
-        line = text_of({"point": point, "result": result}).encode() + b"\n"
+        line = text_of({"point": point, kind: result}).encode() + b"\n"
         try:
             place = self._file.tell()
             while line:
@@ -154,9 +157,12 @@ class Journal:
                 if number == 0:
                     self._check(entry[HEAD], facts, same)
                     self.head = line
+                elif "error" in entry:
+                    self.failed[text_of(entry["point"], sort=True)] = str(entry["error"])
                 else:
-                    result = plain(entry["result"], "A result")
-                    self.done.setdefault(text_of(entry["point"], sort=True), result if self._in_memory else end)
+                    result, key = plain(entry["result"], "A result"), text_of(entry["point"], sort=True)
+                    self.done.setdefault(key, result if self._in_memory else end)
+                    self.failed.pop(key, None)  # a later trial has succeeded
             except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as fault:
                 if isinstance(fault, StudyError):
                     raise
@@ -174,6 +180,11 @@ class Journal:
     def _check(self, head: Any, facts: Mapping[str, str], same: Sequence[str]) -> None:
         for name in same:
             if head.get(name) != facts[name]:
+                if name == "Sources":
+                    raise OtherSweepError(
+                        f"The file {self.path} was written by other sources of this package, {head.get(name)} and not "
+                        f"{facts[name]}, which may give other results; the file is left unchanged. Give another file "
+                        "name, or anew=True to empty this one and begin again.")
                 raise OtherSweepError(
                     f"The file {self.path} belongs to another sweep, {_difference(name, head.get(name), facts[name])}; "
                     "the file is left unchanged. Give another file name."

@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import math
 import pickle
+import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import islice, product
 from pathlib import Path
@@ -20,7 +21,9 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.tables import Table
-from pendulum_env.physics.units import SceneError, boolean, file_path, function, several, shown, whole_number
+from pendulum_env.common.texts import clean
+from pendulum_env.common.version import sources
+from pendulum_env.physics.units import SceneError, boolean, file_path, function, one_of, several, shown, whole_number
 from pendulum_env.study.sweep.journal import Journal, WrittenResults, plain, text_of
 from pendulum_env.study.sweep.summary import UNITS, summary
 from pendulum_env.truth.reference import StudyError
@@ -29,10 +32,13 @@ Point = dict[str, Any]
 Run = Callable[[Point], Mapping[str, Any]]
 
 Source = Generator[tuple[int, Callable[[], Any]], None, None]
-"""Generator of pairs: the number of a point, and a function that returns its result."""
+"""Generator of pairs: the number of a point, and a function that returns its result, or the Exception of its run."""
 
-SAME = ("Software", "Run", "Shared", "Points", "Fingerprint")
+SAME = ("Software", "Sources", "Run", "Shared", "Points", "Fingerprint")
 """Facts that a journal must share with the sweep that continues it."""
+ON_ERROR = ("raise", "record")
+ERROR = "error"
+"""Column of the reasons of points that failed."""
 PATIENCE = 0.5
 """Longest uninterrupted wait for a result [s], so that Ctrl-C is noticed on every system."""
 TASK, LEAST = 0.5, 0.05
@@ -48,11 +54,13 @@ class Sweep(Displayed):
 
     Attributes:
         points: combinations of parameters, dicts of keywords, in the order of the grid.
-        results: result of each point, in the order of the points; None where an interrupted sweep has none. With
-            ``in_memory=False`` each is read from the file when it is asked for.
+        results: result of each point, in the order of the points; None where the point failed, or an interrupted sweep
+            has none. With ``in_memory=False`` each is read from the file when it is asked for.
         shared: keywords that all runs share.
         facts: origin of the results, written into the head of output files.
         complete: False if the sweep was interrupted.
+        failed: reason of each point that failed, by its index, with ``on_error="record"``. In rows, tables and files it
+            is the column "error".
     """
 
     points: tuple[Point, ...]
@@ -60,15 +68,21 @@ class Sweep(Displayed):
     shared: Point
     facts: Mapping[str, str]
     complete: bool = True
+    failed: Mapping[int, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return one_line(self, f"{sum(result is not None for result in self.results)} of {len(self.points)} points, "
-                        f"columns {', '.join(self.columns)}")
+        finished = sum(result is not None for result in self.results)
+        failed = f" ({len(self.failed)} failed)" if self.failed else ""
+        return one_line(self, f"{finished} of {len(self.points)} points{failed}, columns {', '.join(self.columns)}")
 
     def __iter__(self) -> Iterator[Point]:
-        """Yield finished runs in the order of the grid, each as one dict of its parameters and its results."""
-        for point, result in zip(self.points, self.results, strict=True):
-            if result is not None:
+        """Yield finished runs in the order of the grid, each as one dict of its parameters and its results, or of its
+        parameters and the reason why it failed.
+        """
+        for i, (point, result) in enumerate(zip(self.points, self.results, strict=True)):
+            if i in self.failed:
+                yield {**point, ERROR: self.failed[i]}
+            elif result is not None:
                 yield {**point, **result}
 
     @property
@@ -82,7 +96,7 @@ class Sweep(Displayed):
         names: dict[str, None] = {}
         for part in (self.points, self.results):
             names.update(dict.fromkeys(name for values in part for name in values or ()))
-        return tuple(names)
+        return (*names, ERROR) if self.failed else tuple(names)
 
     def column(self, name: str) -> list[Any]:
         """Return one parameter or result of all finished runs as a list; None for a run without such a value.
@@ -131,6 +145,7 @@ def sweep(
     name: str = "",
     anew: bool = False,
     in_memory: bool = True,
+    on_error: str = "raise",
     **shared: Any,
 ) -> Sweep:
     """Run a function for every point (combination of values) of a grid of parameters and return all results.
@@ -155,18 +170,23 @@ def sweep(
             all processes end at the same time (guided self-scheduling; Polychronopoulos & Kuck 1987, IEEE Trans.
             Comput. C-36, 1425).
         name: name of ``run`` in the file, by default its own with the arguments that ``functools.partial`` bound. A
-            change of its code, or of variables that it closes over, is not noticed.
+            change of its code, or of variables that it closes over, is not noticed; one of this package's code is:
+            the file of other sources is refused.
         anew: True empties the file first, even if it belongs to another sweep.
         in_memory: False keeps no result in memory once it is in the file, for results larger than memory; the sweep's
             ``results`` are then read from the file when they are asked for, and iterating over the sweep yields its
             rows one by one.
+        on_error: what becomes of a point for which ``run`` raises an exception; the others are run in any case. "raise"
+            raises StudyError at the end, and a sweep that continues the file tries the point again. "record" keeps the
+            reason as the point's ``error``, in the file too.
         **shared: keywords that all points share, such as ``scene="lab"``.
 
     Returns a :class:`Sweep` in the grid's order. KeyboardInterrupt ends the sweep early: finished results are returned,
     and ``complete`` is False.
 
-    Raises StudyError for an invalid grid, a file of another sweep (left unchanged), a point that fails, or an executor
-    that breaks down; results finished before are in the file. Raises OutputError for a file that cannot be written.
+    Raises StudyError for an invalid grid, a file of another sweep or of other sources (left unchanged), points that
+    failed, or an executor that breaks down; finished results are in the file. Raises OutputError for a file that cannot
+    be written.
     """
     for keyword, given in (("run", run), ("on_row", on_row), ("work", work)):
         if given is not None:
@@ -175,6 +195,7 @@ def sweep(
         raise SceneError(f"executor must be an Executor of concurrent.futures or None, not {shown(executor)}.")
     if not isinstance(name, str):
         raise SceneError(f"name must be text, not {shown(name)}.")
+    recording = one_of(on_error, "on_error", ON_ERROR) == "record"
     reporting, empty, kept = telling_of(progress, "sweep"), boolean(anew, "anew"), boolean(in_memory, "in_memory")
     if not kept and file is None:
         raise StudyError("A sweep with in_memory=False has its results in a file; give one, such as file='a.jsonl'.")
@@ -190,37 +211,62 @@ def sweep(
                        Fingerprint=prints[:32], **({"Units": UNITS} if called is summary else {}))
     journal = None if file is None else Journal(file, facts, SAME, empty, kept)
     results: list[Any] = [None if journal is None else journal.done.get(key) for key in keys]
+    failed: dict[int, str] = {}
+    if journal is not None and recording:
+        failed = {i: journal.failed[key] for i, key in enumerate(keys) if key in journal.failed}
     weights = [1.0 if work is None else work(point) for point in points]
+    failures: dict[int, Exception] = {}
 
     def keep(i: int, returned: Any) -> None:
-        if results[i] is None:
-            result = _checked(returned, points[i])
-            results[i] = result if journal is None else journal.add(points[i], result)
-            if on_row is not None:
-                on_row(points[i], result)
+        if results[i] is not None or i in failed:
+            return
+        if isinstance(returned, Exception):
+            failures[i] = returned
+            if recording:
+                failed[i] = clean(f"{type(returned).__name__}: {returned}", None)
+                if journal is not None:
+                    journal.add(points[i], failed[i], ERROR)
+            return
+        result = _checked(returned, points[i])
+        if recording and ERROR in result:
+            raise StudyError(f"run returns {ERROR!r}, the column of points that failed; rename it.")
+        results[i] = result if journal is None else journal.add(points[i], result)
+        if on_row is not None:
+            on_row(points[i], result)
 
+    todo = [i for i, result in enumerate(results) if result is None and i not in failed]
     try:
         with reporting as tell:
-            _run_missing(points, common, called, executor, results, weights, keep, tell, in_flight, per_task)
+            whole = _run_missing(points, common, called, executor, todo, weights, keep, tell, in_flight, per_task)
     finally:
         if journal is not None:
             journal.close()
+    if failures and not recording and whole:
+        raise _of_failures(failures, points) from failures[min(failures)]
     found = WrittenResults(journal, points, results) if journal is not None and not kept else tuple(results)
-    return Sweep(tuple(points), found, common, facts, None not in results)
+    return Sweep(tuple(points), found, common, facts, whole, failed)
+
+
+def _of_failures(failures: Mapping[int, Exception], points: Sequence[Point]) -> StudyError:
+    """Return the error that names the first point that failed, and the number of the others."""
+    i = min(failures)
+    others = f" {len(failures) - 1} other points failed, too." if len(failures) > 1 else ""
+    return StudyError(f"Point {i + 1} of {len(points)}, {shown(points[i])}, failed with "
+                      f"{type(failures[i]).__name__}: {failures[i]}{others}")
 
 
 def _run_missing(
-    points: list[Point], common: Point, run: Run, executor: Executor | None, results: list[Any],
+    points: list[Point], common: Point, run: Run, executor: Executor | None, todo: Sequence[int],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
     per_task: int | None,
-) -> None:
-    """Run all combinations of parameters that have no result yet, and store their results.
+) -> bool:
+    """Run the points ``todo``, and store their results or the exceptions that they raised.
 
-    On a KeyboardInterrupt the function stores the finished results and returns without an error.
+    Return False if interrupted (KeyboardInterrupt); what was finished until then is stored.
     """
     total, waiting = sum(weights) or 1.0, dict[Future[Any], list[int]]()
-    todo = [i for i, result in enumerate(results) if result is None]
     done = sum(weights) - sum(weights[i] for i in todo)
+    finished = len(points) - len(todo)
     tasks = ((i, {**common, **points[i]}) for i in todo)
     source = _here(run, tasks) if executor is None else _elsewhere(
         executor, run, tasks, len(todo), waiting, in_flight, per_task)
@@ -228,28 +274,33 @@ def _run_missing(
         with closing(source):
             for i, ask in source:
                 tell(min(done / total, 1.0 - 1e-9), ", ".join(f"{name} {_cell(x)}" for name, x in points[i].items()))
-                keep(i, _result_of(ask, points[i], i, len(points)))
-                done += weights[i]
+                returned = ask()
+                if isinstance(returned, CancelledError):
+                    raise StudyError(f"The executor cancelled point {i + 1} of {len(points)}, {shown(points[i])}; "
+                                     "repeat the sweep with another executor.") from returned
+                keep(i, returned)
+                done, finished = done + weights[i], finished + 1
         tell(1.0, "done")
     except (KeyboardInterrupt, StudyError, BrokenExecutor) as end:
         for future, places in waiting.items():
             if future.done() and not future.cancelled() and future.exception() is None:
-                for i, result in zip(places, future.result()[0], strict=False):  # shorter if one of them failed
-                    keep(i, result)
+                for i, returned in zip(places, future.result()[0], strict=True):
+                    keep(i, returned)
+                    finished += 1
         if isinstance(end, KeyboardInterrupt):
-            return
+            return False
         if isinstance(end, StudyError):
             raise
-        known = sum(result is not None for result in results)
         raise StudyError(
-            f"The executor broke down with {known} of {len(points)} points finished, perhaps because a process was "
+            f"The executor broke down with {finished} of {len(points)} points finished, perhaps because a process was "
             f"killed or out of memory ({end}); with a file, repeat the sweep with a new executor to continue it."
         ) from end
+    return True
 
 
 def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Source:
     for i, arguments in tasks:
-        yield i, partial(run, arguments)
+        yield i, partial(_one, run, arguments)
 
 
 def _elsewhere(
@@ -259,49 +310,79 @@ def _elsewhere(
     """Run the points of a sweep in an executor, and yield them in the order in which they finish.
 
     Each of ``tasks``, of which ``left`` are left, is a pair of a point's index and the arguments of ``run``.
-    ``waiting`` holds what is submitted, at most ``most`` at a time; what is left over at the end is cancelled.
+    ``waiting`` holds what is submitted, at most ``most`` at a time; what is left over at the end is cancelled. If a
+    task of several points is itself lost, for example because they killed a cluster's worker, each is tried alone.
     """
     finished: SimpleQueue[Future[Any]] = SimpleQueue()
+    arguments: dict[int, Point] = {}
+    alone: list[int] = []
     taken, seconds = 0, math.inf
+
+    def submit(some: list[int]) -> None:
+        future = executor.submit(_several, run, [arguments[i] for i in some], sources())
+        waiting[future] = some
+        future.add_done_callback(finished.put)
+
     try:
         while True:
+            while alone and len(waiting) < most:
+                submit([alone.pop()])
             while left and len(waiting) < most:
                 rate = taken / seconds
                 short = max(1, int(LEAST * rate), min(left // most, int(TASK * rate)))
-                some = list(islice(tasks, short if per_task is None else per_task))
+                some = dict(islice(tasks, short if per_task is None else per_task))
                 left -= len(some)
-                future = executor.submit(_several, run, [arguments for _, arguments in some])
-                waiting[future] = [i for i, _ in some]
-                future.add_done_callback(finished.put)
+                arguments.update(some)
+                submit([*some])
             if not waiting:
                 return
             future = _next(finished)
-            places, outcome = waiting[future], _outcome(future)
-            if outcome is None:
-                yield places[0], future.result
-            else:
-                results, failure, spent = outcome
+            places, lost = waiting[future], CancelledError() if future.cancelled() else future.exception()
+            if lost is None:
+                results, spent = future.result()
                 taken, seconds = taken + len(results), max(spent, 1e-9) + (seconds if taken else 0.0)
-                for i, result in zip(places, results, strict=False):
+                for i, result in zip(places, results, strict=True):
                     yield i, partial(_returned, result)
-                if failure is not None:
-                    yield places[len(results)], partial(_raised, failure)
+            elif isinstance(lost, (BrokenExecutor, KeyboardInterrupt, OtherSourcesError)):
+                raise lost
+            elif len(places) > 1 and not isinstance(lost, CancelledError):
+                alone.extend(places)
+            else:
+                yield places[0], partial(_returned, lost)
+            for i in set(places).difference(alone):
+                del arguments[i]
             del waiting[future]
     finally:
         for future in waiting:
             future.cancel()
 
 
-def _several(run: Run, points: Sequence[Point]) -> tuple[list[Any], Exception | None, float]:
-    """Run several points in an executor; return their results, the exception that ended them, and the time [s]."""
-    results: list[Any] = []
+class OtherSourcesError(StudyError):
+    """Error of a worker with other sources of this package."""
+
+
+def _several(run: Run, points: Sequence[Point], expected: str) -> tuple[list[Any], float]:
+    """Run several points in an executor; return what :func:`_one` returns for each, and the time [s].
+
+    Raises OtherSourcesError if the worker's sources do not have the ``expected`` digest.
+    """
+    if sources() != expected:
+        raise OtherSourcesError(f"A worker on {platform.node()} has other sources of this package, {sources()} and not "
+                                f"{expected}, which may give other results; install the same version there, and start "
+                                "the worker again.")
     begun = perf_counter()
-    for point in points:
-        try:
-            results.append(run(point))
-        except Exception as failure:
-            return results, _sendable(failure), perf_counter() - begun
-    return results, None, perf_counter() - begun
+    results = [_one(run, point) for point in points]
+    return [_sendable(one) if isinstance(one, Exception) else one for one in results], perf_counter() - begun
+
+
+def _one(run: Run, point: Point) -> Any:
+    """Return the result of a point, or the exception that ``run`` raised."""
+    try:
+        return run(point)
+    except BrokenExecutor:
+        raise
+    except Exception as failure:
+        return failure
 
 
 def _sendable(failure: Exception) -> Exception:
@@ -313,18 +394,8 @@ def _sendable(failure: Exception) -> Exception:
     return failure
 
 
-def _outcome(future: Future[Any]) -> tuple[list[Any], Exception | None, float] | None:
-    """Return what :func:`_several` returned, None if the task itself failed or was cancelled."""
-    failed = future.cancelled() or future.exception() is not None
-    return None if failed else future.result()
-
-
 def _returned(result: Any) -> Any:
     return result
-
-
-def _raised(failure: Exception) -> Any:
-    raise failure
 
 
 def _next(finished: SimpleQueue[Future[Any]]) -> Future[Any]:
@@ -333,25 +404,6 @@ def _next(finished: SimpleQueue[Future[Any]]) -> Future[Any]:
             return finished.get(timeout=PATIENCE)
         except Empty:
             continue
-
-
-def _result_of(ask: Callable[[], Any], point: Point, i: int, count: int) -> Any:
-    """Return the result of one task of a sweep, by calling ``ask``.
-
-    If the task failed or was cancelled, StudyError is raised, with the combination of parameters in its message.
-    """
-    try:
-        return ask()
-    except BrokenExecutor:
-        raise
-    except CancelledError as error:
-        raise StudyError(
-            f"The executor cancelled point {i + 1} of {count}, {shown(point)}; repeat the sweep with another executor."
-        ) from error
-    except Exception as error:
-        raise StudyError(
-            f"Point {i + 1} of {count}, {shown(point)}, failed with {type(error).__name__}: {error}"
-        ) from error
 
 
 def _checked(returned: Any, point: Point) -> Point:
