@@ -1,0 +1,1 @@
+"""Live samples of sensors: :func:`acquire` and the sources it reads."""

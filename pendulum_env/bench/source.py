@@ -1,0 +1,97 @@
+"""Protocol of the sources of live samples: sensors, phones, recordings that are played again, and a simulation."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.common.checks import SceneError
+from pendulum_env.physics.units import Checked
+
+FloatArray = NDArray[np.float64]
+
+ANGLE = ("Angle (deg)",)
+"""Titles of the columns of a source that reads an angle."""
+
+
+class SourceError(SceneError):
+    """A source that cannot be opened or read, in one sentence with the remedy."""
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Samples that a source gives at once, perhaps none.
+
+    Attributes:
+        values: shape (samples, columns), in the units that the titles of the columns name.
+        time: times [s] of the samples on the source's own clock, increasing, shape (samples,); None for a source
+            without a clock, whose samples are stamped with the host's.
+        lost: number of samples before these that are known to be lost.
+    """
+
+    values: FloatArray
+    time: FloatArray | None = None
+    lost: int = 0
+
+
+NOTHING = Chunk(np.empty((0, 1)), np.empty(0))
+"""Chunk without samples."""
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Source(Checked, ABC):
+    """A sensor, or what stands for one: open it, read chunks of samples again and again, close it.
+
+    A source of your own is a dataclass of this kind, with its settings as fields; put it into a call:
+    ``acquire(MySource(...), duration=10)``.
+
+    Class attributes:
+        name: word before the colon in ``serial:/dev/ttyUSB0``.
+        about: one sentence for lists.
+        extra: extra of the package that it needs, "" for none.
+        tested: how it was tested.
+        quantity: "angle", "rate" (angular velocity) or "force" (specific force), as in a Recording.
+    """
+
+    name: ClassVar[str]
+    about: ClassVar[str]
+    extra: ClassVar[str] = ""
+    tested: ClassVar[str]
+    quantity: ClassVar[str] = "angle"
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Titles of the columns of values, with units, as a recording's file has them; known once it is open."""
+        return ANGLE
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One line for everything that was inferred, such as the unit of times; grows while samples come."""
+        return ()
+
+    @abstractmethod
+    def open(self) -> None:
+        """Connect; SourceError says what is missing and the remedy."""
+
+    @abstractmethod
+    def read(self, timeout: float = 0.1) -> Chunk | None:
+        """Return the samples that have come since the last call, waiting up to ``timeout`` [s] for the first.
+
+        A chunk may be empty. None: the source has ended. Raises SourceError if the source is lost for good.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Disconnect, also after an error; closing twice is allowed."""
+
+    @classmethod
+    def at(cls, address: str, options: Mapping[str, object]) -> Source:
+        """Return the source at an address, the text behind the colon, with settings by name."""
+        fields: list[str] = [*cls.__dataclass_fields__]
+        given = {fields[0]: address} if address else {}
+        return cls(**given, **options)  # type: ignore[arg-type]
