@@ -1,7 +1,7 @@
 """Samples in lines of text, as a microcontroller prints them: numbers between separators, values with labels, or JSON.
 
-A line holds a time and an angle, counts of an encoder, or an angle alone. Titles, separator, decimal mark and the unit of
-times are found in the first lines, or given.
+A line holds a time and an angle, counts of an encoder, or an angle alone. Titles, separator, decimal mark and the unit
+of times are found in the first lines, or given.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -239,7 +240,7 @@ class LineReader:
         return [sample for sample in samples if sample is not None]
 
     def _titles(self, row: Row) -> tuple[str, ...]:
-        """Return the titles of columns: the last line of words with one for each, of which one names a time or an angle.
+        """Return the titles of columns: the last line of words with one for each, one of which names a time or angle.
         """
         for head in reversed(self._heads):
             for mark in (row.separator or "\t", *SEPARATORS):
@@ -264,9 +265,9 @@ class LineReader:
                 raise SourceError(f"{have}, none of them an angle; choose by --columns time=1,angle=2")
             times = [i for i, title in enumerate(titles) if TIME.names(title) and i not in angles
                      and not RATE_OF_CHANGE.names(title)]
-            time, angle = (times or [None])[0], angles[0]
+            time, angle = times[0] if times else None, angles[0]
         else:
-            grows = all(early.numbers[0] < late.numbers[0] for early, late in zip(rows, rows[1:], strict=False))
+            grows = all(early.numbers[0] < late.numbers[0] for early, late in pairwise(rows))
             if not grows:
                 raise SourceError(f"{have}, and the first does not grow as a time does; choose by "
                                   "--columns time=2,angle=1, or --columns angle=1")

@@ -58,6 +58,7 @@ class Source(Checked, ABC):
         extra: extra of the package that it needs, "" for none.
         tested: how it was tested.
         quantity: "angle", "rate" (angular velocity) or "force" (specific force), as in a Recording.
+        own_clock: False if its times follow the computer's clock, so that comparing the two says nothing.
     """
 
     name: ClassVar[str]
@@ -67,6 +68,7 @@ class Source(Checked, ABC):
     extra: ClassVar[str] = ""
     tested: ClassVar[str]
     quantity: ClassVar[str] = "angle"
+    own_clock: ClassVar[bool] = True
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -77,6 +79,11 @@ class Source(Checked, ABC):
     def notes(self) -> tuple[str, ...]:
         """One line for everything that was inferred, such as the unit of times; grows while samples come."""
         return ()
+
+    @property
+    def problem(self) -> str:
+        """Sentence on why no sample comes, as far as it is known; "" otherwise."""
+        return ""
 
     @abstractmethod
     def open(self) -> None:
@@ -111,7 +118,7 @@ class Source(Checked, ABC):
                 raise SourceError(f"{cls.name} has no option --{option.replace('_', '-')}{have}")
         given = {settings[option].name: value for option, value in options.items()}
         try:
-            return cls(**({cls.address: address} if address else {}), **given)  # type: ignore[arg-type]
+            return cls(**({cls.address: address} if address else {}), **given)
         except SceneError as error:
             raise SourceError(str(error)) from None
 
