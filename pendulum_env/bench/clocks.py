@@ -126,5 +126,5 @@ class Drift:
         if abs(slope) <= 3.0 * error:
             return f"clock: the device's agrees with the computer's within {3e6 * error:.2g} parts per million"
         word = "fast" if slope > 0.0 else "slow"
-        return (f"clock: the device's is {word} by {1e6 * abs(slope):.3g} ± {1e6 * error:.2g} parts per million, by the "
+        return (f"clock: the device's is {word} by {1e6 * abs(slope):.3g} ± {1e6 * error:.2g} parts per million by the "
                 "computer's; times are the device's")

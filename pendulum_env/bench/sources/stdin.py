@@ -19,7 +19,7 @@ class Stdin(LineSource):
     """Lines of the standard input, to its end: ``my_program | lab-pendulum acquire --from stdin``."""
 
     name: ClassVar[str] = "stdin"
-    about: ClassVar[str] = "lines or JSON of another program's output, one sample each"
+    about: ClassVar[str] = "lines or JSON that another program prints"
     tested: ClassVar[str] = "as is"
 
     _kept: dict[str, Any] = field(default_factory=dict, init=False, repr=False)

@@ -23,7 +23,7 @@ class Udp(LineSource):
     """Datagrams at a port, of one sample each (or of several lines); the first sender's, and nobody else's."""
 
     name: ClassVar[str] = "udp"
-    about: ClassVar[str] = "lines or JSON by the network, one sample each; from this machine alone unless --bind"
+    about: ClassVar[str] = "lines or JSON by the network; from this machine alone unless --bind"
     address: ClassVar[str] = "port"
     place: ClassVar[str] = "PORT"
     tested: ClassVar[str] = "as is"
