@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_clock import bench_clock
 from choice import is_quick
 from command_line import run_here
 from fake_clock import clock

@@ -177,11 +177,11 @@ class LineReader:
         row = self._row(text)
         if self._columns is not None:
             sample = self._timed(row, at) if row is not None and row.form == self._form else None
-            self._lost += sample is None and not (text.isprintable() and text.lstrip("# ")[:1].isalpha())  # a message
+            self._lost += sample is None and not (_is_text(text) and text.lstrip("# ")[:1].isalpha())  # a message
             return [] if sample is None else [sample]
         if row is None:
             self._first.clear()
-            if text.isprintable():
+            if _is_text(text):
                 self._heads = [*self._heads[-11:], text.lstrip("# ")]
             return []
         if self._first and self._first[-1][0].form != row.form:
@@ -386,6 +386,11 @@ class LineReader:
 def _follows(early: Timed, late: Timed) -> bool:
     """Return True if one sample can be the next after another, by the device's clock and the host's."""
     return 0.0 < late.time - early.time <= late.at - early.at + AHEAD
+
+
+def _is_text(line: str) -> bool:
+    """Return True for a line without control characters."""
+    return line.replace("\t", " ").isprintable()
 
 
 def _json_row(text: str) -> Row | None:

@@ -67,9 +67,9 @@ def acquire(
             given[name] = value
     found = source_at(source, _converted(kind, given) if kind is not None else {})
     if not headless:
-        for name, value in (("duration", duration), ("zero", zero or None), ("reverse", reverse or None)):
-            if value is not None:
-                raise SourceError(f"--{name} is for --headless; the page has it as a button or a reading")
+        for name, unwanted in (("duration", duration is not None), ("zero", zero), ("reverse", reverse)):
+            if unwanted:
+                raise SourceError(f"--{name} is for --headless; the page has buttons for it")
     place = out if out is not None else _free(FILE) if headless else FILE
     if out is not None:
         check_new(place, force)
