@@ -16,7 +16,7 @@ from fake_clock import clock
 from hypothesis import HealthCheck, settings
 from small_caches import start
 
-__all__ = ["clock", "run_here", "start"]  # fixtures of several tests
+__all__ = ["bench_clock", "clock", "run_here", "start"]  # fixtures of several tests
 
 settings.register_profile("same", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("same")

@@ -1,4 +1,4 @@
-"""Acquisition: zero and sign, losses, runs, flat memory, stamps of the computer's clock and rates of devices' clocks."""
+"""Acquisition: zero and sign, losses, runs, flat memory, the computer's stamps and the rates of devices' clocks."""
 
 from __future__ import annotations
 

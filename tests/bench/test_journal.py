@@ -1,4 +1,4 @@
-"""Journals: every whole line of a run that was killed, cut off or stopped by a full disk is kept, and no torn one read."""
+"""Journals: of a run that was killed, cut off or stopped by a full disk, whole lines are kept and no torn one is read."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_nothing_is_overwritten_unless_told(tmp_path: Path) -> None:
     path = tmp_path / "swing.csv"
     path.write_text("precious")
     for refused in (lambda: check_new(path, False), lambda: acquire("virtual", 0.1, out=path)):
-        with pytest.raises(SourceError, match="exists already; .*--force"):
+        with pytest.raises(SourceError, match=r"exists already; .*--force"):
             refused()
     with pytest.raises(FileExistsError):
         Journal(path, source_at("virtual"))
@@ -114,9 +114,13 @@ def room_for(size: int) -> Iterator[None]:
 def test_a_full_disk_leaves_whole_lines(size: int, tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     kept = Journal(path, source_at("virtual"))
-    with room_for(size), pytest.raises(OSError):
-        for time_, angle in zip(TIME, ANGLE, strict=True):
-            kept.write(np.array([time_]), np.array([[angle]]))
+
+    def fill() -> None:
+        for at, angle in zip(TIME, ANGLE, strict=True):
+            kept.write(np.array([at]), np.array([[angle]]))
+
+    with room_for(size), pytest.raises(OSError, match="too large"):
+        fill()
     kept.close()
     assert path.read_bytes().endswith(b"\n")
     assert size - 30 < path.stat().st_size <= size

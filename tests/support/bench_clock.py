@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 
 import pytest
 
@@ -24,8 +23,8 @@ class BenchClock:
 
 
 @pytest.fixture
-def bench_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[BenchClock]:
+def bench_clock(monkeypatch: pytest.MonkeyPatch) -> BenchClock:
     clock = BenchClock()
     monkeypatch.setattr(time, "monotonic", clock.monotonic)
     monkeypatch.setattr(time, "sleep", clock.sleep)
-    yield clock
+    return clock

@@ -20,7 +20,7 @@ MOST = 500
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Udp(LineSource):
-    """Datagrams at a port, of one sample each (or of several lines); the first sender's, and nobody else's."""
+    """Datagrams at a port, of one sample each (or of several lines); those of the first machine that sends, alone."""
 
     name: ClassVar[str] = "udp"
     about: ClassVar[str] = "lines or JSON by the network; from this machine alone unless --bind"
@@ -78,14 +78,12 @@ class Udp(LineSource):
                 continue
             port.settimeout(0.0)
             if kept["sender"] is None:
-                kept["sender"] = sender
-                kept["said"].append(f"sender: {sender[0]}, port {sender[1]}")
-            if sender[0] == kept["sender"][0] and (sender[1] == kept["sender"][1] or len(kept["said"]) == 1):
-                if sender[1] != kept["sender"][1]:  # a program that was started again
-                    kept["sender"] = sender
+                kept["sender"] = sender[0]
+                kept["said"].append(f"sender: {sender[0]}")
+            if sender[0] == kept["sender"]:
                 data += datagram if datagram.endswith(b"\n") else datagram + b"\n"
             elif len(kept["said"]) == 1:
-                kept["said"].append(f"left out: what {sender[0]} sends, as {kept['sender'][0]} was first")
+                kept["said"].append(f"left out: what {sender[0]} sends, as {kept['sender']} was first")
         chunk: Chunk = kept["reader"].feed(bytes(data), time.monotonic())
         return chunk
 
