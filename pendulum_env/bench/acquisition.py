@@ -158,7 +158,8 @@ class Acquisition:
             self.journal.write(at, values)
             self.past.add(at, values[:, 0])
             passed = float(at[-1]) if count else kept.time
-            self.status = replace(kept, samples=kept.samples + count, time=passed, full=count < len(since))
+            self.status = replace(kept, samples=kept.samples + count, time=passed,
+                                  full=count < len(since) or passed >= self._until * (1.0 - 1e-12))
             if passed - self._noted >= NOTES:
                 self._noted = passed
                 self._note(self.journal)

@@ -91,12 +91,15 @@ def test_times_begin_with_the_run_and_runs_follow_each_other(tmp_path: Path) -> 
 def test_a_run_ends_with_its_duration(tmp_path: Path) -> None:
     acquisition = Acquisition(Given(*(chunk(0.1 * np.arange(7 * i, 7 * i + 7), np.ones(7)) for i in range(4))))
     acquisition.open()
-    acquisition.start(tmp_path / "a.txt", duration=1.0)
-    while not acquisition.status.full:
-        assert acquisition.poll()
+    for name, duration in (("a.txt", 1.0), ("b.txt", 0.6)):  # the second ends with the last sample of a chunk
+        acquisition.start(tmp_path / name, duration=duration)
+        while not acquisition.status.full:
+            assert acquisition.poll()
+        count = round(10 * duration) + 1
+        assert (acquisition.status.samples, acquisition.status.time) == (count, pytest.approx(duration))
+        acquisition.stop()
+        assert len(Recording.read(tmp_path / name).time) == count
     acquisition.close()
-    assert (acquisition.status.samples, acquisition.status.time) == (11, 1.0)
-    assert len(Recording.read(tmp_path / "a.txt").time) == 11
 
 
 def test_what_is_not_finite_or_not_later_is_lost_and_counted(tmp_path: Path) -> None:

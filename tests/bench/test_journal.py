@@ -1,4 +1,4 @@
-"""Journals: of a run that was killed, cut off or stopped by a full disk, whole lines are kept and no torn one is read."""
+"""Journals: of a run that was killed, cut off, or stopped by a full disk, whole lines are kept, and they alone read."""
 
 from __future__ import annotations
 
