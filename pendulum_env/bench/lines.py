@@ -378,7 +378,7 @@ class LineReader:
             self.notes.append(f"gap: {before.time - self._last.time:.3g} s without samples after "
                               f"{self._last.time:.3f} s")
         self._offset += shift
-        both = [one._replace(time=one.time + shift) for one in (before, now)]
+        both = [Timed(one.time + shift, one.angle, one.at) for one in (before, now)]
         self._last, self._suspect = both[-1], None
         return both
 
