@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
-from pathlib import Path
 
 from pendulum_env.bench.source import Source, SourceError
 from pendulum_env.bench.sources.replay import Replay
@@ -25,7 +25,7 @@ def source_at(address: str, options: Mapping[str, object] | None = None) -> Sour
     name, colon, place = address.partition(":")
     kind = SOURCES.get(name.strip().lower())
     if kind is None or (colon and not place and kind.address):
-        if kind is None and Path(address).is_file():
+        if kind is None and os.path.isfile(address):
             raise SourceError(f"{shown(address)} is a file; replay:{address} plays it again")
         if kind is None and "serial" in SOURCES and (address.startswith("/dev/") or address[:3].upper() == "COM"):
             raise SourceError(f"{shown(address)} is a port; serial:{address} reads it")
