@@ -95,8 +95,9 @@ def test_options_of_the_page_and_of_a_run_are_told_apart(run_here: Here) -> None
 def test_the_help_has_every_setting_of_every_source(run_here: Here) -> None:
     _, printed, _ = run_here("acquire", "--help")
     for name, kind in SOURCES.items():
-        assert f"{name}{':' * bool(kind.address)}{kind.place}" in printed
-        assert kind.about.split(";")[0] in printed
+        assert name == kind.name
+        assert kind.form() in printed
+        assert kind.about in " ".join(printed.split())
         for option in settings_of(kind):
             assert f"--{option.replace('_', '-')} " in printed
 
