@@ -190,12 +190,12 @@ def _about(entry: Field[Any]) -> str:
     words = [options.named(word) for word in entry.metadata.get("allowed", ()) if "bool" not in str(entry.type)]
     unit = entry.metadata.get("unit", "1")
     about += f": {', '.join(words)}" if words else ""
-    about += {"1": "", "rad": " in degrees"}.get(unit, f" in {unit}")
+    about = about.rstrip(",") + {"1": "", "rad": " [degrees]"}.get(unit, f" [{unit}]")
     if default is None:
         return about + (f"; by default {note.removeprefix('None:').strip()}" if note else "")
     if isinstance(default, float):
         default = f"{math.degrees(default) if unit == 'rad' else default:.4g}"
-    return f"{about}; by default {default}" + (f" ({note})" if note else "")
+    return f"{about}; by default {default}" + (f" ({note.replace('None:', 'none:')})" if note else "")
 
 
 def _sources() -> str:
