@@ -190,7 +190,7 @@ def _about(entry: Field[Any]) -> str:
     words = [options.named(word) for word in entry.metadata.get("allowed", ()) if "bool" not in str(entry.type)]
     unit = entry.metadata.get("unit", "1")
     about += f": {', '.join(words)}" if words else ""
-    about = about.rstrip(",") + {"1": "", "rad": " [degrees]"}.get(unit, f" [{unit}]")
+    about = about.rstrip(",") + {"1": "", "rad": ", in degrees"}.get(unit, f", in {unit}")
     if default is None:
         return about + (f"; by default {note.removeprefix('None:').strip()}" if note else "")
     if isinstance(default, float):

@@ -89,7 +89,7 @@ def test_times_begin_with_the_run_and_runs_follow_each_other(tmp_path: Path) -> 
 
 
 def test_a_run_ends_with_its_duration(tmp_path: Path) -> None:
-    acquisition = Acquisition(Given(*(chunk(0.1 * np.arange(7 * i, 7 * i + 7), np.ones(7)) for i in range(4))))
+    acquisition = Acquisition(Given(*(chunk(0.1 * np.arange(7 * i, 7 * i + 7), np.ones(7)) for i in range(3))))
     acquisition.open()
     for name, duration in (("a.txt", 1.0), ("b.txt", 0.6)):  # the second ends with the last sample of a chunk
         acquisition.start(tmp_path / name, duration=duration)
