@@ -118,7 +118,7 @@ def uno_with_as5600(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("firmware", ["as5600"], indirect=True)
 def test_the_as5600s_sketch_goes_on_after_a_turn(uno_with_as5600: Path, firmware: Path) -> None:
-    time, angle = swing(turns=True)
+    _, angle = swing(turns=True)
     steps = np.rint(angle[::10] * 4096 / (2.0 * np.pi)).astype(int)
     raw = (steps + 4000) % 4096  # where the magnet was glued on
     (firmware.parent / "angles").write_text("\n".join(map(str, raw)))
