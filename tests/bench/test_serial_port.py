@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 import serial
 import serial.tools.list_ports
-from boards import Board
+from boards import Board, acquired
 
+from pendulum_env import SCENES, rollout
 from pendulum_env.bench.source import SourceError
 from pendulum_env.bench.sources import serial_port
 from pendulum_env.bench.sources.serial_port import SerialPort
+from pendulum_env.lab import fit
 
 TITLES = "Time (us)\tCounts"
 PERIOD = 10_000
@@ -329,3 +331,29 @@ def test_a_port_that_stays_away_is_an_error(board: Board, opened: Any, monkeypat
         collect(source, 1)
     source.close()
     source.close()
+
+
+BOARDS: dict[str, tuple[str, str, float, dict[str, Any]]] = {
+    "an encoder's counts": (TITLES, "{us}\t{counts}", 0.0, {"counts": 2400}),
+    "milliseconds and degrees, with decimal commas": ("Sensor 7", "{ms};{degrees}", 0.01, {}),
+}
+"""Board -> its first line, the form of the others, their pace in the first second, and the source's settings."""
+
+
+@pytest.mark.parametrize("kind", BOARDS)
+def test_a_recording_of_a_board_fits_the_scene_behind_it(kind: str, board: Board, tmp_path: Path) -> None:
+    """Within 4 standard errors, which are 5 millionths of the length; one microsecond counter overflows on the way."""
+    first, form, pace, settings = BOARDS[kind]
+    motion = rollout("lab", angle=0.6, velocity=0.0, duration=20.0, dt=0.001, every=10, diagnostics=(),
+                     damping={"linear": {"gamma": 0.05}})
+    lines = [form.format(us=(round(1e6 * at) + 4_290_000_000) % 2**32, ms=round(1e3 * at) + 77,
+                         counts=round(shown / 0.15), degrees=f"{shown:.2f}".replace(".", ","))
+             for at, shown in zip(motion.time, np.degrees(motion.angle), strict=True)]
+    recording = acquired(SerialPort(port=str(board.port), **settings), tmp_path / "swing.txt", len(lines),
+                         lambda: board.play([first, *lines], pace))
+    assert len(recording.time) == len(lines)
+    assert recording.time - recording.time[0] == pytest.approx(motion.time, abs=1e-6)
+    found = fit(recording, "linear", scene="lab").parameters
+    for name, truth in (("length", SCENES["lab"].body.length), ("linear_drag.gamma", 0.05)):
+        assert abs(found[name].value - truth) < 4.0 * found[name].error
+    assert found["length"].error < 5e-6 * SCENES["lab"].body.length

@@ -4,8 +4,15 @@ from __future__ import annotations
 
 import os
 import termios
+import threading
+import time
 import tty
+from collections.abc import Callable, Iterable
 from pathlib import Path
+
+from pendulum_env.bench.acquisition import Acquisition
+from pendulum_env.bench.source import Source
+from pendulum_env.lab import Recording
 
 
 class Board:
@@ -32,9 +39,33 @@ class Board:
         for line in lines:
             os.write(self.far, line if isinstance(line, bytes) else f"{line}\r\n".encode())
 
+    def play(self, lines: Iterable[str], pace: float = 0.0) -> None:
+        """Send lines from another thread: for a second ``pace`` [s] apart, then as fast as they are taken."""
+        def playing() -> None:
+            for number, line in enumerate(lines):
+                self.send(line)
+                if number * pace < 1.0:
+                    time.sleep(pace)
+
+        threading.Thread(target=playing, daemon=True).start()
+
     @property
     def baud(self) -> int:
         """The rate that the other side has set."""
         speed = termios.tcgetattr(self.near)[4]
         return next(int(name[1:]) for name in dir(termios)
                     if name[0] == "B" and name[1:].isdigit() and getattr(termios, name) == speed)
+
+
+def acquired(source: Source, path: Path, samples: int, begin: Callable[[], object]) -> Recording:
+    """Return a recording of so many samples of a source, as its journal holds it; ``begin`` sets the device going."""
+    acquisition = Acquisition(source)
+    acquisition.open()
+    acquisition.start(path)
+    begin()
+    until = time.monotonic() + 20.0
+    while acquisition.status.samples < samples:
+        assert time.monotonic() < until, f"{acquisition.status} {source.notes}"
+        acquisition.poll(0.05)
+    acquisition.close()
+    return Recording.read(path)
