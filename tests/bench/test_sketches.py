@@ -12,9 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from boards import Board, acquired
 from readme_code import READMES
 
-from pendulum_env import rollout
+from pendulum_env import SCENES, rollout
+from pendulum_env.bench.sources.serial_port import SerialPort
+from pendulum_env.lab import fit
 
 PACKAGES = "gcc-avr avr-libc arduino-core-avr simavr libsimavr-dev"
 ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
@@ -24,7 +27,7 @@ UNO = ("-mmcu=atmega328p", "-DF_CPU=16000000L", "-DARDUINO=10819", "-DARDUINO_AV
            "cores/arduino", "variants/standard", "libraries/Wire/src", "libraries/Wire/src/utility")))
 FLAGS = ("-Os", "-ffunction-sections", "-fdata-sections", *UNO)
 CPP = ("avr-g++", "-std=gnu++11", "-fpermissive", "-fno-exceptions", "-fno-threadsafe-statics", *FLAGS)
-COUNTS = 2400
+COUNTS, GAMMA = 2400, 0.05
 LEVELS = ((1, 1), (1, 0), (0, 0), (0, 1))
 """Levels of the channels, count after count; both are high at count 0, as the internal pull-ups leave them."""
 
@@ -69,7 +72,8 @@ def swing(turns: bool = False) -> tuple[np.ndarray, np.ndarray]:
     time = np.arange(0.0, 10.0, 1e-4)
     if turns:
         return time, 15.0 * np.sin(np.maximum(time - 0.5, 0.0)) ** 2 - 12.0 * np.sin(np.maximum(time - 6.0, 0.0)) ** 2
-    motion = rollout("lab", angle=1.0, velocity=0.0, duration=9.5, dt=1e-4, every=1, diagnostics=())
+    motion = rollout("lab", angle=1.0, velocity=0.0, duration=9.5, dt=1e-4, diagnostics=(),
+                     damping={"linear": {"gamma": GAMMA}})
     lifted = 1.0 - np.cos(np.linspace(0.0, np.pi / 2, 2000))
     return time, np.concatenate([np.zeros(3000), lifted, motion.angle])[:len(time)]
 
@@ -95,7 +99,8 @@ def test_the_encoders_sketch_counts_every_pulse(firmware: Path, turns: bool) -> 
     printed = done.stdout + done.stderr  # a dot for each control character
     assert "Time (us).Counts.." in printed
     assert "missed" not in printed
-    sent = np.array([[int(part) for part in pair] for pair in re.findall(r"(\d+)\.(-?\d+)\.\.", printed)])
+    pairs = re.findall(r"(\d+)\.(-?\d+)\.\.", printed)
+    sent = np.array(pairs, dtype=int)
     assert len(sent) > 950
     assert np.abs(np.diff(sent[:, 0]) - 10_000).max() <= 20  # 100 lines a second, and stamps of the moment of the count
     at = np.searchsorted(time, 1e-6 * sent[:, 0])
@@ -103,6 +108,16 @@ def test_the_encoders_sketch_counts_every_pulse(firmware: Path, turns: bool) -> 
     seen = count[np.minimum(at[:, None] + late, len(count) - 1)]
     assert np.all((seen.min(axis=1) <= sent[:, 1]) & (sent[:, 1] <= seen.max(axis=1)))
     assert np.ptp(sent[:, 1]) >= 0.9 * np.ptp(count)
+    board = Board(firmware.parent)
+    recording = acquired(SerialPort(port=str(board.port), counts=COUNTS), firmware.parent / "swing.txt", len(sent),
+                         lambda: board.play(["", "Time (us)\tCounts", *map("\t".join, pairs)]))
+    assert np.rint(recording.angle * COUNTS / (2.0 * np.pi)).astype(int).tolist() == sent[:, 1].tolist()
+    assert np.diff(recording.time) == pytest.approx(1e-6 * np.diff(sent[:, 0]), abs=2e-6)
+    if not turns:
+        found = fit(recording, "linear", scene="lab").parameters
+        for name, truth in (("length", SCENES["lab"].body.length), ("linear_drag.gamma", GAMMA)):
+            assert abs(found[name].value - truth) < 4.0 * found[name].error
+        assert found["length"].error < 1e-5
 
 
 @pytest.fixture(scope="session")
@@ -133,6 +148,10 @@ def test_the_as5600s_sketch_goes_on_after_a_turn(uno_with_as5600: Path, firmware
     seen = steps[np.minimum(at, len(steps) - 1)] * (360.0 / 4096)
     assert np.all((seen.min(axis=1) - 0.006 <= sent[:, 1]) & (sent[:, 1] <= seen.max(axis=1) + 0.006))
     assert sent[:, 1].max() > 800.0
+    board = Board(firmware.parent)
+    recording = acquired(SerialPort(port=str(board.port)), firmware.parent / "swing.txt", len(sent),
+                         lambda: board.play(lines[start - 1:]))
+    assert np.degrees(recording.angle) == pytest.approx(sent[:, 1], abs=1e-6)
 
 
 @pytest.mark.parametrize("firmware", ["as5600"], indirect=True)
