@@ -224,7 +224,7 @@ def test_a_port_that_is_not_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(SourceError) as said:
         SerialPort(port="/dev/ttyUSB7").open()
     assert str(said.value) == ("serial: there is no port /dev/ttyUSB7; the ports here are /dev/ttyUSB0 (USB Serial), "
-                               "/dev/ttyS0.")
+                               "/dev/ttyS0")
     monkeypatch.setattr(serial.tools.list_ports, "comports", list)
     with pytest.raises(SourceError, match="this computer has no serial port; plug the board in"):
         SerialPort(port="/dev/ttyUSB7").open()

@@ -14,14 +14,16 @@ from pendulum_env.bench.source import NOTHING, Chunk, SourceError
 from pendulum_env.physics.units import count, line, setting
 
 USUAL = (115200, 9600, 57600, 38400, 19200, 230400, 250000, 500000, 1000000)
-"""Rates [baud] that are tried in turn until lines can be read, each for ``TRIAL`` bytes."""
-TRIAL = 400
+"""Rates [baud] that are tried in turn until text comes, each for ``TRIAL`` bytes."""
+TRIAL = 100
+NOISE = 0.2
+"""Share of characters that are no text at which a rate is wrong."""
 RETRY = 0.2
 """Seconds between attempts to open a port again."""
 PATIENCE = 300.0
 """Seconds for which a port that is gone is waited for."""
 SILENCE = 5.0
-"""Seconds without a byte after which a note says that nothing comes."""
+"""Seconds without a byte that are worth a note."""
 MOST_NAMED = 6
 
 
@@ -31,10 +33,10 @@ def library() -> Any:
         import serial
         import serial.tools.list_ports
     except ImportError as error:
-        raise SourceError('serial: needs pyserial; install it with pip install "lab-pendulum[serial]".') from error
+        raise SourceError('serial: needs pyserial; install it with pip install "lab-pendulum[serial]"') from error
     if not hasattr(serial, "Serial"):  # the package "serial" of the registry is another one
         raise SourceError('serial: needs pyserial, but another package named serial is installed; remove it with '
-                          'pip uninstall serial, then pip install --force-reinstall "lab-pendulum[serial]".')
+                          'pip uninstall serial, then pip install --force-reinstall "lab-pendulum[serial]"')
     return serial
 
 
@@ -130,6 +132,15 @@ class SerialPort(LineSource):
         """What was inferred from the lines, and what happened to the port."""
         return (*self._kept["notes"], *self._kept["reader"].notes) if self._kept else ()
 
+    @property
+    def problem(self) -> str:
+        """Why no sample comes, as far as it is known."""
+        kept = self._kept
+        if not kept or kept["samples"]:
+            return ""
+        return kept["reader"].problem or (
+            f"{kept['device']} is open but silent; check that its sketch runs and prints lines of numbers")
+
     def open(self) -> None:
         """Open the port; SourceError names the ports that exist, or says what else is wrong with it."""
         library()
@@ -140,7 +151,7 @@ class SerialPort(LineSource):
         try:
             self._connect(device)
         except (OSError, ValueError) as error:
-            raise SourceError(f"serial: {refusal(device, error)}.") from error
+            raise SourceError(f"serial: {refusal(device, error)}") from error
 
     def _only(self) -> str:
         """Return the one port of USB."""
@@ -148,7 +159,7 @@ class SerialPort(LineSource):
         if len(found) == 1:
             return str(found[0])
         which = "several ports are there" if found else "no board is plugged in by USB"
-        raise SourceError(f"serial: {which}; name the port as in serial:/dev/ttyUSB0 or serial:COM3; {present()}.")
+        raise SourceError(f"serial: {which}; name the port as in serial:/dev/ttyUSB0 or serial:COM3; {present()}")
 
     def _connect(self, device: str) -> None:
         """Open a port by its name; OSError or ValueError for one that cannot be."""
@@ -206,21 +217,22 @@ class SerialPort(LineSource):
     def _judge(self, data: bytes) -> None:
         """Set another rate if what comes is no text; SourceError if nothing of it can be read."""
         kept = self._kept
-        kept["bytes"] += len(data)
-        kept["noise"] += sum(byte > 126 or byte < 9 for byte in data)
+        text = data.decode("utf-8", "replace")
+        kept["bytes"] += len(text)
+        kept["noise"] += sum(letter == "\ufffd" or (letter < " " and letter not in "\t\r\n") for letter in text)
         if kept["bytes"] < TRIAL:
             return
-        if kept["noise"] < 0.1 * kept["bytes"]:
+        if kept["noise"] < NOISE * kept["bytes"]:
             if kept["reader"].problem:
-                raise SourceError(f"serial: {kept['reader'].problem}; send lines of numbers, such as 12340 56.")
+                raise SourceError(f"serial: {kept['reader'].problem}; send lines of numbers, such as 12340 56")
             return
         if self.baud is not None:
             raise SourceError(f"serial: {kept['device']} sends no text at {self.baud} baud; leave out --baud to find "
-                              "the rate, or give that of the sketch's Serial.begin.")
+                              "the rate, or give that of the sketch's Serial.begin")
         kept["trial"] += 1
         if kept["trial"] >= 2 * len(USUAL):
             raise SourceError(f"serial: {kept['device']} sends no text at any of {', '.join(map(str, USUAL))} baud; "
-                              "give --baud, the rate of the sketch's Serial.begin.")
+                              "give --baud, the rate of the sketch's Serial.begin")
         rate = USUAL[kept["trial"] % len(USUAL)]
         kept.update(bytes=0, noise=0, reader=self.reader(torn=True))
         kept["notes"][:] = [f"rate: {rate} baud, as others gave no text"]
@@ -240,7 +252,7 @@ class SerialPort(LineSource):
         time.sleep(min(timeout, RETRY))
         away = time.monotonic() - kept["gone"]
         if away > PATIENCE:
-            raise SourceError(f"serial: {kept['device']} has been gone for {away:.0f} s; plug it in and start again.")
+            raise SourceError(f"serial: {kept['device']} has been gone for {away:.0f} s; plug it in and start again")
         try:
             self._connect(self._moved())
         except (OSError, ValueError):  # not there yet, or not ours yet
