@@ -156,6 +156,36 @@ def test_a_board_with_its_own_supply_keeps_its_clock(board: Board, opened: Any) 
     assert "began again" not in "\n".join(source.notes)
 
 
+def test_a_clock_that_disagrees_after_a_gap_is_not_believed(board: Board, opened: Any) -> None:
+    """The board is away for a moment, and its clock is 3 s further: it has restarted some time ago."""
+    source = opened(board, counts=2400)
+    board.send(TITLES, *counts(range(100)))
+    collect(source, 100)
+    board.unplug()
+    began = time.monotonic()
+    source.read(0.05)
+    board.plug()
+    while not any("is back" in note for note in source.notes):
+        source.read(0.05)
+    board.send("23\t4", *counts(range(100), start=4_000_000))
+    at, values, _ = collect(source, 100)
+    assert at is not None
+    assert at[0] - 0.99 == pytest.approx(time.monotonic() - began, abs=0.15)
+    assert at - at[0] == pytest.approx(0.01 * np.arange(100))
+    assert values == pytest.approx(0.15 * np.arange(100))
+    assert "began again" in "\n".join(source.notes)
+
+
+def test_letters_beyond_ascii_are_no_noise(board: Board, opened: Any) -> None:
+    source = opened(board)
+    board.send("Zeit (µs);Winkel (°)")
+    for n in range(120):
+        board.send(f"{PERIOD * n};{0.1 * n:.1f}°")
+        source.read(0.01)
+    assert board.baud == 115200
+    assert not any(note.startswith("rate:") for note in source.notes)
+
+
 def test_lines_without_times_count_what_a_gap_has_lost(board: Board, opened: Any) -> None:
     source = opened(board)
     board.send("garbage?", *["7.5"] * 3)
