@@ -16,12 +16,13 @@ import pytest
 import serial
 import serial.tools.list_ports
 from boards import Board, acquired
+from command_line import Here
 
 from pendulum_env import SCENES, rollout
 from pendulum_env.bench.source import SourceError
 from pendulum_env.bench.sources import serial_port
 from pendulum_env.bench.sources.serial_port import SerialPort
-from pendulum_env.lab import fit
+from pendulum_env.lab import Recording, fit
 
 TITLES = "Time (us)\tCounts"
 PERIOD = 10_000
@@ -210,7 +211,7 @@ def test_lines_without_times_count_what_a_gap_has_lost(board: Board, opened: Any
 def test_text_without_numbers_is_an_error(board: Board, opened: Any) -> None:
     source = opened(board)
     board.send(*["Encoder is ready"] * 60)
-    with pytest.raises(SourceError, match=r"60 lines came without a sample, such as 'Encoder is ready'; send lines of"):
+    with pytest.raises(SourceError, match=r"\d+ lines came without a sample, such as 'Encoder is ready'; send lines of"):
         collect(source, 1)
 
 
@@ -363,6 +364,27 @@ def test_a_port_that_stays_away_is_an_error(board: Board, opened: Any, monkeypat
     source.close()
 
 
+@pytest.mark.parametrize("counts_given", [True, False])
+def test_the_commands_of_the_readme_record_a_board(
+    board: Board, run_here: Here, tmp_path: Path, counts_given: bool,
+) -> None:
+    board.play([TITLES, *counts(range(120))] if counts_given else ["Time (us)\tAngle (deg)", *counts(range(120))])
+    options = ["--counts", "2400"] if counts_given else []
+    code, printed, said = run_here("acquire", "--from", f"serial:{board.port}", *options, "--headless", "--duration",
+                                   "1", "--out", str(tmp_path / "swing.csv"))
+    assert code == 0, said
+    assert "101 samples in 1 s" in printed
+    recording = Recording.read(tmp_path / "swing.csv")
+    assert np.degrees(recording.angle) == pytest.approx((0.15 if counts_given else 1.0) * np.arange(101))
+
+
+def test_counts_are_not_taken_for_degrees(board: Board, run_here: Here) -> None:
+    board.play([TITLES, *counts(range(120))])
+    code, _, said = run_here("acquire", "--from", f"serial:{board.port}", "--headless", "--duration", "1")
+    assert code == 2
+    assert "'Counts' is a count of an encoder; give the counts in one turn, as --counts 2400" in said
+
+
 BOARDS: dict[str, tuple[str, str, float, dict[str, Any]]] = {
     "an encoder's counts": (TITLES, "{us}\t{counts}", 0.0, {"counts": 2400}),
     "milliseconds and degrees, with decimal commas": ("Sensor 7", "{ms};{degrees}", 0.01, {}),
@@ -379,8 +401,8 @@ def test_a_recording_of_a_board_fits_the_scene_behind_it(kind: str, board: Board
     lines = [form.format(us=(round(1e6 * at) + 4_290_000_000) % 2**32, ms=round(1e3 * at) + 77,
                          counts=round(shown / 0.15), degrees=f"{shown:.2f}".replace(".", ","))
              for at, shown in zip(motion.time, np.degrees(motion.angle), strict=True)]
-    recording = acquired(SerialPort(port=str(board.port), **settings), tmp_path / "swing.txt", len(lines),
-                         lambda: board.play([first, *lines], pace))
+    board.play([first, *lines], pace)
+    recording = acquired(SerialPort(port=str(board.port), **settings), tmp_path / "swing.txt", len(lines))
     assert len(recording.time) == len(lines)
     assert recording.time - recording.time[0] == pytest.approx(motion.time, abs=1e-6)
     found = fit(recording, "linear", scene="lab").parameters

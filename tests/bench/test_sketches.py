@@ -109,8 +109,8 @@ def test_the_encoders_sketch_counts_every_pulse(firmware: Path, turns: bool) -> 
     assert np.all((seen.min(axis=1) <= sent[:, 1]) & (sent[:, 1] <= seen.max(axis=1)))
     assert np.ptp(sent[:, 1]) >= 0.9 * np.ptp(count)
     board = Board(firmware.parent)
-    recording = acquired(SerialPort(port=str(board.port), counts=COUNTS), firmware.parent / "swing.txt", len(sent),
-                         lambda: board.play(["", "Time (us)\tCounts", *map("\t".join, pairs)]))
+    board.play(["", "Time (us)\tCounts", *map("\t".join, pairs)])
+    recording = acquired(SerialPort(port=str(board.port), counts=COUNTS), firmware.parent / "swing.txt", len(sent))
     assert np.rint(recording.angle * COUNTS / (2.0 * np.pi)).astype(int).tolist() == sent[:, 1].tolist()
     assert np.diff(recording.time) == pytest.approx(1e-6 * np.diff(sent[:, 0]), abs=2e-6)
     if not turns:
@@ -149,8 +149,8 @@ def test_the_as5600s_sketch_goes_on_after_a_turn(uno_with_as5600: Path, firmware
     assert np.all((seen.min(axis=1) - 0.006 <= sent[:, 1]) & (sent[:, 1] <= seen.max(axis=1) + 0.006))
     assert sent[:, 1].max() > 800.0
     board = Board(firmware.parent)
-    recording = acquired(SerialPort(port=str(board.port)), firmware.parent / "swing.txt", len(sent),
-                         lambda: board.play(lines[start - 1:]))
+    board.play(lines[start - 1:])
+    recording = acquired(SerialPort(port=str(board.port)), firmware.parent / "swing.txt", len(sent))
     assert np.degrees(recording.angle) == pytest.approx(sent[:, 1], abs=1e-6)
 
 

@@ -7,7 +7,8 @@ import termios
 import threading
 import time
 import tty
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from pendulum_env.bench.acquisition import Acquisition
@@ -40,12 +41,20 @@ class Board:
             os.write(self.far, line if isinstance(line, bytes) else f"{line}\r\n".encode())
 
     def play(self, lines: Iterable[str], pace: float = 0.0) -> None:
-        """Send lines from another thread: for a second ``pace`` [s] apart, then as fast as they are taken."""
+        """Send lines from another thread once the port is open: for a second ``pace`` [s] apart, then as fast as
+        they are taken.
+        """
+        closed = self.baud
+
         def playing() -> None:
-            for number, line in enumerate(lines):
-                self.send(line)
-                if number * pace < 1.0:
-                    time.sleep(pace)
+            with suppress(OSError, termios.error):  # unplugged
+                while self.baud == closed:  # opening sets the rate
+                    time.sleep(0.01)
+                time.sleep(0.05)
+                for number, line in enumerate(lines):
+                    self.send(line)
+                    if number * pace < 1.0:
+                        time.sleep(pace)
 
         threading.Thread(target=playing, daemon=True).start()
 
@@ -57,12 +66,11 @@ class Board:
                     if name[0] == "B" and name[1:].isdigit() and getattr(termios, name) == speed)
 
 
-def acquired(source: Source, path: Path, samples: int, begin: Callable[[], object]) -> Recording:
-    """Return a recording of so many samples of a source, as its journal holds it; ``begin`` sets the device going."""
+def acquired(source: Source, path: Path, samples: int) -> Recording:
+    """Return a recording of so many samples of a source, as its journal holds it."""
     acquisition = Acquisition(source)
     acquisition.open()
     acquisition.start(path)
-    begin()
     until = time.monotonic() + 20.0
     while acquisition.status.samples < samples:
         assert time.monotonic() < until, f"{acquisition.status} {source.notes}"
