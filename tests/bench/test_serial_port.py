@@ -179,10 +179,10 @@ def test_a_clock_that_disagrees_after_a_gap_is_not_believed(board: Board, opened
 
 def test_letters_beyond_ascii_are_no_noise(board: Board, opened: Any) -> None:
     source = opened(board)
-    board.send("Zeit (µs);Winkel (°)")
-    for n in range(120):
-        board.send(f"{PERIOD * n};{0.1 * n:.1f}°")
-        source.read(0.01)
+    board.send(*["° µ ° µ ° µ ° µ Größe: °"] * 10, "Zeit (µs);Winkel (°)")
+    source.read(0.05)
+    board.send(*(f"{PERIOD * n};{n}°" for n in range(50)))
+    collect(source, 50)
     assert board.baud == 115200
     assert not any(note.startswith("rate:") for note in source.notes)
 
