@@ -87,16 +87,31 @@ def pulses(time: np.ndarray, count: np.ndarray) -> str:
     return "\n".join(lines) + "\n"
 
 
+def printed_by(firmware: Path, time: np.ndarray, count: np.ndarray) -> str:
+    """Return what a sketch prints at these pulses, with a dot for each control character, as simavr shows it."""
+    (firmware.parent / "pulses.vcd").write_text(pulses(time, count))
+    done = subprocess.run(["simavr", "-m", "atmega328p", "-f", "16000000", "-i", "pulses.vcd", firmware.name],
+                          cwd=firmware.parent, capture_output=True, text=True, check=True)
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("firmware", ["encoder"], indirect=True)
+def test_the_encoders_sketch_follows_50000_counts_a_second_and_says_when_it_cannot(firmware: Path) -> None:
+    for step, followed in ((20e-6, True), (15e-6, False)):
+        time, count = np.append(0.1 + step * np.arange(20_001), 0.1 + step * 20_000 + 0.1), np.arange(20_002)
+        count[-1] = 20_000
+        printed = printed_by(firmware, time, count)
+        assert (re.findall(r"\d+\.(\d+)\.\.", printed)[-1] == "20000") is followed
+        assert ("# counts missed: " in printed) is not followed
+
+
 @pytest.mark.parametrize("turns", [False, True])
 @pytest.mark.parametrize("firmware", ["encoder"], indirect=True)
 def test_the_encoders_sketch_counts_every_pulse(firmware: Path, turns: bool) -> None:
     time, angle = swing(turns)
     count = np.rint(angle * COUNTS / (2.0 * np.pi)).astype(int)
     assert np.abs(np.diff(count)).max() == 1
-    (firmware.parent / "pulses.vcd").write_text(pulses(time, count))
-    done = subprocess.run(["simavr", "-m", "atmega328p", "-f", "16000000", "-i", "pulses.vcd", firmware.name],
-                          cwd=firmware.parent, capture_output=True, text=True, check=True)
-    printed = done.stdout + done.stderr  # a dot for each control character
+    printed = printed_by(firmware, time, count)
     assert "Time (us).Counts.." in printed
     assert "missed" not in printed
     pairs = re.findall(r"(\d+)\.(-?\d+)\.\.", printed)
