@@ -76,6 +76,8 @@ ELSEWHERE = {
     "python tests/support/exponents.py": "hard_cases/test_hard_truths_chaos.py",
     "python tests/support/tolerances.py": "hard_cases/test_stress.py",
     "python tests/support/in_node.py": "engine/test_javascript.py",
+    "lab-pendulum acquire --from serial:/dev/ttyUSB0 --counts 2400": "bench/test_serial_port.py",
+    "lab-pendulum acquire --from serial:/dev/ttyACM0": "bench/test_serial_port.py",
     "python tests/fuzzing/fuzz.py --seconds 60": "fuzzing/test_fuzz.py",
 }
 """Command -> the file of tests that runs it."""

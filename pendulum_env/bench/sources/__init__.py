@@ -8,12 +8,13 @@ from collections.abc import Mapping
 
 from pendulum_env.bench.source import Source, SourceError
 from pendulum_env.bench.sources.replay import Replay
+from pendulum_env.bench.sources.serial_port import SerialPort
 from pendulum_env.bench.sources.stdin import Stdin
 from pendulum_env.bench.sources.udp import Udp
 from pendulum_env.bench.sources.virtual import Virtual
 from pendulum_env.physics.units import nearest, shown
 
-SOURCES: Mapping[str, type[Source]] = {kind.name: kind for kind in (Virtual, Replay, Udp, Stdin)}
+SOURCES: Mapping[str, type[Source]] = {kind.name: kind for kind in (Virtual, Replay, SerialPort, Udp, Stdin)}
 """Name -> class of a source."""
 
 
