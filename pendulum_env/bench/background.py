@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from threading import Event, Thread
+from typing import Any
 
 import numpy as np
 
-from pendulum_env.bench.source import NOTHING, Chunk, SourceError
+from pendulum_env.bench.source import NOTHING, Chunk, Source, SourceError
 
 PATIENCE = 60.0
 """Longest time in which a device must open, as a search by Bluetooth takes seconds [s]."""
@@ -74,6 +77,59 @@ class Background:
         finally:
             self._opened.set()
             self._end()
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class ThreadedSource(Source):
+    """A source whose device is opened by :meth:`_begin`, read by :meth:`_step` and closed by :meth:`_end`, all in one
+    thread of their own; what they know of it is in ``_state``.
+    """
+
+    _state: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found of the device."""
+        return tuple(self._state.get("said", ()))
+
+    @property
+    def problem(self) -> str:
+        """Why no sample comes."""
+        return str(self._state.get("problem", ""))
+
+    def open(self) -> None:
+        """Connect; SourceError says what is missing and the remedy."""
+        self._state.clear()
+        self._state.update(said=[], problem="", thread=Background(self._begin, self._step, self._end))
+        self._state["thread"].open()
+
+    def read(self, timeout: float = 0.1) -> Chunk:
+        """Return the samples that have come since the last call."""
+        chunk: Chunk = self._state["thread"].read(timeout)
+        return chunk
+
+    def close(self) -> None:
+        """Disconnect; closing twice is allowed."""
+        thread = self._state.get("thread")
+        if thread is not None:
+            thread.close()
+
+    def _pause(self, seconds: float) -> bool:
+        """Wait in ``_step``; return True at once when the device is to be closed."""
+        over: bool = self._state["thread"].wait(seconds)
+        return over
+
+    @abstractmethod
+    def _begin(self) -> None:
+        """Connect; SourceError says what is missing and the remedy."""
+
+    @abstractmethod
+    def _step(self) -> Chunk:
+        """Return the samples that came, perhaps none, soon; SourceError if the device is lost for good."""
+
+    @abstractmethod
+    def _end(self) -> None:
+        """Disconnect, also after an error of the other two; raise nothing."""
 
 
 def joined(chunks: Sequence[Chunk]) -> Chunk:

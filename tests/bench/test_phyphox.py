@@ -81,10 +81,12 @@ class Taken:
     def refusal(self, longest: float = 10.0) -> str:
         """The sentence with which the source gives up."""
         until = time.monotonic() + longest
-        with pytest.raises(SourceError) as refused:
-            while time.monotonic() < until:
+        while time.monotonic() < until:
+            try:
                 self.source.read(0.05)
-        return str(refused.value)
+            except SourceError as refused:
+                return str(refused)
+        raise AssertionError("it was not given up")
 
 
 def passed(condition: Callable[[], Any], longest: float = 5.0) -> None:
@@ -243,6 +245,7 @@ def test_measurements_that_are_cleared_or_replaced_end_the_run(monkeypatch: pyte
         phone.start()
         assert "was cleared on the phone" in taken.refusal()
         source.close()
+        phone.start()
         source = Phyphox(phone.host, every=0.01)
         source.open()
         taken = Taken(source).more(5)
@@ -332,5 +335,5 @@ def test_what_is_not_phyphox_is_refused(answer: bytes) -> None:
 
 @pytest.mark.parametrize("host", ["", "127.0.0.1:99999", "a b", "127.0.0.1:x", 5, "evil\r\nhost"])
 def test_addresses_that_are_none_are_refused(host: Any) -> None:
-    with pytest.raises(SceneError, match=r"^host must be the address that the app shows, as 192\.168\.0\.42:8080, not "):
+    with pytest.raises(SceneError, match=r"^host must be the address that the app shows, as 192\.168"):
         Phyphox(host)

@@ -28,7 +28,7 @@ class FalsePhone:
     """A phone whose sensor reads ``motion(times)``, an array of shape (times, axes), ``rate`` times a second.
 
     Attributes that tests change: ``asleep`` (requests get no answer), ``dropped`` (so many of the next requests are
-    closed without an answer), ``lagging`` (the last axis lacks so many samples), ``stalled`` (the sensor gives nothing).
+    closed without an answer), ``lagging`` (the last axis lacks so many samples), ``stalled`` (no samples).
     """
 
     def __init__(self, motion: Callable[[NDArray[np.float64]], NDArray[np.float64]], *, sensor: Any = GYROSCOPE,

@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from http.client import HTTPConnection, HTTPException
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
@@ -20,8 +20,8 @@ from urllib.parse import quote, urlencode, urlsplit
 
 import numpy as np
 
-from pendulum_env.bench.background import Background
-from pendulum_env.bench.source import NOTHING, Chunk, FloatArray, Source, SourceError
+from pendulum_env.bench.background import ThreadedSource
+from pendulum_env.bench.source import NOTHING, Chunk, FloatArray, SourceError
 from pendulum_env.common.texts import clean
 from pendulum_env.physics.units import SceneError, choice, setting, shown, si
 
@@ -90,7 +90,7 @@ def _split(address: str) -> tuple[str, int | None]:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Phyphox(Source):
+class Phyphox(ThreadedSource):
     """A phone that lies on the pendulum or is its bob, and measures with the app phyphox.
 
     Choose "Allow remote access" in the app's menu. The gyroscope or the acceleration (with g) of the experiment that
@@ -110,7 +110,6 @@ class Phyphox(Source):
     sensor: str | None = choice(None, KINDS, "sensor to read", note="None for the gyroscope if the experiment has it")
     every: float = si(0.05, "s", "time between two requests", above=0.0)
     patience: float = si(60.0, "s", "time without an answer after which the phone is given up", above=0.0)
-    _state: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -123,14 +122,9 @@ class Phyphox(Source):
         kept = self._state
         silent = [f"phone: {kept['silences']} times without an answer, {kept['longest']:.1f} s at most; what it had "
                   "measured came later"] if kept.get("silences") else []
-        return (*kept.get("said", ()), *silent)
+        return (*super().notes, *silent)
 
-    @property
-    def problem(self) -> str:
-        """Why no sample comes."""
-        return str(self._state.get("problem", ""))
-
-    def open(self) -> None:
+    def _begin(self) -> None:
         """Find the app, the sensor's buffers, and start the measurement.
 
         Raises SourceError if nothing answers, if it is not the app, and for an experiment without a usable sensor.
@@ -138,7 +132,6 @@ class Phyphox(Source):
         if self.host is None:
             raise SourceError("phyphox needs an address, as phyphox:192.168.0.42:8080; the app shows it once you "
                               "choose 'Allow remote access' in its menu")
-        self._state.clear()
         config = self._find()
         self._choose(config)
         kept = self._state
@@ -154,22 +147,9 @@ class Phyphox(Source):
         if not status.get("measuring"):
             self._control("start")
             kept["started"] = True
-        kept["thread"] = Background(lambda: None, self._step, self._end)
-        kept["thread"].open()
-
-    def read(self, timeout: float = 0.1) -> Chunk:
-        """Return the samples that the phone has sent since the last call."""
-        chunk: Chunk = self._state["thread"].read(timeout)
-        return chunk
-
-    def close(self) -> None:
-        """Stop the measurement if it was started here."""
-        thread = self._state.get("thread")
-        if thread is not None:
-            thread.close()
 
     def _end(self) -> None:
-        if self._state["started"]:
+        if self._state.get("started"):
             with suppress(SourceError):  # out of reach, it measures on
                 self._control("stop")
 
@@ -251,7 +231,7 @@ class Phyphox(Source):
     def _step(self) -> Chunk:
         """Ask for new samples once; return them, or nothing if none came."""
         kept = self._state
-        if kept["thread"].wait(self.every):
+        if self._pause(self.every):
             return NOTHING
         try:
             chunk = self._new()
@@ -280,6 +260,7 @@ class Phyphox(Source):
         status = answer["status"]
         columns = [_numbers(answer["buffer"][name]["buffer"]) for name in buffers]
         if status.get("session") != kept["session"]:
+            kept["started"] = False  # the other experiment is not ours to stop
             raise SourceError("Another experiment was opened on the phone; start again here")
         self._follow(bool(status.get("measuring")))
         rows = np.array([column[:min(map(len, columns))] for column in columns]).T  # a buffer may lag behind
