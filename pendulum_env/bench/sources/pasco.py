@@ -54,7 +54,6 @@ class Pasco(ThreadedSource):
         return (*super().notes, *slow)
 
     def _begin(self) -> None:
-        asyncio.set_event_loop(asyncio.new_event_loop())  # the library and its Bluetooth take the thread's
         if sys.version_info < (3, 11):
             raise SourceError("pasco: its library needs Python 3.11 or newer; run LabPendulum with that")
         try:
@@ -64,7 +63,8 @@ class Pasco(ThreadedSource):
                               'install "lab-pendulum[pasco]"') from None
         kept = self._state
         kept["took"] = []
-        device = PASCOBLEDevice()
+        kept["device"] = device = PASCOBLEDevice()
+        asyncio.set_event_loop(device._loop)  # the thread's, as Bluetooth takes that
         try:
             seen = device.scan()
         except Exception as error:  # the library hides what its Bluetooth raised
@@ -79,17 +79,24 @@ class Pasco(ThreadedSource):
                               "disconnect it from other programs")
         try:
             device.connect(seen[0])
-            kept["device"] = device
             measured = device.get_measurement_list()
             channels = [Channel(one, one, device.get_measurement_unit(one) or "") for one in measured]
         except Exception as error:
-            kept["device"] = device
             raise SourceError(f"{names} does not connect ({clean(str(error)) or type(error).__name__}); switch it off "
                               "and on, and disconnect it from other programs") from None
-        chosen = choose(names, channels, self.channel)
-        kept.update(columns=chosen.columns, keys=[one.key for one in chosen.channels], due=time.monotonic())
+        said = []
+        while True:  # a gap in its tables keeps the library from reading some channels, as the Smart Cart's gyroscope
+            chosen = choose(names, channels, self.channel)
+            keys = [one.key for one in chosen.channels]
+            try:
+                device.read_data_list(keys)
+                break
+            except Exception:
+                said.append(f"pasco: the library cannot read {', '.join(keys)} of {names}")
+                channels = [one for one in channels if one not in chosen.channels]
+        kept.update(columns=chosen.columns, keys=keys, due=time.monotonic())
         vars(self)["quantity"] = chosen.quantity
-        kept["said"] = [f"pasco: {', '.join(kept['keys'])} of {names}"]
+        kept["said"] = [*said, f"pasco: {', '.join(keys)} of {names}"]
 
     def _step(self) -> Chunk:
         kept = self._state
@@ -112,3 +119,5 @@ class Pasco(ThreadedSource):
         if device is not None:
             with suppress(Exception):  # it may be gone
                 device.disconnect()
+            asyncio.set_event_loop(None)
+            device._loop.close()  # the library leaves it open

@@ -57,7 +57,8 @@ class Vernier(ThreadedSource):
         return (*super().notes, *([f"vernier: about {lost} readings lost on the way"] if lost else []))
 
     def _begin(self) -> None:
-        asyncio.set_event_loop(asyncio.new_event_loop())  # the library takes the thread's
+        self._state["loop"] = asyncio.new_event_loop()
+        asyncio.set_event_loop(self._state["loop"])  # the library takes the thread's
         try:
             from godirect import GoDirect
         except ImportError:
@@ -165,3 +166,5 @@ class Vernier(ThreadedSource):
                 device.stop()
             with suppress(Exception):
                 device.close()
+        asyncio.set_event_loop(None)
+        self._state.pop("loop").close()
