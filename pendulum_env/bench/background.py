@@ -31,6 +31,7 @@ class Background:
         self._chunks: SimpleQueue[Chunk] = SimpleQueue()
         self._opened, self._over = Event(), Event()
         self._error: Exception | None = None
+        self._begun = False
         self._thread = Thread(target=self._run, daemon=True)
 
     def open(self) -> None:
@@ -39,7 +40,7 @@ class Background:
         if not self._opened.wait(PATIENCE):
             self._over.set()
             raise SourceError(f"The device did not open within {PATIENCE:g} s; switch it off and on, and try again")
-        if self._error is not None:
+        if not self._begun and self._error is not None:
             raise self._error
 
     def read(self, timeout: float) -> Chunk:
@@ -67,6 +68,7 @@ class Background:
     def _run(self) -> None:
         try:
             self._begin()
+            self._begun = True
             self._opened.set()
             while not self._over.is_set():
                 chunk = self._step()

@@ -11,7 +11,7 @@ from pendulum_env.common.texts import clean
 from pendulum_env.lab.quantities import ANGLE, FORCE, NO_FORCE, RATE, Quantity
 from pendulum_env.physics.units import nearest
 
-_AXIS = re.compile(r"(?<![a-z])([xyz])(?![a-z])|(?<=[a-z])([xyz])$", re.IGNORECASE)
+_AXIS = re.compile(r"(?<![a-z])([xyz])(?![a-z])|(?:velocity|acceleration)([xyz])$", re.IGNORECASE)
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
@@ -27,7 +27,7 @@ class Kind(NamedTuple):
 
 KINDS = (
     Kind("angle", ANGLE, (RATE, FORCE), "Angle", {"rad": "rad", "deg": "deg", "°": "deg", "degrees": "deg"}),
-    Kind("rate", RATE, (FORCE,), "Gyroscope",
+    Kind("rate", RATE, (FORCE,), "Angular velocity",
          {"rad/s": "rad/s", "radps": "rad/s", "deg/s": "deg/s", "°/s": "deg/s", "degps": "deg/s"}),
     Kind("force", FORCE, (NO_FORCE,), "Acceleration",
          {"m/s²": "m/s^2", "m/s^2": "m/s^2", "m/s2": "m/s^2", "ms2": "m/s^2", "mps2": "m/s^2", "g": "g"}),

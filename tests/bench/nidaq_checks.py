@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -99,10 +98,10 @@ def swing() -> Swing:
 
 
 @pytest.fixture
-def driver(monkeypatch: pytest.MonkeyPatch, swing: Swing) -> Iterator[type[Driver]]:
+def driver(monkeypatch: pytest.MonkeyPatch, swing: Swing) -> type[Driver]:
     kind = type("OneDriver", (Driver,), {"swing": swing, "log": []})
     monkeypatch.setattr(_library_interpreter, "LibraryInterpreter", kind)
-    yield kind
+    return kind
 
 
 def check_fit(recording: Any) -> None:

@@ -10,7 +10,7 @@ import re
 import struct
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -109,7 +109,7 @@ class Device:
 
 
 @pytest.fixture
-def plugged(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Device]]:
+def plugged(monkeypatch: pytest.MonkeyPatch) -> list[Device]:
     """Devices that are found by USB; none by Bluetooth."""
     devices: list[Device] = []
     hid: Any = ModuleType("hid")
@@ -125,7 +125,7 @@ def plugged(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Device]]:
         return {}
 
     monkeypatch.setattr("bleak.BleakScanner.discover", discover)
-    yield devices
+    return devices
 
 
 def rotary(swing: Swing, **more: Any) -> Device:
@@ -177,7 +177,7 @@ def test_a_gyroscope_fits_the_scene_behind_it(plugged: list[Device], swing: Swin
     source = Vernier(rate=100.0)
     recording = recorded(source, tmp_path / "swing.csv", 20.0)
     assert source.quantity == "rate"
-    assert source.columns == tuple(f"Gyroscope {axis} (rad/s)" for axis in "xyz")
+    assert source.columns == tuple(f"Angular velocity {axis} (rad/s)" for axis in "xyz")
     assert recording.rate is not None
     assert recording.time[1] - recording.time[0] == pytest.approx(0.01, abs=2e-6)
     found = fit(recording, "linear", mass=1.0).parameters

@@ -59,7 +59,7 @@ class Pasco(ThreadedSource):
         try:
             from pasco.pasco_ble_device import PASCOBLEDevice
         except ImportError:
-            raise SourceError('pasco: needs pasco, a library under a licence of PASCO\'s own; install it with pip '
+            raise SourceError("pasco: needs pasco, a library under a licence of PASCO's own; install it with pip "
                               'install "lab-pendulum[pasco]"') from None
         kept = self._state
         kept["took"] = []
