@@ -40,10 +40,10 @@ class Nidaq(ThreadedSource):
 
     counter: str | None = setting(None, "counter, as Dev1/ctr0", note="names are in NI MAX, or nidaqmx's System")
     counts: int | None = count(None, "counts per turn, four times the encoder's lines", 4_000_000,
-                               note="must be given")
+                               note="None: none, so give it")
     clock: str | None = setting(None, "terminal of a sample clock, as /Dev1/ai/SampleClock",
                                 note="None: read on demand, with the host's times")
-    rate: float = si(100.0, "Hz", "readings per second; the clock's, if there is one", above=0.0)
+    rate: float = si(100.0, "Hz", "readings per second, those of the clock if there is one,", above=0.0)
 
     @property
     def columns(self) -> tuple[str, ...]:

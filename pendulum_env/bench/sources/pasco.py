@@ -38,7 +38,7 @@ class Pasco(ThreadedSource):
                           note="empty: the only one")
     channel: str | None = setting(None, "name of the measurement to read, or a part of it",
                                   note="None: chosen by quantity")
-    rate: float = si(50.0, "Hz", "readings per second; no more than Bluetooth can give", above=0.0)
+    rate: float = si(50.0, "Hz", "readings per second, as far as Bluetooth can", above=0.0)
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -107,7 +107,7 @@ class Phyphox(ThreadedSource):
 
     host: str | None = setting(None, "address that the app shows, as 192.168.0.42:8080", _address,
                                note="without a port: 8080 (Android), then 80 (iPhones)")
-    sensor: str | None = choice(None, KINDS, "sensor to read", note="None for the gyroscope if the experiment has it")
+    sensor: str | None = choice(None, KINDS, "sensor to read", note="None: the gyroscope if the experiment has it")
     every: float = si(0.05, "s", "time between two requests", above=0.0)
     patience: float = si(60.0, "s", "time without an answer after which the phone is given up", above=0.0)
 

@@ -43,7 +43,7 @@ class Vernier(ThreadedSource):
 
     device: str = setting("", "order code or serial number, or a part of them, as GDX-RMS", note="empty: the only one")
     channel: str | None = setting(None, "name of the channel to read, or a part of it", note="None: chosen by quantity")
-    rate: float = si(50.0, "Hz", "readings per second; no more than the sensor can give", above=0.0)
+    rate: float = si(50.0, "Hz", "readings per second, as far as the sensor can", above=0.0)
 
     @property
     def columns(self) -> tuple[str, ...]:
