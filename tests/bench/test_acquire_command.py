@@ -34,7 +34,8 @@ def test_a_run_is_written_and_said(run_here: Here, tmp_path: Path, bench_clock: 
     assert "lab-pendulum fit swing.csv fits it" in printed
     recording = Recording.read(tmp_path / "swing.csv")
     assert np.degrees(recording.angle[0]) == pytest.approx(-20.0, abs=0.05)
-    assert f"source: Virtual(angle={math.radians(-20.0)!r}, rate=50.0, noise=0.0)" in (tmp_path / "swing.csv").read_text()
+    source = f"# source: Virtual(angle={math.radians(-20.0)!r}, rate=50.0, noise=0.0)\n"
+    assert source in (tmp_path / "swing.csv").read_text()
 
 
 def test_files_are_numbered_and_never_replaced(run_here: Here, tmp_path: Path, bench_clock: BenchClock) -> None:
