@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import time
 from pathlib import Path
@@ -10,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from acquiring import GAMMA, LENGTH, Swing, recorded
-from nidaqmx import _library_interpreter
 from nidaqmx.constants import AngleUnits, ChannelType, EncoderType, UsageTypeCI
 from nidaqmx.errors import DaqError, DaqReadError
 
@@ -20,9 +20,10 @@ from pendulum_env.bench.sources.nidaq import Nidaq
 from pendulum_env.lab import fit
 
 LINES = 1000
+LIBRARY = importlib.import_module("nidaqmx._library_interpreter")  # the layer above the driver
 
 
-class Driver(_library_interpreter.LibraryInterpreter):  # type: ignore[misc]
+class Driver(LIBRARY.LibraryInterpreter):  # type: ignore[misc]
     """What the driver does for one counter with an encoder; its sample clock runs ``speed`` times faster than ours."""
 
     swing: Swing
@@ -100,7 +101,7 @@ def swing() -> Swing:
 @pytest.fixture
 def driver(monkeypatch: pytest.MonkeyPatch, swing: Swing) -> type[Driver]:
     kind = type("OneDriver", (Driver,), {"swing": swing, "log": []})
-    monkeypatch.setattr(_library_interpreter, "LibraryInterpreter", kind)
+    monkeypatch.setattr(LIBRARY, "LibraryInterpreter", kind)
     return kind
 
 

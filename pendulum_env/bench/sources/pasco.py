@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import sys
 import time
 from contextlib import suppress
@@ -64,7 +63,6 @@ class Pasco(ThreadedSource):
         kept = self._state
         kept["took"] = []
         kept["device"] = device = PASCOBLEDevice()
-        asyncio.set_event_loop(device._loop)  # the thread's, as Bluetooth takes that
         try:
             seen = device.scan()
         except Exception as error:  # the library hides what its Bluetooth raised
@@ -119,5 +117,4 @@ class Pasco(ThreadedSource):
         if device is not None:
             with suppress(Exception):  # it may be gone
                 device.disconnect()
-            asyncio.set_event_loop(None)
             device._loop.close()  # the library leaves it open
