@@ -142,7 +142,7 @@ def test_closed_connections_and_buffers_of_unequal_length_lose_nothing() -> None
         taken = Taken(source).more(20)
         phone.dropped, phone.lagging = 3, 7
         taken.more(100)
-        phone.lagging = 0
+        phone.lagging, phone.repeats = 0, True
         phone.dropped = 2
         taken.more(100)
         source.close()

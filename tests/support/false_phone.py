@@ -28,14 +28,15 @@ class FalsePhone:
     """A phone whose sensor reads ``motion(times)``, an array of shape (times, axes), ``rate`` times a second.
 
     Attributes that tests change: ``asleep`` (requests get no answer), ``dropped`` (so many of the next requests are
-    closed without an answer), ``lagging`` (the last axis lacks so many samples), ``stalled`` (no samples).
+    closed without an answer), ``lagging`` (the last axis lacks so many samples), ``stalled`` (no samples),
+    ``repeats`` (the sample at a threshold is sent again, as rounding may do).
     """
 
     def __init__(self, motion: Callable[[NDArray[np.float64]], NDArray[np.float64]], *, sensor: Any = GYROSCOPE,
                  rate: float = 100.0, speed: float = 1.0, times: bool = True, listed: bool = True) -> None:
         self.motion, self.rate, self.speed, self.times, self.listed = motion, rate, speed, times, listed
         self.source, self.title, self.outputs = sensor
-        self.asleep, self.stalled, self.dropped, self.lagging = False, False, 0, 0
+        self.asleep, self.stalled, self.dropped, self.lagging, self.repeats = False, False, 0, 0, False
         self.requests: list[str] = []
         self.kept_alive = 0
         self.session = "a1b2c3"
@@ -145,6 +146,7 @@ class FalsePhone:
         else:
             number, _, other = how.partition("|")
             threshold, mode, reference = float(number), "partial", self.buffers[other or name]
+            threshold -= 1e-3 if self.repeats else 0.0
             threshold += 10.0 ** math.floor(math.log10(abs(threshold) / 1e7)) if threshold else 0.0
         if self.lagging and name == self.outputs.get("z"):
             values = values[:-self.lagging]
