@@ -7,14 +7,20 @@ import re
 from collections.abc import Mapping
 
 from pendulum_env.bench.source import Source, SourceError
+from pendulum_env.bench.sources.nidaq import Nidaq
+from pendulum_env.bench.sources.pasco import Pasco
+from pendulum_env.bench.sources.phyphox import Phyphox
 from pendulum_env.bench.sources.replay import Replay
 from pendulum_env.bench.sources.serial_port import SerialPort
 from pendulum_env.bench.sources.stdin import Stdin
 from pendulum_env.bench.sources.udp import Udp
+from pendulum_env.bench.sources.vernier import Vernier
 from pendulum_env.bench.sources.virtual import Virtual
 from pendulum_env.physics.units import nearest, shown
 
-SOURCES: Mapping[str, type[Source]] = {kind.name: kind for kind in (Virtual, Replay, SerialPort, Udp, Stdin)}
+SOURCES: Mapping[str, type[Source]] = {kind.name: kind for kind in (
+    Virtual, Replay, SerialPort, Phyphox, Vernier, Pasco, Nidaq, Udp, Stdin,
+)}
 """Name -> class of a source."""
 
 
