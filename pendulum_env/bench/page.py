@@ -16,7 +16,7 @@ import secrets
 import threading
 import webbrowser
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from html import escape
 from http import HTTPStatus
@@ -26,7 +26,7 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from integrators import METHODS
-from pendulum_env.bench.session import Beside, Refused, Session
+from pendulum_env.bench.session import Beside, OrderError, Session
 from pendulum_env.bench.source import Source
 from pendulum_env.common.version import __version__
 from pendulum_env.engine.machine import fitting
@@ -83,10 +83,8 @@ def serve(
         print(f"The page is at {page.address} (Ctrl-C ends it).", flush=True)
         if open_browser:
             webbrowser.open(page.address)
-        try:
+        with suppress(KeyboardInterrupt):
             threading.Event().wait()
-        except KeyboardInterrupt:
-            pass
         session = page.session
     for path in dict.fromkeys([*session.journals, *session.saved]):
         print(f"wrote {path}")
@@ -155,7 +153,7 @@ class Handler(BaseHTTPRequestHandler):
         self._answer(refused.encode(), "text/plain; charset=utf-8", HTTPStatus.FORBIDDEN)
         return None
 
-    def do_GET(self) -> None:  # noqa: N802, the name that http.server calls
+    def do_GET(self) -> None:
         """Answer a request for the page, its events, the run's file, or the report."""
         place = self._place()
         if place is None:
@@ -181,7 +179,7 @@ class Handler(BaseHTTPRequestHandler):
         else:
             self._answer(b"There is no such place.", "text/plain; charset=utf-8", HTTPStatus.NOT_FOUND)
 
-    def do_POST(self) -> None:  # noqa: N802, the name that http.server calls
+    def do_POST(self) -> None:
         """Carry out an order of the page."""
         place = self._place()
         if place is None:
@@ -255,8 +253,9 @@ def document(session: Session, nonce: str) -> str:
     own = find_scene(beside.scene)
     scenes = {name: scene for name, scene in SCENES.items() if scene.omega0 > 0.0} | {beside.scene: own}
     shown = dict.fromkeys([*SHOWN_METHODS, beside.integrator])
+    software = f"LabPendulum {__version__}"
     data = {
-        "software": f"LabPendulum {__version__}",
+        "software": software,
         "scenes": {name: {"about": PURPOSES.get(name, ""), "length": scene.body.reach,
                           "methods": [method for method in shown if method in set(fitting(scene))]}
                    for name, scene in scenes.items()},
@@ -268,10 +267,10 @@ def document(session: Session, nonce: str) -> str:
         "style": "\n".join([variables(), *(path.read_text(encoding="utf-8") for path in STYLES)]),
         "script": "\n".join(path.read_text(encoding="utf-8") for path in SCRIPTS),
         "data": json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
-        "nonce": nonce, "software": escape(data["software"]),
+        "nonce": nonce, "software": escape(software),
     }
     text = (ASSETS / "acquire.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], text)
 
 
-__all__ = ["Refused", "Served", "serve", "served"]
+__all__ = ["OrderError", "Served", "serve", "served"]

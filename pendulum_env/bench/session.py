@@ -1,4 +1,4 @@
-"""A session at the page of :mod:`pendulum_env.bench.page`: one source, its runs, and everything that the page may order.
+"""A session at the page of :mod:`pendulum_env.bench.page`: one source, its runs, and all that the page may order.
 
 One thread acquires samples, and all orders that concern them are carried out in it, between two readings. Fits and
 reports are computed in a second thread, the simulation beside the swing in a third, so that none of them stops the
@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
@@ -57,7 +57,7 @@ _ONE_AT_A_TIME = threading.Lock()  # warnings are collected for the whole proces
 T = TypeVar("T")
 
 
-class Refused(SceneError):
+class OrderError(SceneError):
     """An order of the page that cannot be carried out now, in one sentence."""
 
 
@@ -104,7 +104,7 @@ class Session:
         self._asked: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = queue.SimpleQueue()
         self._pages: list[queue.Queue[str | None]] = []
         self._pending: list[tuple[list[float], list[float]]] = []
-        self._latest = math.nan
+        self._latest, self._turned, self._before = math.nan, 0.0, math.inf
         self._flushed = self._told = 0.0
         self._last = ""
         self._over = threading.Event()
@@ -169,8 +169,20 @@ class Session:
     def _heard(self, at: FloatArray, values: FloatArray) -> None:
         shown = (values[:, 0] * self.factor).tolist()
         self._latest = shown[-1]
+        if self.source.quantity == "rate":
+            self._integrate(at, values[:, 0])
         if self.acquisition.status.recording:
             self._pending.append((np.round(at, 6).tolist(), shown))
+
+    def _integrate(self, at: FloatArray, rates: FloatArray) -> None:
+        """Add to the angle since zero [degrees], which a gyroscope's page shows beside its rate."""
+        degrees = 1.0 if not self.title[1].lower().startswith("rad") else math.degrees(1.0)
+        steps = np.diff(at, prepend=self._before if 0.0 < at[0] - self._before < 1.0 else at[0])
+        self._turned, self._before = self._turned + degrees * float(rates @ steps), float(at[-1])
+
+    def _zero(self) -> None:
+        self.acquisition.set_zero()
+        self._turned = 0.0
 
     def _flush(self) -> None:
         """Send what came since the last frame, and the state if it changed."""
@@ -180,7 +192,8 @@ class Session:
             times = [t for part, _ in self._pending for t in part]
             values = [round(y, 6) for _, part in self._pending for y in part]
             self._pending.clear()
-            self._tell({"kind": "samples", "run": self.run, "t": times, "y": values, "now": round(self._latest, 6)})
+            self._tell({"kind": "samples", "run": self.run, "t": times, "y": values, "now": round(self._latest, 6),
+                        **({"angle": round(self._turned, 3)} if self.source.quantity == "rate" else {})})
         if now - self._told >= NEWS:
             self._told = now
             state = self._state_text()
@@ -205,7 +218,7 @@ class Session:
         answer: Future[T] = Future()
         self._asked.put((order, answer))
         if self._over.is_set():
-            raise Refused("The acquisition has ended.")
+            raise OrderError("The acquisition has ended.")
         return answer.result(timeout)
 
     def listen(self) -> queue.Queue[str | None]:
@@ -252,7 +265,7 @@ class Session:
         name, unit = self.title
         counts = getattr(self.source, "counts", None)
         return json.dumps({
-            "kind": "state", "source": self.source.name, "about": clean(repr(self.source), 200),
+            "kind": "state", "source": self.source.name, "about": _about(self.source),
             "quantity": self.source.quantity, "title": name, "unit": unit, "hand": hasattr(self.source, "lift"),
             "counts": counts, "notes": [clean(note, 300) for note in self.source.notes], "live": self._live,
             "problem": self.problem, "run": self.run, "recording": status.recording, "samples": status.samples,
@@ -275,7 +288,7 @@ class Session:
     def do(self, what: str, wanted: Mapping[str, Any]) -> dict[str, Any]:
         """Carry out an order of the page; raises SceneError, with a sentence, for one that cannot be carried out."""
         orders: dict[str, Callable[[Mapping[str, Any]], dict[str, Any] | None]] = {
-            "zero": lambda _: self.between(self.acquisition.set_zero), "sign": lambda _: self.between(self._reverse),
+            "zero": lambda _: self.between(self._zero), "sign": lambda _: self.between(self._reverse),
             "start": lambda _: self.between(self._start), "stop": lambda _: self.between(self._stop),
             "again": lambda _: self.between(self._again), "counts": self._counts, "lift": self._lift,
             "release": self._release, "beside": self._beside, "fit": self._fit, "report": self._report,
@@ -285,14 +298,14 @@ class Session:
 
     def _start(self) -> None:
         if self.acquisition.status.recording:
-            raise Refused("A run is being recorded; stop it first.")
+            raise OrderError("A run is being recorded; stop it first.")
         if not self._live:
             self._again()
         number_, path = next((i, path) for i, path in enumerate(_numbered(self.out, "run"), 1) if not path.exists())
         try:
             self.acquisition.start(path)
         except OSError as error:
-            raise Refused(f"{path} cannot be written: {error.strerror or error}.") from None
+            raise OrderError(f"{path} cannot be written: {error.strerror or error}.") from None
         self.run, self.file, self.problem = number_, path, ""
         self.journals = (*self.journals, path)
         self.found = self.report = None
@@ -311,7 +324,7 @@ class Session:
     def _again(self) -> None:
         """Open the source again, after it has ended or was lost."""
         if self.acquisition.status.recording:
-            raise Refused("A run is being recorded; stop it first.")
+            raise OrderError("A run is being recorded; stop it first.")
         kept = self.acquisition
         kept.close()
         self.acquisition = Acquisition(self.source, sign=kept.sign)
@@ -322,18 +335,19 @@ class Session:
 
     def _reverse(self) -> None:
         if self.acquisition.status.recording:
-            raise Refused("The sign cannot change within a run; stop it first.")
+            raise OrderError("The sign cannot change within a run; stop it first.")
         self.acquisition.sign = -self.acquisition.sign
 
     def _counts(self, wanted: Mapping[str, Any]) -> None:
-        if getattr(self.source, "counts", None) is None:
-            raise Refused("This source counts no turns; its readings have a unit of their own.")
+        before = getattr(self.source, "counts", None)
+        if before is None:
+            raise OrderError("This source counts no turns; its readings have a unit of their own.")
         counts = number(wanted.get("counts"), "counts per turn", above=0.0)
 
         def change() -> None:
             if self.acquisition.status.recording:
-                raise Refused("The counts per turn cannot change within a run; stop it first.")
-            kind = type(getattr(self.source, "counts"))
+                raise OrderError("The counts per turn cannot change within a run; stop it first.")
+            kind: Any = type(before)
             self.acquisition.close()
             self.source = replace(self.source, counts=kind(counts))  # type: ignore[call-arg]
             self._again()
@@ -342,13 +356,13 @@ class Session:
 
     def _hand(self) -> Any:
         if not hasattr(self.source, "lift"):
-            raise Refused("This pendulum is lifted by hand; only a virtual one can be lifted here.")
+            raise OrderError("This pendulum is lifted by hand; only a virtual one can be lifted here.")
         return self.source
 
     def _lift(self, wanted: Mapping[str, Any]) -> None:
         angle = number(wanted.get("angle"), "angle", least=-360.0, unit="degrees")
         if angle > 360.0:
-            raise Refused("The angle must be from -360 to 360 degrees.")
+            raise OrderError("The angle must be from -360 to 360 degrees.")
         source, acquisition = self._hand(), self.acquisition  # the bob goes where the sensor then reads the angle
         zero = 0.0 if wanted.get("rest") else acquisition.zero * self.factor
         source.lift(math.radians((0.0 if wanted.get("rest") else acquisition.sign * angle) + zero))
@@ -359,9 +373,9 @@ class Session:
     # --- files --------------------------------------------------------------------------------------------------------
 
     def so_far(self) -> bytes:
-        """Return the present journal up to its last complete line; raises Refused without a run."""
+        """Return the present journal up to its last complete line; raises OrderError without a run."""
         if self.file is None:
-            raise Refused("There is no run yet; press Start.")
+            raise OrderError("There is no run yet; press Start.")
         text = self.file.read_bytes()
         return text[:text.rfind(b"\n") + 1]
 
@@ -378,7 +392,7 @@ class Session:
     def _save(self, wanted: Mapping[str, Any]) -> dict[str, Any]:
         name, text = wanted.get("name") or self._free_name(), self.so_far()
         if not isinstance(name, str) or Path(name).name != name or name in (".", "..") or "\\" in name:
-            raise Refused("The name must be that of a file, without a folder.")
+            raise OrderError("The name must be that of a file, without a folder.")
         path = self.out.with_name(name)
         lines = [*str(wanted.get("notes") or "").splitlines(), *map(str, wanted.get("readings") or ())]
         comments = "".join(f"# {clean(line, 300)}\n" for line in lines if line.strip())
@@ -387,9 +401,9 @@ class Session:
             with path.open("wb" if replaces else "xb") as file:
                 file.write(comments.encode() + text)
         except FileExistsError:
-            raise Refused(f"{path} exists already; choose another name.") from None
+            raise OrderError(f"{path} exists already; choose another name.") from None
         except (OSError, ValueError) as error:
-            raise Refused(f"{path} cannot be written: {getattr(error, 'strerror', None) or error}.") from None
+            raise OrderError(f"{path} cannot be written: {getattr(error, 'strerror', None) or error}.") from None
         self.saved = (*self.saved, path)
         return {"file": str(path), "name": path.name}
 
@@ -397,7 +411,7 @@ class Session:
 
     def _start_work(self, what: str, job: Callable[[], None]) -> None:
         if self.work is not None:
-            raise Refused(f"The {self.work['what']} is still being computed.")
+            raise OrderError(f"The {self.work['what']} is still being computed.")
         self.so_far()
         self.work = {"what": what, "done": 0.0, "text": "reading"}
         run = self.run
@@ -423,10 +437,11 @@ class Session:
 
     def _fit(self, wanted: Mapping[str, Any]) -> None:
         run, effects = self.run, str(wanted.get("effects") or "auto")
+        known: dict[str, Any] = {} if wanted.get("mass") is None else {"mass": number(wanted["mass"], "mass", above=0.0, unit="kg")}
 
         def job() -> None:
             with self.recording() as recording, _warnings() as told:
-                found = fit(recording, effects, progress=self._progress())
+                found = fit(recording, effects, progress=self._progress(), **known)
             if self.run != run:
                 return
             start, readings = found.recording.release or 0.0, found.recording.readings - found.residual
@@ -495,7 +510,7 @@ class Session:
     def _simulated(self, wanted: Beside, now: float) -> dict[str, Any] | None:
         """Return the simulation from the recording's own release on; None if that of before still holds."""
         if self.source.quantity == "force":
-            raise Refused("The simulation beside the swing is compared with angles and angular velocities only.")
+            raise OrderError("The simulation beside the swing is compared with angles and angular velocities only.")
         if now > SETTLED and self._drawn and now < self._drawn[0]:
             return None
         with self.recording() as recording, _warnings():
@@ -507,7 +522,7 @@ class Session:
         except RecordingError:  # fewer than three turning points so far
             angle, velocity = float(free.angle[0]), 0.0
         horizon = max(HORIZON, 2.0 * now) - start
-        known = {} if wanted.length is None else {"length": wanted.length}
+        known: dict[str, Any] = {} if wanted.length is None else {"length": wanted.length}
         with _warnings():
             motion = rollout(wanted.scene, integrator=wanted.integrator, angle=angle, velocity=velocity, dt=wanted.dt,
                              duration=horizon, diagnostics=(), warn=False, **known)
@@ -548,6 +563,9 @@ def _words(found: Fit) -> list[str]:
     words += [f"{name.rpartition('.')[2].replace('_', ' ').capitalize()}: {found.parameter_text(name)}."
               for name in found.names if name in ("length", "scale") or "." in name]
     words.insert(2, f"Damping: {found.damping.replace('+', ' and ')}." if found.damping else "Damping: none.")
+    alike = [] if found.comparison is None else [name for name in found.comparison.alike if name != found.damping]
+    if alike:
+        words.append(f"The swing so far cannot tell this damping from {', '.join(alike).replace('+', ' and ')}.")
     return [*words, f"Residual {found.shown(found.rms):.2g}{found.sign} rms; a reading's error is "
                     f"{found.shown(found.noise):.2g}{found.sign}.", found.grade.text]
 
@@ -568,6 +586,13 @@ def _numbered(path: Path, word: str = "") -> Iterator[Path]:
         yield path
     for i in range(1 if word else 2, 100_000):
         yield path.with_name(f"{path.stem}-{word}{i}{path.suffix}")
+
+
+def _about(source: Source) -> str:
+    """Return what a source is, and those of its settings that are not the usual ones, as one line."""
+    given = [f"{one.name} {getattr(source, one.name)!s}" for one in fields(source)
+             if one.init and getattr(source, one.name) != one.default]
+    return clean("; ".join([source.about, *given]), 200)
 
 
 def _finite(value: float) -> float | None:

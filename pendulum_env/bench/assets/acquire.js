@@ -37,6 +37,7 @@ function say(text) {
 const HEARD = {
   samples(event) {
     desk.now = event.now;
+    desk.turned = event.angle;
     if (event.run === desk.run && event.t.length) desk.trace.add(event.t, event.y);
   },
   past(event) {
@@ -53,6 +54,7 @@ const HEARD = {
   curve(event) {
     desk.curves[event.name] = event;
     if (event.body) desk.body = event.body;
+    if (desk.state) fill();
   },
   state(event) {
     const before = desk.state;
@@ -126,7 +128,7 @@ function fill() {
   if (state.counts !== null && document.activeElement !== byId("counts")) byId("counts").value = String(state.counts);
   byId("hand").hidden = byId("hand-key").hidden = !state.hand;
   byId("pendulums").classList.toggle("hand", state.hand);
-  byId("apparatus").hidden = !angle;
+  byId("apparatus").hidden = state.quantity === "force";
   put("now-name", angle ? "the sensor's angle now" : `${state.title} now`);
   put("caption", `${angle ? "Angle" : state.title} against time`);
   put("cursor-unit", angle ? "angle" : "reading");
@@ -207,7 +209,7 @@ function drawAngle(colour) {
   const [factor, sign] = unit(), { trace } = desk, tone = tones(colour);
   const points = visible(from, to, pixels, (i) => factor * trace.y[i]);
   const curves = [
-    { colour: tone.simulated, width: 2, points: along(desk.curves.beside, from, to, pixels, factor) },
+    { colour: tone.simulated, width: 5, alpha: 0.55, points: along(desk.curves.beside, from, to, pixels, factor) },
     { colour: tone.recorded, width: 1.5, points },
     { colour: tone.fitted, width: 2, dash: [7, 5], points: along(desk.curves.fit, from, to, pixels, factor) },
   ];
@@ -255,7 +257,7 @@ const SECOND = {
     const curves = ["beside", "fit"].filter((name) => desk.curves[name].t.length).map((name) => {
       const points = [];
       for (let i = low; i < high; i += step) points.push([desk.trace.t[i], factor * (desk.trace.y[i] - valueOf(desk.curves[name], desk.trace.t[i]))]);
-      return { colour: name === "fit" ? tone.fitted : tone.simulated, dots: name === "fit", points };
+      return { colour: name === "fit" ? tone.fitted : tone.simulated, dots: true, points };
     });
     const values = curves.flatMap((curve) => curve.points.map((point) => point[1])).filter(Number.isFinite);
     return { x: [from, to], y: around(values, 0.2 * factor), xlabel: "time [s]",
@@ -277,8 +279,8 @@ function drawSecond(colour) {
 
 function drawPendulum(colour) {
   if (byId("apparatus").hidden) return;
-  const body = desk.body ?? DATA.body, angle = Number.isFinite(desk.now) ? desk.now : 0;
-  const beside = desk.state?.recording ? valueOf(desk.curves.beside, desk.trace.end) : NaN;
+  const body = desk.body ?? DATA.body, now = desk.turned ?? desk.now, angle = Number.isFinite(now) ? now : 0;
+  const beside = desk.state?.recording && desk.turned === undefined ? valueOf(desk.curves.beside, desk.trace.end) : NaN;
   const lane = { ...body, machine: { last: { time: 0, angle: angle / DEGREES } }, colour: colour("bob"), shaken: () => 0,
     ghost: Number.isFinite(beside) ? { last: { angle: beside / DEGREES } } : null };
   drawApparatus(byId("apparatus"), lane, 0, colour);
@@ -304,13 +306,14 @@ function frame() {
   mark(false);
   drawPendulum(colour);
   put("now", reading(desk.now));
+  put("integrated", desk.turned === undefined ? "" : `${minus(desk.turned.toFixed(1))}° since zero, integrated`);
   put("clock", seconds(desk.trace.end, 2));
   drawAngle(colour);
   drawSecond(colour);
   legend();
-  const last = desk.trace.end, channel = new MessageChannel();
+  const newest = desk.trace.count ? desk.trace.y[desk.trace.count - 1] : NaN, channel = new MessageChannel();
   channel.port1.onmessage = () => { // after this frame was painted
-    desk.drawn.push([last, performance.timeOrigin + performance.now()]);
+    desk.drawn.push([newest, performance.timeOrigin + performance.now()]);
     if (desk.drawn.length > LATEST) desk.drawn.shift();
     channel.port1.close();
   };
@@ -509,6 +512,7 @@ function plotMoves() {
     return b === undefined ? null : { wide: Math.abs(a.clientX - b.clientX), middle: timeAt({ clientX: 0.5 * (a.clientX + b.clientX) }) };
   };
   view.addEventListener("pointerdown", (event) => {
+    view.focus({ preventScroll: true });
     held.set(event.pointerId, event);
     view.setPointerCapture(event.pointerId);
     view.classList.add("moving");
@@ -533,7 +537,7 @@ function plotMoves() {
     });
   }
   view.addEventListener("wheel", (event) => {
-    if (!desk.frame || !(event.ctrlKey || event.shiftKey || document.activeElement === view || view.matches(":hover"))) return;
+    if (!desk.frame || !(event.ctrlKey || document.activeElement === view)) return; // else the page scrolls
     event.preventDefault();
     zoom(Math.exp(0.0015 * event.deltaY), timeAt(event));
   }, { passive: false });
@@ -693,7 +697,7 @@ function begin() {
   byId("rest").addEventListener("click", () => order("lift", { angle: 0, rest: true }));
   byId("lift").addEventListener("click", () => order("lift", { angle: typed("lift-angle") }));
   byId("release").addEventListener("click", () => order("release"));
-  byId("fit").addEventListener("click", () => order("fit", { effects: byId("effects").value }));
+  byId("fit").addEventListener("click", () => order("fit", { effects: byId("effects").value, mass: typed("mass") }));
   byId("report").addEventListener("click", () => order("report"));
   byId("name").addEventListener("input", () => { byId("name").dataset.own = "1"; });
   byId("save").addEventListener("click", async () => {
