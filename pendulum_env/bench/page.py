@@ -198,7 +198,7 @@ class Handler(BaseHTTPRequestHandler):
         try:
             self._json(self.server.session.do(what, wanted))
         except (SceneError, ImportError, OSError, TimeoutError) as error:
-            self._json({"error": str(error) or "The source did not answer in time."}, HTTPStatus.CONFLICT)
+            self._json({"error": str(error) or "The source did not answer in time."})
 
     def _events(self) -> None:
         """Send events until the page is closed."""

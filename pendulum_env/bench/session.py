@@ -270,8 +270,8 @@ class Session:
             "counts": counts, "notes": [clean(note, 300) for note in self.source.notes], "live": self._live,
             "problem": self.problem, "run": self.run, "recording": status.recording, "samples": status.samples,
             "lost": status.lost, "rate": _finite(status.rate), "sign": acquisition.sign,
-            "zero": acquisition.zero * self.factor, "file": self.file.name if self.file else "",
-            "folder": str(self.out.parent), "save_as": self._free_name(), "saved": [path.name for path in self.saved],
+            "zero": acquisition.zero * self.factor, "file": clean(self.file.name) if self.file else "",
+            "save_as": clean(self._free_name()), "saved": [clean(path.name) for path in self.saved],
             "work": self.work, "fit": self.found, "report": self.report,
             "beside": {**vars(self.beside), "shown": self.shown,
                        "problem": str(self.curves.get("beside", {}).get("problem", ""))},
@@ -405,7 +405,7 @@ class Session:
         except (OSError, ValueError) as error:
             raise OrderError(f"{path} cannot be written: {getattr(error, 'strerror', None) or error}.") from None
         self.saved = (*self.saved, path)
-        return {"file": str(path), "name": path.name}
+        return {"file": clean(str(path), 300)}
 
     # --- work that takes time -----------------------------------------------------------------------------------------
 
@@ -437,7 +437,8 @@ class Session:
 
     def _fit(self, wanted: Mapping[str, Any]) -> None:
         run, effects = self.run, str(wanted.get("effects") or "auto")
-        known: dict[str, Any] = {} if wanted.get("mass") is None else {"mass": number(wanted["mass"], "mass", above=0.0, unit="kg")}
+        mass = wanted.get("mass")
+        known: dict[str, Any] = {} if mass is None else {"mass": number(mass, "mass", above=0.0, unit="kg")}
 
         def job() -> None:
             with self.recording() as recording, _warnings() as told:

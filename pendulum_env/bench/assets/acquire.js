@@ -558,9 +558,9 @@ function plotMoves() {
 
 // --- readings ------------------------------------------------------------------------------------------------------
 
-/** Note a reading: what it is, from and to which time, and its value as text. */
-function note(what, from, to, value) {
-  desk.rows.push([what, from, to, value]);
+/** Note a reading: what it is, its value, and from and to which time it was taken, as texts. */
+function note(what, value, from, to = "") {
+  desk.rows.push([what, value, from, to]);
   showRows();
 }
 
@@ -573,23 +573,23 @@ function showRows() {
 
 function rowsText(separator) {
   const quoted = (cell) => (separator === "," && /[",\n]/.test(cell) ? `"${cell.replaceAll('"', '""')}"` : cell);
-  return [["what", "from", "to", "value"], ...desk.rows].map((row) => row.map((cell) => quoted(cell)).join(separator)).join("\n");
+  return [["what", "value", "from", "to"], ...desk.rows].map((row) => row.map((cell) => quoted(cell)).join(separator)).join("\n");
 }
 
 function readingTools() {
   byId("read-cursors").addEventListener("click", () => {
     const [one, two] = desk.cursors;
     const apart = Math.abs(two - one);
-    if (desk.between) note(`T, ${desk.between} oscillations`, seconds(one), seconds(two), seconds(apart / desk.between, 4));
-    else note("difference", seconds(one), seconds(two), `${seconds(two - one)}, ${reading(cursorValue(two) - cursorValue(one))}`);
+    if (desk.between) note(`T, ${desk.between} oscillation${desk.between > 1 ? "s" : ""}`, seconds(apart / desk.between, 4), seconds(one), seconds(two));
+    else note("difference", `${seconds(two - one)}, ${reading(cursorValue(two) - cursorValue(one))}`, seconds(one), seconds(two));
   });
   byId("read-period").addEventListener("click", () => {
     const { from, to, value } = desk.period;
-    note(`T, ${byId("oscillations").value} oscillations`, seconds(from), seconds(to), seconds(value, 4));
+    note(`T, ${byId("oscillations").value} oscillations`, seconds(value, 4), seconds(from), seconds(to));
   });
   byId("read-amplitudes").addEventListener("click", () => {
-    for (const one of desk.amplitudes) note("amplitude", seconds(one.t), "", reading(one.size, 1));
-    note("γ", seconds(desk.amplitudes[0].t), seconds(desk.amplitudes.at(-1).t), withError(desk.decay.gamma, desk.decay.error, "1/s"));
+    for (const one of desk.amplitudes) note("amplitude", reading(one.size, 1), seconds(one.t));
+    note("γ", withError(desk.decay.gamma, desk.decay.error, "1/s"), seconds(desk.amplitudes[0].t), seconds(desk.amplitudes.at(-1).t));
   });
   byId("copy").addEventListener("click", () => {
     const area = byId("text");
@@ -701,7 +701,7 @@ function begin() {
   byId("report").addEventListener("click", () => order("report"));
   byId("name").addEventListener("input", () => { byId("name").dataset.own = "1"; });
   byId("save").addEventListener("click", async () => {
-    const told = await order("save", { name: byId("name").value.trim(), notes: byId("remarks").value,
+    const told = await order("save", { name: byId("name").dataset.own ? byId("name").value.trim() : "", notes: byId("remarks").value,
       readings: desk.rows.map((row) => row.filter(Boolean).join(", ")) });
     if (!told) return;
     delete byId("name").dataset.own;
