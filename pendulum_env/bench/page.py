@@ -26,12 +26,11 @@ from typing import Any
 from urllib.parse import quote, unquote
 
 from integrators import METHODS
-from pendulum_env.bench.session import Beside, OrderError, Session
+from pendulum_env.bench.session import Beside, Session, sentence
 from pendulum_env.bench.source import Source
 from pendulum_env.common.version import __version__
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import PURPOSES, SCENES, find_scene
-from pendulum_env.physics.units import SceneError
 from pendulum_env.web.document import ASSETS as WEB
 from pendulum_env.web.document import SHOWN_METHODS, titled, variables
 
@@ -197,8 +196,8 @@ class Handler(BaseHTTPRequestHandler):
             return
         try:
             self._json(self.server.session.do(what, wanted))
-        except (SceneError, ImportError, OSError, TimeoutError) as error:
-            self._json({"error": str(error) or "The source did not answer in time."})
+        except Exception as error:  # said on the page, which stays alive
+            self._json({"error": sentence(error)})
 
     def _events(self) -> None:
         """Send events until the page is closed."""
@@ -273,4 +272,4 @@ def document(session: Session, nonce: str) -> str:
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], text)
 
 
-__all__ = ["OrderError", "Served", "serve", "served"]
+__all__ = ["Served", "serve", "served"]

@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from integrators import get
+from integrators import MethodError, get
 from pendulum_env.bench.acquisition import Acquisition
 from pendulum_env.bench.source import FloatArray, Source, SourceError
 from pendulum_env.common.texts import clean
@@ -422,8 +422,7 @@ class Session:
                 if self.run == run:
                     self.problem = ""
             except Exception as error:  # said on the page, which stays alive
-                known = isinstance(error, (SceneError, OSError, ImportError))
-                self.problem = f"The {what} was not computed: {error if known else f'{type(error).__name__}: {error}'}"
+                self.problem = f"The {what} was not computed: {sentence(error)}"
             finally:
                 self.work = None
 
@@ -501,7 +500,7 @@ class Session:
                 curve = self._simulated(wanted, time_now)
             except Exception as error:  # said on the page, which stays alive
                 early = isinstance(error, RecordingError) and self.acquisition.status.recording
-                said = "It begins after the first half swing." if early else str(error)
+                said = "It begins after the first half swing." if early else sentence(error)
                 curve = {"t": [], "y": [], "v": [], "problem": said}
             if curve is not None and run == self.run and wanted == self.beside and self.shown:
                 self.curves["beside"] = curve
@@ -549,6 +548,14 @@ class Session:
         every = max(1, math.ceil(len(time) / MOST_POINTS))
         parts = {"t": time, "y": factor * readings, "v": factor * slope}
         return {name: [float(f"{value:.7g}") for value in part[::every].tolist()] for name, part in parts.items()}
+
+
+def sentence(error: Exception) -> str:
+    """Return what the page says of an error: a known one's own sentence, else with the name of its kind."""
+    if isinstance(error, TimeoutError):
+        return "The source did not answer in time."
+    known = isinstance(error, (SceneError, MethodError, OSError, ImportError))
+    return clean(str(error) if known else f"{type(error).__name__}: {error}", 500)
 
 
 def _words(found: Fit) -> list[str]:

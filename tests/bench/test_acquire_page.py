@@ -73,7 +73,9 @@ def steady(tmp_path: Path) -> Iterator[Served]:
         yield page
 
 
-def asked(page: Served, path: str = "", method: str = "GET", body: bytes | None = None, **headers: str) -> tuple[int, bytes]:
+def asked(
+    page: Served, path: str = "", method: str = "GET", body: bytes | None = None, **headers: str,
+) -> tuple[int, bytes]:
     """Ask the page's server; headers are named with underscores, and ``path`` stands for what follows the token."""
     parts = urlsplit(page.address)
     connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=10)
@@ -89,7 +91,8 @@ def asked(page: Served, path: str = "", method: str = "GET", body: bytes | None 
 def ordered(page: Served, what: str, **wanted: Any) -> dict[str, Any]:
     """Give an order as the page does; returns the answer."""
     body = json.dumps({"what": what, **wanted}).encode()
-    code, text = asked(page, "do", "POST", body, Content_Type="application/json", Origin=page.address[:page.address.rindex("/", 0, -1)])
+    origin = page.address[:page.address.rindex("/", 0, -1)]
+    code, text = asked(page, "do", "POST", body, Content_Type="application/json", Origin=origin)
     assert code == 200, text
     return dict(json.loads(text))
 
@@ -129,8 +132,8 @@ def test_others_are_refused(method: str, steady: Served) -> None:
     order = json.dumps({"what": "start"}).encode()
     for why, one in REFUSED.items():
         headers = {"Content_Type": "application/json", **one}
-        path = headers.pop("path", "do" if method == "POST" else "")
-        code, text = asked(steady, path + ("do" if method == "POST" and path.startswith("/") else ""), method, order, **headers)
+        path = headers.pop("path", "") + ("do" if method == "POST" else "")
+        code, text = asked(steady, path, method, order, **headers)
         assert code == 403, why
         assert steady.session.source.name.encode() not in text
     assert steady.session.run == 0
@@ -171,7 +174,8 @@ def test_text_from_outside_is_not_in_the_page(steady: Served) -> None:
     tags = re.findall(r"<(?:script|style)\b[^>]*>", text)
     assert len(tags) == 3
     assert all('nonce="n0nce"' in tag for tag in tags)
-    assert not re.search(r"\son\w+=|javascript:|style=\"|https?://", re.sub(r"<script.*?</script>", "", text, flags=re.S))
+    rest = re.sub(r"<script.*?</script>", "", text, flags=re.S)
+    assert not re.search(r"\son\w+=|javascript:|style=\"|https?://", rest)
 
 
 def test_the_policy_lets_no_other_script_run(steady: Served) -> None:
@@ -220,8 +224,9 @@ def test_save_writes_what_recording_reads_and_replaces_nothing(tmp_path: Path) -
         readings = ["T, 5 oscillations, 1.2566 s", "0.5, 0.6"]
         told = ordered(page, "save", notes=f"{HOSTILE}\n9, 9, 9\x1b[2J", readings=readings)
         assert told == {"file": str(tmp_path / "swing.csv")}
-        for name, words in {"there.csv": "exists already", "../x.csv": "without a folder", "a\\b": "without a folder",
-                            "..": "without a folder", "a\0b": "cannot be written", "n" * 300: "cannot be written"}.items():
+        refused = {"there.csv": "exists already", "../x.csv": "without a folder", "a\\b": "without a folder",
+                   "..": "without a folder", "a\0b": "cannot be written", "n" * 300: "cannot be written"}
+        for name, words in refused.items():
             assert words in ordered(page, "save", name=name)["error"]
         assert ordered(page, "save") == {"file": str(tmp_path / "swing-2.csv")}
         assert ordered(page, "save", name="own.csv") == {"file": str(tmp_path / "own.csv")}
@@ -374,7 +379,7 @@ def test_zero_sign_and_counts(tmp_path: Path) -> None:
 
 
 def test_a_virtual_bob_is_lifted_to_what_the_sensor_then_reads(tmp_path: Path) -> None:
-    with served(Virtual(noise=0.0, quantum=0.0, wait=math.inf), out=tmp_path / "x.csv") as page:
+    with served(Virtual(noise=0.0, quantum=0.0, wait=1e6), out=tmp_path / "x.csv") as page:
         acquisition = page.session.acquisition
         when(lambda: math.isfinite(acquisition.status.reading))
         ordered(page, "lift", angle=-2.0)
@@ -393,12 +398,13 @@ def test_a_virtual_bob_is_lifted_to_what_the_sensor_then_reads(tmp_path: Path) -
 
 SCENE = SCENES["lab"]
 DESK = "LabPendulum.desk"
+MINUS = "\N{MINUS SIGN}"
 
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Served]:
     """A page of a virtual pendulum that hangs until it is lifted."""
-    with served(Virtual(wait=math.inf, angle=0.0), out=tmp_path / "swing.csv") as page:
+    with served(Virtual(wait=1e6, angle=0.0), out=tmp_path / "swing.csv") as page:
         yield page
 
 
@@ -407,9 +413,9 @@ def ready(seen: Opened) -> None:
 
 
 def number_in(text: str) -> float:
-    found = re.search(r"[−-]?\d+\.\d+", text)
+    found = re.search(rf"[{MINUS}-]?\d+\.\d+", text)
     assert found, text
-    return float(found[0].replace("−", "-"))
+    return float(found[0].replace(MINUS, "-"))
 
 
 @pytest.mark.slow
@@ -566,7 +572,8 @@ OVERLAPPING = """
     const boxes = shown.map((x) => [x, x.getBoundingClientRect()]), found = [];
     for (const [a, p] of boxes) for (const [b, q] of boxes) {
         if (a === b || a.contains(b) || b.contains(a) || a.closest("#transport") || b.closest("#transport")) continue;
-        const [w, h] = [Math.min(p.right, q.right) - Math.max(p.left, q.left), Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top)];
+        const w = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+        const h = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
         if (w > 2 && h > 2) found.push(`${a.id || a.textContent} on ${b.id || b.textContent}`); }
     return found; })()
 """
@@ -655,7 +662,8 @@ def test_touch_on_a_phone(bench: Served) -> None:
         x, y, length = box["x"] + 0.5 * box["width"], box["y"] + 0.42 * box["width"], 0.31 * box["width"]
         finger("touchStart", (x, y + length))
         for degrees in (5, 10, 20):
-            finger("touchMove", (x + length * math.sin(math.radians(degrees)), y + length * math.cos(math.radians(degrees))))
+            angle = math.radians(degrees)
+            finger("touchMove", (x + length * math.sin(angle), y + length * math.cos(angle)))
             page.wait_for_timeout(60)
         until(seen, f"Math.abs({DESK}.now - 20) < 1.5")
         finger("touchEnd")
@@ -700,7 +708,7 @@ def test_forward_euler_beside_a_swing_runs_away(bench: Served) -> None:
     time_, angle = np.array(curve["t"]), np.abs(curve["y"])
     rate = SCENES["exercise"].omega0**2 * 0.02 / 2.0 - sum(0.5 * effect.gamma for effect in SCENES["exercise"].effects
                                                            if hasattr(effect, "gamma"))
-    first, last = (float(angle[(time_ > t) & (time_ < t + 2)].max()) for t in (curve["release"] + 1.0, curve["release"] + 4.0))
+    first, last = (float(angle[(time_ > t) & (time_ < t + 2)].max()) for t in curve["release"] + np.array([1.0, 4.0]))
     assert math.log(last / first) / 3.0 == pytest.approx(rate, rel=0.25)
     assert np.isfinite(angle).all()
 
