@@ -26,7 +26,7 @@ import numpy as np
 
 from integrators import MethodError, get
 from pendulum_env.bench.acquisition import Acquisition
-from pendulum_env.bench.source import FloatArray, Source, SourceError
+from pendulum_env.bench.source import FloatArray, Source
 from pendulum_env.common.texts import clean
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.lab import Fit, Recording, RecordingError, fit
@@ -157,12 +157,12 @@ class Session:
             if self.acquisition.poll(WAIT, self._heard):
                 return
             self.problem = "The source has ended."
-        except SourceError as error:
-            self.problem = str(error)
         except OSError as error:
             self.problem = f"The run was stopped: {self.file} cannot be written ({error.strerror or error})."
             self._stop()
             return
+        except Exception as error:  # of a source of one's own, too; the page stays alive, and says it
+            self.problem = sentence(error)
         self._live = False
         self._stop()
 
@@ -504,7 +504,7 @@ class Session:
                 curve = {"t": [], "y": [], "v": [], "problem": said}
             if curve is not None and run == self.run and wanted == self.beside and self.shown:
                 self.curves["beside"] = curve
-                with suppress(TimeoutError):
+                with suppress(TimeoutError, OrderError):  # the page is being closed
                     self.between(lambda: self._tell({"kind": "curve", "name": "beside", **self.curves["beside"]}))
 
     def _simulated(self, wanted: Beside, now: float) -> dict[str, Any] | None:
