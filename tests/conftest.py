@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_clock import bench_clock
 from choice import is_quick
 from command_line import run_here
 from fake_clock import clock
 from hypothesis import HealthCheck, settings
 from small_caches import start
 
-__all__ = ["clock", "run_here", "start"]  # fixtures of several tests
+__all__ = ["bench_clock", "clock", "run_here", "start"]  # fixtures of several tests
 
 settings.register_profile("same", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("same")

@@ -10,19 +10,35 @@ from pathlib import Path
 
 import numpy as np
 
+from pendulum_env.bench.clocks import Drift, Rate, Stamps
 from pendulum_env.bench.journal import Journal
 from pendulum_env.bench.source import Chunk, FloatArray, Source
 
 MOST_SHOWN = 4000
 """Largest number of samples of the past that are kept in memory; beyond it, every second one is dropped."""
+NOTES = 60.0
+"""Time between two notes on clocks and losses in a journal [s]; a killed run keeps the last ones."""
+EARLY = 5.0
+"""Time of a run after which these notes are written for the first time [s]."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """What is known of an acquisition: counts, rate [1/s] of samples, the latest reading in the unit of its title."""
+    """What is known of an acquisition: counts, rate [1/s] of samples, the latest reading in the unit of its title.
+
+    Attributes:
+        recording: True while a run is recorded.
+        ended: True once the source has ended.
+        full: True once the run has its duration.
+        samples, lost: counts of the run's samples, and of those that are known to be lost in it.
+        rate: samples per second over the last second.
+        time: time of the run's last sample since its first [s].
+        reading: latest reading of the first column, with zero and sign.
+    """
 
     recording: bool = False
     ended: bool = False
+    full: bool = False
     samples: int = 0
     lost: int = 0
     rate: float = math.nan
@@ -53,76 +69,142 @@ class Acquisition:
     """Samples of one source, with zero and sign, and the runs that are recorded of them.
 
     Open it, call :meth:`poll` again and again, :meth:`start` and :meth:`stop` runs, close it. One thread may call poll
-    while others read ``status`` and ``past``.
+    while others read ``status`` and ``past``. Samples that are not finite, or not later than those before, are left out
+    and count as lost. An angle that is read within one turn is continued over full turns.
     """
 
     def __init__(self, source: Source, *, sign: int = 1) -> None:
         self.source, self.sign, self.zero = source, sign, 0.0
         self.status, self.past = Status(), Past()
         self.journal: Journal | None = None
+        self._until = math.inf
         self._began: float | None = None
         self._host = 0.0
+        self._last = -math.inf
+        self._rate, self._stamps, self._drift = Rate(), Stamps(), Drift()
+        self._raw: float | None = None
+        self._turns = 0.0
+        self._noted = 0.0
 
     def open(self) -> None:
-        """Open the source."""
-        self.source.open()
+        """Open the source; after an error it is closed again."""
+        try:
+            self.source.open()
+        except BaseException:
+            self.source.close()
+            raise
         self._host = time.monotonic()
 
     def set_zero(self) -> None:
         """Take the latest reading as 0 from now on."""
         self.zero += self.sign * self.status.reading if math.isfinite(self.status.reading) else 0.0
 
-    def start(self, path: Path, *, force: bool = False) -> None:
-        """Begin a run and write it to a journal; its time 0 is the next sample's."""
+    def start(self, path: Path, *, force: bool = False, duration: float = math.inf) -> None:
+        """Begin a run of ``duration`` [s] and write it to a journal; its time 0 is the next sample's.
+
+        Raises FileExistsError if the file exists, unless ``force`` is True, and OSError if it cannot be written.
+        """
         self.journal = Journal(path, self.source, force=force)
-        self.past, self._began = Past(), None
-        self.status = replace(self.status, recording=True, samples=0, lost=0, time=0.0)
+        self.past, self._began, self._until, self._noted = Past(), None, duration, EARLY - NOTES
+        self.status = replace(self.status, recording=True, full=False, samples=0, lost=0, time=0.0)
 
     def stop(self) -> Path | None:
-        """End the run; return the path of its journal."""
+        """End the run; return the path of its journal. Raises OSError if the last notes cannot be written."""
         journal, self.journal = self.journal, None
         self.status = replace(self.status, recording=False)
         if journal is None:
             return None
-        journal.close()
+        try:
+            self._note(journal)
+        finally:
+            journal.close()
         return journal.path
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One line for everything that was inferred: by the source, of the clocks, and of losses."""
+        lost = self.status.lost
+        own = [f"lost: {lost} sample{'s' * (lost != 1)}" if lost else "", self._stamps.note, self._drift.note]
+        return (*self.source.notes, *filter(None, own))
+
+    def _note(self, journal: Journal) -> None:
+        for note in self.notes:
+            journal.note(note)
 
     def poll(self, timeout: float = 0.1, heard: Callable[[FloatArray, FloatArray], None] | None = None) -> bool:
         """Take the samples that have come; return False once the source has ended.
 
-        ``heard`` is called with times [s] since the run's first sample and rows of readings.
+        ``heard`` is called with times [s] since the run's first sample and rows of readings. Raises SourceError if the
+        source is lost, OSError if the journal cannot be written.
         """
         chunk = self.source.read(timeout)
         if chunk is None:
             self.status = replace(self.status, ended=True)
             return False
-        if not len(chunk.values):
+        at, raw, lost = self._usable(chunk)
+        kept = self.status
+        if lost and self.journal is not None and not kept.full:
+            self.status = kept = replace(kept, lost=kept.lost + lost)
+        if not len(at):
             return True
-        at, values = self._stamped(chunk), self.sign * (chunk.values - self.zero)
-        self.status = replace(self.status, reading=float(values[-1, 0]), rate=self._rate(at))
-        if self.journal is not None:
+        values = self.sign * (raw - self.zero)
+        self.status = kept = replace(kept, reading=float(values[-1, 0]), rate=self._rate.add(at))
+        if self.journal is not None and not kept.full:
             self._began = float(at[0]) if self._began is None else self._began
-            at = at - self._began
+            since = at - self._began
+            count = int(np.searchsorted(since, self._until * (1.0 + 1e-12), side="right"))
+            at = since[:count]
+            values = values[:count]
             self.journal.write(at, values)
             self.past.add(at, values[:, 0])
-            kept = self.status
-            self.status = replace(kept, samples=kept.samples + len(at), lost=kept.lost + chunk.lost,
-                                  time=float(at[-1]))
-        if heard is not None:
+            passed = float(at[-1]) if count else kept.time
+            self.status = replace(kept, samples=kept.samples + count, time=passed,
+                                  full=count < len(since) or passed >= self._until * (1.0 - 1e-12))
+            if passed - self._noted >= NOTES:
+                self._noted = passed
+                self._note(self.journal)
+        if heard is not None and len(at):
             heard(at, values)
         return True
 
-    def _stamped(self, chunk: Chunk) -> FloatArray:
-        """Return the times of samples [s], those of the host where the source has no clock."""
-        if chunk.time is not None:
-            return chunk.time
-        now = time.monotonic() - self._host
-        return now - (len(chunk.values) - 1 - np.arange(len(chunk.values))) * 1e-6
+    def _usable(self, chunk: Chunk) -> tuple[FloatArray, FloatArray, int]:
+        """Return times and readings that are finite and in their order, and the number of those that are lost."""
+        values, lost, now = chunk.values, chunk.lost, time.monotonic() - self._host
+        if not len(values):
+            return np.empty(0), values, lost
+        if chunk.time is None:
+            at = self._stamps.of(len(values), now)
+            lost += len(values) - len(at)
+            values = values[len(values) - len(at):]
+        else:
+            at = chunk.time
+        good = np.isfinite(at) & np.isfinite(values).all(axis=1)
+        good &= at > np.maximum.accumulate(np.concatenate([[self._last], np.where(good, at, -math.inf)[:-1]]))
+        if not good.all():
+            lost += int(np.count_nonzero(~good))
+            at, values = at[good], values[good]
+        if not len(at):
+            return at, values, lost
+        self._last = float(at[-1])
+        if chunk.time is not None and self.source.own_clock:
+            self._drift.add(self._last, now)
+        return at, self._continued(values), lost
 
-    def _rate(self, at: FloatArray) -> float:
-        return (len(at) - 1) / float(at[-1] - at[0]) if len(at) > 1 and at[-1] > at[0] else self.status.rate
+    def _continued(self, values: FloatArray) -> FloatArray:
+        """Return readings with full turns added where an angle that is read within one turn jumps."""
+        if self.source.quantity != "angle":
+            return values
+        turn = math.tau if "rad" in self.source.columns[0] else 360.0
+        first = values[0, 0] if self._raw is None else self._raw
+        jumps = np.round(np.diff(values[:, 0], prepend=first) / turn)
+        self._raw = float(values[-1, 0])
+        turns = self._turns - np.cumsum(jumps) * turn
+        self._turns = float(turns[-1])
+        return values + turns[:, None] if turns.any() else values
 
     def close(self) -> None:
         """Stop the run and close the source."""
-        self.stop()
-        self.source.close()
+        try:
+            self.stop()
+        finally:
+            self.source.close()

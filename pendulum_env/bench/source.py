@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import Field, dataclass, fields
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.common.checks import SceneError
+from pendulum_env.common.checks import SceneError, nearest, shown
 from pendulum_env.physics.units import Checked
 
 FloatArray = NDArray[np.float64]
@@ -53,16 +53,22 @@ class Source(Checked, ABC):
     Class attributes:
         name: word before the colon in ``serial:/dev/ttyUSB0``.
         about: one sentence for lists.
+        address: field that the text behind the colon sets, "" if the source takes none.
+        place: what that text is, for lists and refusals, as "PORT".
         extra: extra of the package that it needs, "" for none.
         tested: how it was tested.
         quantity: "angle", "rate" (angular velocity) or "force" (specific force), as in a Recording.
+        own_clock: False if its times follow the computer's clock, so that comparing the two says nothing.
     """
 
     name: ClassVar[str]
     about: ClassVar[str]
+    address: ClassVar[str] = ""
+    place: ClassVar[str] = ""
     extra: ClassVar[str] = ""
     tested: ClassVar[str]
     quantity: ClassVar[str] = "angle"
+    own_clock: ClassVar[bool] = True
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -73,6 +79,11 @@ class Source(Checked, ABC):
     def notes(self) -> tuple[str, ...]:
         """One line for everything that was inferred, such as the unit of times; grows while samples come."""
         return ()
+
+    @property
+    def problem(self) -> str:
+        """Sentence on why no sample comes, as far as it is known; "" otherwise."""
+        return ""
 
     @abstractmethod
     def open(self) -> None:
@@ -91,7 +102,28 @@ class Source(Checked, ABC):
 
     @classmethod
     def at(cls, address: str, options: Mapping[str, object]) -> Source:
-        """Return the source at an address, the text behind the colon, with settings by name."""
-        fields: list[str] = [*cls.__dataclass_fields__]
-        given = {fields[0]: address} if address else {}
-        return cls(**given, **options)  # type: ignore[arg-type]
+        """Return the source at an address, the text behind the colon, with settings by their options' names.
+
+        Raises SourceError for an address that is missing or not taken, for an option that the source does not have,
+        and for a value that is not allowed.
+        """
+        if address and not cls.address:
+            raise SourceError(f"{cls.name} takes no address, so leave out {shown(':' + address)}")
+        if cls.address and not address and cls.__dataclass_fields__[cls.address].default is None:
+            raise SourceError(f"{cls.name} needs an address, as {cls.name}:{cls.place}")
+        settings = settings_of(cls)
+        for option in options:
+            if option not in settings:
+                have = nearest(option, settings) if settings else ", as it has no options"
+                raise SourceError(f"{cls.name} has no option --{option.replace('_', '-')}{have}")
+        given = {settings[option].name: value for option, value in options.items()}
+        try:
+            return cls(**({cls.address: address} if address else {}), **given)
+        except SceneError as error:
+            raise SourceError(str(error)) from None
+
+
+def settings_of(kind: type[Source]) -> dict[str, Field[Any]]:
+    """Return the settings of a source beside its address: name of the option (as a keyword) -> field."""
+    return {entry.metadata.get("option", entry.name): entry for entry in fields(kind)
+            if entry.init and entry.name != kind.address}

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
+from pendulum_env.cli.acquire import acquire
 from pendulum_env.cli.auto import auto
 from pendulum_env.cli.code import code
 from pendulum_env.cli.compare import compare
@@ -38,7 +39,7 @@ from pendulum_env.common.version import __version__
 NAME = "lab-pendulum"
 """Name of the program."""
 COMMANDS: dict[str, Callable[..., None]] = {
-    "compare": compare, "cost": cost, "demo": demo, "auto": auto, "fit": fit, "measure": measure,
+    "compare": compare, "cost": cost, "demo": demo, "auto": auto, "acquire": acquire, "fit": fit, "measure": measure,
     "exercise": exercise, "show": show, "stress": stress, "effects": effects, "section": section, "code": code,
     "web": web, "record": record, "list": list_,
 }

@@ -40,12 +40,12 @@ def flag(text: str, name: str) -> Any:
 
 def number(text: str, **more: Any) -> Any:
     """Return an option for a number."""
-    return typer.Option(help=text, parser=_float, **more)
+    return typer.Option(help=text, parser=real, **more)
 
 
 def count(text: str) -> Any:
     """Return an option for a whole number."""
-    return typer.Option(help=text, parser=_int)
+    return typer.Option(help=text, parser=whole)
 
 
 def word(text: str, *names: str) -> Any:
@@ -58,7 +58,7 @@ def words(text: str, *names: str, **more: Any) -> Any:
     return typer.Option(*names, help=f"{text}, with commas, or repeat the option.", callback=_split, **more)
 
 
-def _float(text: Any) -> float:
+def real(text: Any) -> float:
     """Return the number in the text of an option; raise typer's error, which quotes it, for another text."""
     try:
         return float(text)
@@ -68,7 +68,7 @@ def _float(text: Any) -> float:
         raise typer.BadParameter(f"{shown(text)} is not a number{remedy}.") from None
 
 
-def _int(text: Any) -> int:
+def whole(text: Any) -> int:
     """Return the whole number in the text of an option; raise typer's error, which quotes it, for another text."""
     try:
         return int(text)
@@ -207,7 +207,7 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
             raise SceneError(f"--read has no keyword {shown(name)}{nearest(name, known)}")
         if name in given:
             raise SceneError(f"{name} is given twice, by --{name} and by --read.")
-        given[name] = _marks().get(value, value)
+        given[name] = marks().get(value, value)
     if isinstance(given.get("scale"), str):
         given["scale"] = quotient(given["scale"])
     given |= {name: _parts(given[name]) for name in LISTS if isinstance(given.get(name), str)}
@@ -244,11 +244,16 @@ LISTS = ("columns", "pivot")
 """Keywords of Recording.read that take several values, separated by commas."""
 
 
-def _marks() -> dict[Any, str]:
+def marks() -> dict[Any, str]:
     """Return separators and decimal marks by their names, such as "tab", as a tab cannot be typed as a value."""
     from pendulum_env.lab.table import DECIMALS, SEPARATORS
 
     return {name: mark for marks in (SEPARATORS, DECIMALS) for mark, name in marks.items()}
+
+
+def named(word: str) -> str:
+    """Return the name of a separator or decimal mark, and any other word as it stands."""
+    return next((name for name, mark in marks().items() if mark == word), word)
 
 
 def _parts(value: Any) -> Any:

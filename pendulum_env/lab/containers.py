@@ -19,6 +19,7 @@ from pendulum_env.lab.decoding import (
     opened,
     unpacked,
 )
+from pendulum_env.lab.journals import is_journal, whole_lines
 from pendulum_env.lab.quantities import ANGLE, CORRELATION, DISTANCE, FORCE, GATE, PERIOD, RATE, TRACK
 from pendulum_env.physics.units import shown
 
@@ -63,6 +64,9 @@ def _text(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
         return _unpacked(name, data, part)
     if data[:4] == _OLD_WORKBOOK:
         return _sheet(name, data, part)
+    notes: list[str] = []
+    if is_journal(data):
+        data, notes = whole_lines(data)
     text = decoded(name, data)
     if text.lstrip()[:5] == "<?xml" and "cabrillo.tracker" in text:
         from pendulum_env.lab.tracker import track_table
@@ -71,7 +75,7 @@ def _text(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
     if part is not None:
         raise RecordingError(f"{name}: part={shown(part)} is for archives, workbooks and Tracker projects; "
                              "this is a file of text")
-    return text, []
+    return text, notes
 
 
 def decoded(name: str, data: bytes) -> str:

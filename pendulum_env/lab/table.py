@@ -22,7 +22,7 @@ _WORDY = 0.05
 """Lines of text between readings are left out if they are at most this share of all lines."""
 _BEGINNINGS = {*"+-.,0123456789\N{MINUS SIGN}"}
 """Characters with which a number begins."""
-_LABELLED = re.compile(r"\s*([^\W\d_][\w °/()]*?)\s*[:=]\s*([+-]?[\d.]+(?:e[+-]?\d+)?)\s*(?:[,;\t]|$|\s)")
+LABELLED = re.compile(r"\s*([^\W\d_][\w °/()]*?)\s*[:=]\s*([+-]?[\d.]+(?:e[+-]?\d+)?)\s*(?:[,;\t]|$|\s)")
 """A value with its label, as the serial plotter of Arduino prints them."""
 _END = 20
 """Largest number of lines at the end of a file that are left out as text after the readings."""
@@ -30,7 +30,7 @@ _RUN = re.compile(r"(?<![a-z])(?:run|set|trial|lauf|messung)\s*[#:]?\s*(\d{1,9})
 """Number of a run in a column's title."""
 _MISSING = {"", "-", "--", "na", "n/a", "nan", "#n/a", "null", "none", "inf", "+inf", "-inf", "missing", "invalid",
             "err", "error", "overflow", "no data"}
-_NUMBERS = {
+NUMBERS = {
     mark: re.compile(rf"[+-]?(\d+[{mark}]?\d*|[{mark}]\d+)(e[+-]?\d+)?", re.IGNORECASE) for mark in (*DECIMALS, ".,")
 }
 """Regular expressions of a number, by the decimal marks that are allowed in it."""
@@ -67,7 +67,7 @@ class TextTable:
         self.header: list[str] = []
         self.comments: list[str] = []
         self.rows: list[tuple[int, list[str]]] = []
-        self._number_form = _NUMBERS[decimal or ".,"]
+        self._number_form = NUMBERS[decimal or ".,"]
         self._thousands = False
         self.separator = ""
         self._titles: list[list[str]] | None = None
@@ -82,7 +82,7 @@ class TextTable:
                     self.rows.append((number, split(line, self.separator, trim=False)))
                     continue
                 words = re.split(r"[\t;,]|\s+", line.strip())
-                if 1 < len(words) <= 3 and _NUMBERS[".,"].fullmatch(words[0]):
+                if 1 < len(words) <= 3 and NUMBERS[".,"].fullmatch(words[0]):
                     raise self.error(number, "a header or numbers", line)
                 self.header.append(line)
                 if len(self.header) > _HEADER_LINES:
@@ -323,10 +323,10 @@ def _without_labels(text: str) -> tuple[str, bool]:
     """
     lines = text.splitlines()
     first = next((line for line in lines if line.strip()), "")
-    labels = [match[1] for match in _LABELLED.finditer(first)]
-    if len(labels) < 2 or _LABELLED.sub("", first).strip():
+    labels = [match[1] for match in LABELLED.finditer(first)]
+    if len(labels) < 2 or LABELLED.sub("", first).strip():
         return text, False
-    rows = ["\t".join(match[2] for match in _LABELLED.finditer(line)) or line for line in lines]
+    rows = ["\t".join(match[2] for match in LABELLED.finditer(line)) or line for line in lines]
     return "\n".join(["\t".join(labels), *rows]) + "\n", True
 
 

@@ -138,7 +138,8 @@ def _check(entry: Field[Any]) -> Any:
 class Checked:
     """Base of dataclasses whose fields from :func:`si`, :func:`choice` and others here are checked on construction.
 
-    The repr is code that recreates the instance, with only the fields that differ from their defaults.
+    The repr is code that recreates the instance, with only the fields that differ from their defaults; those with
+    ``repr=False`` are left out.
     """
 
     def __init_subclass__(cls) -> None:
@@ -156,5 +157,5 @@ class Checked:
 
     def _changed(self) -> list[str]:
         """Return the texts ``name=value`` for all fields of the dataclass that differ from their defaults."""
-        values = ((f, getattr(self, f.name)) for f in fields(self))  # type: ignore[arg-type]
+        values = ((f, getattr(self, f.name)) for f in fields(self) if f.repr)  # type: ignore[arg-type]
         return [f"{f.name}={value!r}" for f, value in values if repr(value) != repr(f.default)]

@@ -84,7 +84,7 @@ SHORT: Mapping[str, str] = {
     "cost": "--scene vacuum --integrators rk4,heun --duration 1 --repeats 1 --growth 2",
     "demo": "--no-film",
     "auto": "--scene vacuum --accuracy 1e-3 --duration 0.2",
-    "fit": "--effects linear --mass 0.01 --radius 0.02",
+    "acquire": "--headless --duration 0.2 --rate 50", "fit": "--effects linear --mass 0.01 --radius 0.02",
     "measure": "",
     "exercise": "",
     "show": "--help",

@@ -37,7 +37,9 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.window": PICTURES,
     "pendulum_env.lab": RUNS,
     "pendulum_env.envs": (*PICTURES, "pendulum_env.auto", "pendulum_env.window"),
-    "pendulum_env.study": (*PICTURES, "pendulum_env.controllers", "pendulum_env.lab", "pendulum_env.plots"),
+    "pendulum_env.bench": (*BASE, *(f"pendulum_env.{room}" for room in ("engine", "lab", "web", "exercise"))),
+    "pendulum_env.study": (*PICTURES, "pendulum_env.controllers", "pendulum_env.lab", "pendulum_env.plots",
+                           "pendulum_env.bench"),
     "pendulum_env.hard_cases": (*RUNS, "pendulum_env.plots"),
     "pendulum_env.plots": (*RUNS, "pendulum_env.render", "pendulum_env.lab", "pendulum_env.study",
                            "pendulum_env.hard_cases"),
@@ -49,7 +51,7 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.notebook": (*BASE, *(f"pendulum_env.{room}" for room in (
         "engine", "lab", "study", "hard_cases", "plots"))),
     "pendulum_env.cli": (*PICTURES, *(f"pendulum_env.{room}" for room in (
-        "controllers", "auto", "window", "lab", "envs", "study", "hard_cases", "plots", "exercise", "web"))),
+        "controllers", "auto", "window", "lab", "envs", "study", "hard_cases", "plots", "exercise", "web", "bench"))),
 }
 """Room -> the rooms that its modules may import. Modules at the top of pendulum_env are nobody's to import."""
 

@@ -8,6 +8,7 @@ import pytest
 from readme_code import check_listed, check_table
 
 from pendulum_env import SCENES, SceneError
+from pendulum_env.bench.sources import SOURCES
 from pendulum_env.engine.motion import EVENTS
 from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES
@@ -18,6 +19,7 @@ from pendulum_env.tasks import TASKS
 ELSEWHERE = "integrators"
 """List that another module tests, because its limits take seconds to compute."""
 REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "bodies": BODIES, "events": EVENTS, "tasks": TASKS,
+              "sources": [name + f":{kind.place}" * bool(kind.address) for name, kind in SOURCES.items()],
               "formats": [re.sub("^an? ", "", quantity.name) for quantity in QUANTITIES]}
 
 

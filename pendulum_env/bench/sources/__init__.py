@@ -3,9 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
-from pendulum_env.bench.source import Source
+from pendulum_env.bench.source import Source, SourceError
+from pendulum_env.bench.sources.replay import Replay
+from pendulum_env.bench.sources.stdin import Stdin
+from pendulum_env.bench.sources.udp import Udp
 from pendulum_env.bench.sources.virtual import Virtual
+from pendulum_env.physics.units import nearest, shown
 
-SOURCES: Mapping[str, type[Source]] = {kind.name: kind for kind in (Virtual,)}
+SOURCES: Mapping[str, type[Source]] = {kind.name: kind for kind in (Virtual, Replay, Udp, Stdin)}
 """Name -> class of a source."""
+
+
+def source_at(address: str, options: Mapping[str, object] | None = None) -> Source:
+    """Return the source at an address such as "virtual", "udp:5005" or "replay:swing.csv", not opened yet.
+
+    ``options`` are its settings by their options' names. Raises SourceError for an unknown name, with the nearest, and
+    for an address or a setting that the source does not take.
+    """
+    name, colon, place = address.partition(":")
+    kind = SOURCES.get(name.strip().lower())
+    if kind is None or (colon and not place and kind.address):
+        if kind is None and Path(address).is_file():
+            raise SourceError(f"{shown(address)} is a file; replay:{address} plays it again")
+        if kind is None and "serial" in SOURCES and (address.startswith("/dev/") or address[:3].upper() == "COM"):
+            raise SourceError(f"{shown(address)} is a port; serial:{address} reads it")
+        if kind is None:
+            raise SourceError(f"There is no source {shown(address)}{nearest(name, SOURCES)}")
+    return kind.at(place, options or {})

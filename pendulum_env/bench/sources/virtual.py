@@ -6,94 +6,113 @@ import math
 import time
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from pendulum_env.bench.source import Chunk, FloatArray, Source
-from pendulum_env.engine.rollout import rollout
+from pendulum_env.bench.source import Chunk, FloatArray, Source, SourceError
 from pendulum_env.physics.presets import find_scene
-from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import rounded
-from pendulum_env.physics.units import setting, si
+from pendulum_env.physics.units import setting, si, whole_number
 
-AHEAD = 1.0
-"""Seconds of motion that are simulated at once."""
+if TYPE_CHECKING:
+    from pendulum_env.engine.machine import Machine
+
+LONGEST_STEP = 0.005
+"""Longest step of the integrator [s]; the scene's own if that is shorter."""
+NAP = 0.002
+"""Time between two looks at the clock [s]."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Virtual(Source):
-    """The scene ``scene``, released from ``angle`` after ``wait`` seconds, or lifted and let go by :meth:`lift` and
-    :meth:`release`; a reading is ``quantum * round((theta + noise) / quantum)``.
+    """A scene released from ``angle`` after ``wait`` seconds, or lifted and let go by :meth:`lift` and :meth:`release`.
+
+    A reading is ``quantum * round((theta + noise_k) / quantum)``, with Gaussian ``noise_k``.
     """
 
     name: ClassVar[str] = "virtual"
     about: ClassVar[str] = "a simulated pendulum in real time; works everywhere"
     tested: ClassVar[str] = "a real browser"
+    own_clock: ClassVar[bool] = False
 
-    scene: Any = setting("lab", "scene that swings: a preset's name, dict, Scene or JSON file")
+    scene: Any = setting("lab", "scene that swings: a preset's name or a scene's JSON file; in Python a dict or Scene")
     integrator: str = setting("rk4", "method that integrates it")
-    angle: float | None = si(None, "rad", "angle of release", optional=True, note="None for that of the scene's run")
-    wait: float = si(1.0, "s", "time before the release; the bob is held at the angle", least=0.0,
-                     note="inf to wait for a hand, as on the page")
+    angle: float | None = si(None, "rad", "angle of release", optional=True, note="None: that of the scene's usual run")
+    wait: float | None = si(1.0, "s", "time before the release", least=0.0, optional=True,
+                            note="None: until it is let go, as on the page")
     rate: float = si(100.0, "Hz", "readings per second", above=0.0)
     quantum: float = si(math.radians(0.09), "rad", "smallest step between readings, 360°/4000", least=0.0)
     noise: float = si(math.radians(0.02), "rad", "standard deviation of a reading", least=0.0)
-    seed: int = setting(0, "seed of the noise")
-    _state: dict[str, Any] = field(default_factory=dict, init=False)
-    _lock: Any = field(default_factory=Lock, init=False)
+    seed: int = setting(0, "seed of the noise and of gusts", lambda value, name: whole_number(value, name, least=0))
+    _bob: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+    _lock: Any = field(default_factory=Lock, init=False, repr=False)
 
     def open(self) -> None:
         """Begin: the bob is held at the angle of release."""
-        scene: Scene = find_scene(self.scene)
+        from pendulum_env.engine.machine import Machine
+
+        scene = find_scene(self.scene)
         held = scene.run.angle if self.angle is None else self.angle
-        self._state.update(scene=scene, held=held, read=0, began=time.monotonic(), free_from=self.wait,
-                           random=np.random.default_rng(self.seed), ahead=np.empty(0), next=(held, 0.0))
+        machine = Machine(scene, self.integrator, ())
+        steps = max(math.ceil(1.0 / (self.rate * min(LONGEST_STEP, scene.run.dt)) - 1e-9), 1)
+        machine.advance(machine.state(held, 0.0), 0.0, 1.0 / (self.rate * steps), 1)  # compiles before the clock runs
+        with self._lock:
+            self._bob.update(machine=machine, steps=steps, random=np.random.default_rng(self.seed), held=held, read=0,
+                             state=None, free_from=math.inf if self.wait is None else self.wait,
+                             began=time.monotonic())
 
     def lift(self, angle: float) -> None:
         """Hold the bob at an angle [rad] from now on, as a hand would."""
         with self._lock:
-            self._state.update(held=float(angle), free_from=math.inf, ahead=np.empty(0))
+            self._bob.update(held=float(angle), free_from=math.inf, state=None)
 
     def release(self) -> None:
         """Let the bob go from where it is held, at rest."""
         with self._lock:
-            self._state.update(free_from=self._state["read"] / self.rate, next=(self._state["held"], 0.0),
-                               ahead=np.empty(0))
+            if self._bob["free_from"] > (now := self._bob["read"] / self.rate):
+                self._bob.update(free_from=now, state=None)
 
     def read(self, timeout: float = 0.1) -> Chunk:
-        """Return the readings that are due."""
-        kept = self._state
+        """Return the readings that are due; SourceError if the motion leaves the finite range."""
         until = time.monotonic() + timeout
-        while (due := math.floor((time.monotonic() - kept["began"]) * self.rate)) <= kept["read"]:
-            if time.monotonic() >= until:
-                break
-            time.sleep(min(1.0 / self.rate, timeout))
+        while self._due() <= 0 and (left := until - time.monotonic()) > 0.0:
+            time.sleep(min(NAP, left))
         with self._lock:
-            count = max(due - kept["read"], 0)
-            at = (kept["read"] + np.arange(count)) / self.rate
-            free = at >= kept["free_from"]
-            angle = np.full(count, kept["held"])
-            angle[free] = self._moved(int(free.sum()))
-            kept["read"] += count
-        angle = angle + self.noise * kept["random"].standard_normal(count)
+            bob = self._bob
+            at = (bob["read"] + np.arange(max(self._due(), 0))) / self.rate
+            held = int(np.count_nonzero(at < bob["free_from"]))
+            angle = np.concatenate([np.full(held, bob["held"]), self._moved(len(at) - held)])
+            bob["read"] += len(at)
+            angle = angle + self.noise * bob["random"].standard_normal(len(at))
         if self.quantum:
             angle = rounded(angle, self.quantum)
         return Chunk(np.degrees(angle)[:, None], at)
 
+    def _due(self) -> int:
+        """Return the number of readings whose time has come."""
+        began, read = self._bob["began"], self._bob["read"]
+        return int(math.floor((time.monotonic() - began) * self.rate) + 1 - read)
+
     def _moved(self, count: int) -> FloatArray:
-        """Return the next ``count`` angles [rad] of the free motion, at the times of readings."""
-        kept = self._state
-        while len(kept["ahead"]) < count:
-            angle, velocity = kept["next"]
-            steps = max(math.ceil(200.0 / self.rate), 1)
-            motion = rollout(kept["scene"], integrator=self.integrator, angle=angle, velocity=velocity,
-                             duration=max(AHEAD, 2.0 / self.rate), dt=1.0 / (self.rate * steps), every=steps,
-                             diagnostics=(), warn=False)
-            kept["ahead"] = np.concatenate([kept["ahead"], motion.angle[:-1]])
-            kept["next"] = float(motion.angle[-1]), float(motion.velocity[-1])
-        taken, kept["ahead"] = kept["ahead"][:count], kept["ahead"][count:]
-        return np.asarray(taken)
+        """Return the next ``count`` angles [rad] of the free motion, the first of which is that of the release."""
+        from pendulum_env.engine.machine import followed
+
+        bob = self._bob
+        if not count:
+            return np.empty(0)
+        machine: Machine = bob["machine"]
+        first = bob["state"] is None
+        if first:
+            drawn = np.random.default_rng(self.seed).random(len(machine.drawn)).tolist()
+            bob["state"] = machine.state(bob["held"], 0.0, drawn)
+        # one record is the state before the first step: the angle at the release, or one that was read before
+        rows, reason = followed(machine, bob["state"], 1.0 / (self.rate * bob["steps"]), count + (not first),
+                                bob["steps"], 0, 0.0, math.inf)
+        if reason:
+            raise SourceError(f"the simulated motion stopped: {reason}; choose another integrator or scene")
+        angle, turns = (rows[:, machine.names.index(name)] for name in ("angle", "turns"))
+        return np.asarray(angle + math.tau * turns)[int(not first):]
 
     def close(self) -> None:
         """Do nothing; the simulation ends with its last reading."""

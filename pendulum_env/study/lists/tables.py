@@ -1,4 +1,4 @@
-"""Tables of the scenes, bodies, integrators, effects, tasks, events and formats, made from their registries."""
+"""Tables of scenes, bodies, integrators, effects, tasks, events, formats and sources, made from their registries."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from integrators import METHODS
+from pendulum_env.bench.sources import SOURCES
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.motion import EVENTS
 from pendulum_env.lab.quantities import QUANTITIES
@@ -75,9 +76,17 @@ def formats_table() -> Table:
                  tuple(quantity.cells for quantity in QUANTITIES))
 
 
+def sources_table() -> Table:
+    """Return a table of the sources of live samples: address, what it is, extra of the package, how it was tested."""
+    rows = tuple((f"{name}:{kind.place}" if kind.address else name, kind.about, kind.extra or "-", kind.tested)
+                 for name, kind in SOURCES.items())
+    return Table(("source", "what it is", "extra", "tested with"), rows)
+
+
 TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
     {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "bodies": bodies_table,
-     "tasks": tasks_table, "events": events_table, "formats": formats_table}
+     "tasks": tasks_table, "events": events_table, "formats": formats_table,
+     "sources": sources_table}
 )
 """Functions that return the tables, by name."""
 

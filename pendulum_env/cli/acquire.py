@@ -1,0 +1,217 @@
+"""The command ``lab-pendulum acquire``: a sensor live, in a page of the browser or without one."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import Field
+from inspect import Parameter, cleandoc, signature
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+
+import typer
+
+from pendulum_env.bench.source import Source, settings_of
+from pendulum_env.bench.sources import SOURCES, source_at
+from pendulum_env.cli import options
+from pendulum_env.cli.console import print_text, printable, terminal_width
+
+if TYPE_CHECKING:
+    from pendulum_env.bench.acquisition import Acquisition
+    from pendulum_env.bench.running import Run
+
+FILE = Path("swing.csv")
+"""File of a run, if none is given; numbered if it exists."""
+EVERY = 0.2
+"""Time between two progress lines [s]."""
+OWN = ("scene", "integrator")
+"""Settings of sources that are options of the command itself."""
+
+
+def acquire(
+    source: Annotated[str, options.option("Source, as virtual, replay:FILE or udp:PORT: see below.", "--from")
+                      ] = "virtual",
+    headless: Annotated[bool, options.flag("Record without a page, to the end of the source or Ctrl-C.", "--headless")
+                        ] = False,
+    duration: Annotated[float | None, options.number("Length of the run in s, with --headless.")] = None,
+    out: Annotated[Path | None, options.option(f"File of the run; by default {FILE}, numbered if it exists.",
+                                               "--out", "-o")] = None,
+    force: Annotated[bool, options.flag("Replace the file if it exists.", "--force")] = False,
+    zero: Annotated[bool, options.flag("Take the reading before the run as 0, for a bob that hangs at rest.",
+                                       "--zero")] = False,
+    reverse: Annotated[bool, options.flag("Reverse the direction of angles.", "--reverse")] = False,
+    scene: Annotated[str | None, options.option("Scene of the virtual source, and of the simulation beside the swing: "
+                                                "a preset or a scene's JSON file; by default lab.")] = None,
+    integrator: Annotated[str | None, options.word("Method of that simulation; by default rk4.")] = None,
+    browser: Annotated[bool, options.option("Open the page in the browser; without, only its address is printed.")
+                       ] = True,
+    **settings: Any,
+) -> None:
+    """Record a sensor, live: a page in the browser, or --headless. Samples are written to a file as they come.
+
+    \b
+    {sources}
+
+    Options of one source alone are marked with its name. Angles on the command line are in degrees. The file is one
+    that lab-pendulum fit reads, also while the run goes on or after it was cut off.
+    """
+    from pendulum_env.bench.journal import check_new
+    from pendulum_env.bench.source import SourceError
+    from pendulum_env.physics.units import number
+
+    kind = SOURCES.get(source.partition(":")[0].strip().lower())
+    given = {name: value for name, value in settings.items() if value is not None}
+    own = {"scene": scene, "integrator": integrator}
+    for name, value in own.items():
+        if value is not None and kind is not None and (headless or name in settings_of(kind)):
+            given[name] = value
+    found = source_at(source, _converted(kind, given) if kind is not None else {})
+    if not headless:
+        for name, unwanted in (("duration", duration is not None), ("zero", zero), ("reverse", reverse)):
+            if unwanted:
+                raise SourceError(f"--{name} is for --headless; the page has buttons for it")
+    place = out if out is not None else _free(FILE) if headless else FILE
+    if out is not None:
+        check_new(place, force)
+    if headless:
+        span = None if duration is None else number(duration, "duration", above=0.0, unit="s")
+        _headless(found, place, span, force, -1 if reverse else 1, zero)
+        return
+    from pendulum_env.bench.page import serve
+
+    serve(found, out=place, force=force, scene=scene or "lab", integrator=integrator or "rk4", open_browser=browser)
+
+
+def _free(path: Path) -> Path:
+    """Return the path, or the first with a number that does not exist yet."""
+    number = 1
+    free = path
+    while free.exists():
+        number += 1
+        free = path.with_stem(f"{path.stem}-{number}")
+    return free
+
+
+def _headless(source: Source, path: Path, duration: float | None, force: bool, sign: int, zero: bool) -> None:
+    """Record a run, with a line of progress on a terminal, and say what came."""
+    from time import monotonic
+
+    from pendulum_env.bench.running import in_short, record
+    from pendulum_env.bench.source import SourceError
+
+    line = sys.stderr.isatty()
+    room, last = terminal_width() - 1, 0.0
+
+    def tell(acquisition: Acquisition) -> None:
+        nonlocal last
+        if line and monotonic() - last >= EVERY:
+            last = monotonic()
+            text = printable(in_short(acquisition), sys.stderr.encoding)[:room]
+            print(f"\r{text:{room}}", end="", file=sys.stderr, flush=True)
+
+    try:
+        run = record(source, path, duration=duration, force=force, sign=sign, zero=zero, tell=tell)
+    finally:
+        if line:
+            print(f"\r{'':{room}}\r", end="", file=sys.stderr, flush=True)
+    _said(run)
+    if run.problem:
+        raise SourceError(f"the run ended early: {run.problem}")
+
+
+def _said(run: Run) -> None:
+    """Print the file, counts and notes of a run."""
+    status = run.status
+    count = f"{status.samples} samples in {status.time:.4g} s, {status.lost or 'none'} lost"
+    print_text(f"Wrote {run.path}: {count}.")
+    for note in run.notes:
+        print_text(f"  {note}", further="      ")
+    if status.samples >= 3:
+        print_text(f"lab-pendulum fit {run.path} fits it.")
+
+
+def _converted(kind: type[Source], given: Mapping[str, Any]) -> dict[str, object]:
+    """Return the values of options in the types of a source's settings; others stay, and are refused by the source."""
+    fields = settings_of(kind)
+    return {name: _value(name, fields[name], value) if name in fields else value for name, value in given.items()}
+
+
+def _value(name: str, setting: Field[Any], text: Any) -> object:
+    """Return the value of a setting for the text of its option; angles are in degrees."""
+    import math
+
+    if isinstance(text, str) and text.lower() == "none" and setting.metadata.get("optional"):
+        return None
+    kind = str(setting.type)
+    try:
+        if "float" in kind:
+            return math.radians(options.real(text)) if setting.metadata.get("unit") == "rad" else options.real(text)
+        if "int" in kind:
+            return options.whole(text)
+    except typer.BadParameter as error:
+        raise typer.BadParameter(str(error), param_hint=f"--{name.replace('_', '-')}") from None
+    return options.marks().get(text, text)
+
+
+def _by_option() -> dict[str, list[tuple[type[Source], Field[Any]]]]:
+    """Return the settings of all sources by the names of their options, in the order of the sources."""
+    found: dict[str, list[tuple[type[Source], Field[Any]]]] = {}
+    for kind in SOURCES.values():
+        for name, entry in settings_of(kind).items():
+            if name not in OWN:
+                found.setdefault(name, []).append((kind, entry))
+    return found
+
+
+def _option(name: str, entries: list[tuple[type[Source], Field[Any]]]) -> Parameter:
+    """Return the option of a setting that one source or several have, as a parameter of the command."""
+    texts: dict[str, list[str]] = {}
+    for kind, entry in entries:
+        texts.setdefault(_about(entry), []).append(kind.name)
+    text = " ".join(f"{', '.join(names)}: {about}." for about, names in texts.items())
+    setting = entries[0][1]
+    option = f"--{name.replace('_', '-')}"
+    if "bool" in str(setting.type):
+        return Parameter(name, Parameter.KEYWORD_ONLY, default=None,
+                         annotation=Annotated[bool | None, options.option(text, f"{option}/--no-{option[2:]}")])
+    metavar = next((f"<{word}>" for word in ("float", "int") if word in str(setting.type)), "<str>")
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=None,
+                     annotation=Annotated[str | None, options.option(text, option, metavar=metavar)])
+
+
+def _about(entry: Field[Any]) -> str:
+    """Return the meaning, the words allowed, the unit and the default of a setting, for the help."""
+    import math
+
+    about, note, default = str(entry.metadata["doc"]), str(entry.metadata.get("note", "")), entry.default
+    words = [options.named(word) for word in entry.metadata.get("allowed", ()) if "bool" not in str(entry.type)]
+    unit = entry.metadata.get("unit", "1")
+    about += f": {', '.join(words)}" if words else ""
+    about += {"1": "", "rad": " in degrees"}.get(unit, f" in {unit}")
+    if default is None:
+        return about + (f"; by default {note.removeprefix('None:').strip()}" if note else "")
+    if isinstance(default, float):
+        default = f"{math.degrees(default) if unit == 'rad' else default:.4g}"
+    return f"{about}; by default {default}" + (f" ({note})" if note else "")
+
+
+def _sources() -> str:
+    """Return the list of sources for the help, one in each line."""
+    names = {kind.name: kind.name + (f":{kind.place}" if kind.address else "") for kind in SOURCES.values()}
+    room = max(map(len, names.values()))
+    return "\n".join(f"{names[kind.name]:{room}}  {kind.about}" for kind in SOURCES.values())
+
+
+def _complete() -> None:
+    """Give the command an option for each setting of a source, and its help the list of sources."""
+    acquire.__doc__ = cleandoc(acquire.__doc__ or "").replace("{sources}", _sources())
+    hints = get_type_hints(acquire, include_extras=True)
+    own = [parameter.replace(annotation=hints[name]) for name, parameter in signature(acquire).parameters.items()
+           if parameter.kind is not Parameter.VAR_KEYWORD]
+    more = [_option(name, entries) for name, entries in _by_option().items()]
+    parameters = [parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own] + more
+    acquire.__signature__ = signature(acquire).replace(parameters=parameters)  # type: ignore[attr-defined]
+    acquire.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+
+
+_complete()
