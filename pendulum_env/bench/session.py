@@ -132,7 +132,8 @@ class Session:
         for thread in self._threads:
             thread.join(timeout=5.0)
         self._workers.shutdown(wait=False, cancel_futures=True)
-        self.acquisition.close()
+        with suppress(OSError):  # of the journal's last lines, on a full disk
+            self.acquisition.close()
         for page in self._pages:
             with suppress(queue.Full):
                 page.put_nowait(None)
@@ -157,11 +158,11 @@ class Session:
             if self.acquisition.poll(WAIT, self._heard):
                 return
             self.problem = "The source has ended."
-        except OSError as error:
-            self.problem = f"The run was stopped: {self.file} cannot be written ({error.strerror or error})."
-            self._stop()
-            return
         except Exception as error:  # of a source of one's own, too; the page stays alive, and says it
+            if isinstance(error, OSError) and self.acquisition.status.recording:
+                self.problem = f"The run was stopped: {self.file} cannot be written ({error.strerror or error})."
+                self._stop()
+                return
             self.problem = sentence(error)
         self._live = False
         self._stop()
@@ -267,7 +268,7 @@ class Session:
         return json.dumps({
             "kind": "state", "source": self.source.name, "about": _about(self.source),
             "quantity": self.source.quantity, "title": name, "unit": unit, "hand": hasattr(self.source, "lift"),
-            "counts": counts, "notes": [clean(note, 300) for note in self.source.notes], "live": self._live,
+            "counts": counts, "notes": [clean(note, 300) for note in acquisition.notes], "live": self._live,
             "problem": self.problem, "run": self.run, "recording": status.recording, "samples": status.samples,
             "lost": status.lost, "rate": _finite(status.rate), "sign": acquisition.sign,
             "zero": acquisition.zero * self.factor, "file": clean(self.file.name) if self.file else "",
@@ -326,7 +327,8 @@ class Session:
         if self.acquisition.status.recording:
             raise OrderError("A run is being recorded; stop it first.")
         kept = self.acquisition
-        kept.close()
+        with suppress(OSError):
+            kept.close()
         self.acquisition = Acquisition(self.source, sign=kept.sign)
         self.acquisition.zero, self.acquisition.past = kept.zero, kept.past
         self._live = False
@@ -395,11 +397,12 @@ class Session:
             raise OrderError("The name must be that of a file, without a folder.")
         path = self.out.with_name(name)
         lines = [*str(wanted.get("notes") or "").splitlines(), *map(str, wanted.get("readings") or ())]
-        comments = "".join(f"# {clean(line, 300)}\n" for line in lines if line.strip())
+        comments = "".join(f"# {clean(line, 300)}\n" for line in lines if line.strip()).encode()
+        first = text.find(b"\n") + 1  # the line by which a journal is recognised
         replaces = self.force and path == self.out and path not in self.saved
         try:
             with path.open("wb" if replaces else "xb") as file:
-                file.write(comments.encode() + text)
+                file.write(text[:first] + comments + text[first:])
         except FileExistsError:
             raise OrderError(f"{path} exists already; choose another name.") from None
         except (OSError, ValueError) as error:

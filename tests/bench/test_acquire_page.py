@@ -234,7 +234,8 @@ def test_save_writes_what_recording_reads_and_replaces_nothing(tmp_path: Path) -
     assert (code, text) == (200, journal.read_bytes())
     assert (tmp_path / "there.csv").read_text() == "kept"
     saved = (tmp_path / "swing.csv").read_text(encoding="utf-8")
-    assert saved.endswith(journal.read_text(encoding="utf-8"))
+    kept = journal.read_text(encoding="utf-8").splitlines()
+    assert [line for line in saved.splitlines() if line in kept] == kept
     assert "\x1b" not in saved
     assert all(f"# {line}" in saved for line in (HOSTILE, *readings))
     both = [Recording.read(path) for path in (journal, tmp_path / "swing.csv")]
@@ -348,7 +349,7 @@ def test_a_gyroscopes_angle_is_integrated(tmp_path: Path) -> None:
     """The integral of 5 cos(5 t) rad/s is sin(5 t) rad."""
     with served(Steady(title="Gyroscope z (rad/s)", quantity="rate"), out=tmp_path / "x.csv") as page:
         events = page.session.listen()
-        angles = [json.loads(events.get(timeout=10) or "").get("angle") for _ in range(150)]
+        angles = [json.loads(events.get(timeout=10) or "").get("angle") for _ in range(50)]
     found = [angle for angle in angles if angle is not None]
     assert np.ptp(found) == pytest.approx(2 * math.degrees(1.0), rel=0.05)
 
@@ -379,7 +380,7 @@ def test_zero_sign_and_counts(tmp_path: Path) -> None:
 
 
 def test_a_virtual_bob_is_lifted_to_what_the_sensor_then_reads(tmp_path: Path) -> None:
-    with served(Virtual(noise=0.0, quantum=0.0, wait=1e6), out=tmp_path / "x.csv") as page:
+    with served(Virtual(noise=0.0, quantum=0.0, wait=None), out=tmp_path / "x.csv") as page:
         acquisition = page.session.acquisition
         when(lambda: math.isfinite(acquisition.status.reading))
         ordered(page, "lift", angle=-2.0)
@@ -404,7 +405,7 @@ MINUS = "\N{MINUS SIGN}"
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Served]:
     """A page of a virtual pendulum that hangs until it is lifted."""
-    with served(Virtual(wait=1e6, angle=0.0), out=tmp_path / "swing.csv") as page:
+    with served(Virtual(wait=None, angle=0.0), out=tmp_path / "swing.csv") as page:
         yield page
 
 
