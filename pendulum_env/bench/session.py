@@ -29,8 +29,7 @@ from pendulum_env.bench.acquisition import Acquisition
 from pendulum_env.bench.source import FloatArray, Source
 from pendulum_env.common.texts import clean
 from pendulum_env.engine.rollout import rollout
-from pendulum_env.lab import Fit, Recording, RecordingError, fit
-from pendulum_env.lab.fitting.start import Measured
+from pendulum_env.lab import Fit, Recording, RecordingError, fit, turning_points
 from pendulum_env.lab.recording import in_words
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.units import SceneError, number, one_of
@@ -264,11 +263,11 @@ class Session:
     def _state_text(self) -> str:
         status, acquisition = self.acquisition.status, self.acquisition
         name, unit = self.title
-        counts = getattr(self.source, "counts", None)
         return json.dumps({
             "kind": "state", "source": self.source.name, "about": _about(self.source),
             "quantity": self.source.quantity, "title": name, "unit": unit, "hand": hasattr(self.source, "lift"),
-            "counts": counts, "notes": [clean(note, 300) for note in acquisition.notes], "live": self._live,
+            "counted": hasattr(self.source, "counts"), "counts": getattr(self.source, "counts", None),
+            "notes": [clean(note, 300) for note in acquisition.notes], "live": self._live,
             "problem": self.problem, "run": self.run, "recording": status.recording, "samples": status.samples,
             "lost": status.lost, "rate": _finite(status.rate), "sign": acquisition.sign,
             "zero": acquisition.zero * self.factor, "file": clean(self.file.name) if self.file else "",
@@ -341,17 +340,17 @@ class Session:
         self.acquisition.sign = -self.acquisition.sign
 
     def _counts(self, wanted: Mapping[str, Any]) -> None:
-        before = getattr(self.source, "counts", None)
-        if before is None:
+        if not hasattr(self.source, "counts"):
             raise OrderError("This source counts no turns; its readings have a unit of their own.")
         counts = number(wanted.get("counts"), "counts per turn", above=0.0)
 
         def change() -> None:
             if self.acquisition.status.recording:
                 raise OrderError("The counts per turn cannot change within a run; stop it first.")
-            kind: Any = type(before)
+            changed: Any = {"counts": int(counts) if counts.is_integer() else counts}
+            source = replace(self.source, **changed)
             self.acquisition.close()
-            self.source = replace(self.source, counts=kind(counts))  # type: ignore[call-arg]
+            self.source = source
             self._again()
 
         self.between(change)
@@ -518,12 +517,8 @@ class Session:
             return None
         with self.recording() as recording, _warnings():
             free = recording.kept(until=SETTLED).released() if now > SETTLED else recording.released()
-        start, zero = free.release or 0.0, 0.0
-        try:
-            measured = Measured.of(free)
-            angle, velocity, zero = measured.angle, measured.velocity, measured.zero
-        except RecordingError:  # fewer than three turning points so far
-            angle, velocity = float(free.angle[0]), 0.0
+        start = (free.release or 0.0) + float(free.time[0])
+        angle, velocity, zero = beginning(free)
         horizon = max(HORIZON, 2.0 * now) - start
         known: dict[str, Any] = {} if wanted.length is None else {"length": wanted.length}
         with _warnings():
@@ -571,7 +566,7 @@ def _words(found: Fit) -> list[str]:
         words.append(f"Period of small swings: {replace(length, value=period, error=error, unit='s')}.")
     else:
         words.append(f"Period of small swings: {period:.5g} s.")
-    words += [f"{name.rpartition('.')[2].replace('_', ' ').capitalize()}: {found.parameter_text(name)}."
+    words += [f"{re.sub('[._]', ' ', name).capitalize()}: {found.parameter_text(name)}."
               for name in found.names if name in ("length", "scale") or "." in name]
     words.insert(2, f"Damping: {found.damping.replace('+', ' and ')}." if found.damping else "Damping: none.")
     alike = [] if found.comparison is None else [name for name in found.comparison.alike if name != found.damping]
@@ -579,6 +574,27 @@ def _words(found: Fit) -> list[str]:
         words.append(f"The swing so far cannot tell this damping from {', '.join(alike).replace('+', ' and ')}.")
     return [*words, f"Residual {found.shown(found.rms):.2g}{found.sign} rms; a reading's error is "
                     f"{found.shown(found.noise):.2g}{found.sign}.", found.grade.text]
+
+
+def beginning(free: Recording) -> tuple[float, float, float]:
+    """Return angle [rad] and velocity [rad/s] at the first reading of a free swing, and its equilibrium [rad].
+
+    They are those of ``(a + a' w t) cos(w t) + (b + b' w t) sin(w t)`` and the third harmonic, fitted to the first
+    period, with w from the turning points. With fewer than three turning points the first reading is taken, at rest.
+    """
+    try:
+        swing = free.centred()
+        turns = turning_points(swing).time
+    except RecordingError:
+        turns = np.empty(0)
+    if len(turns) < 3:
+        return float(free.angle[0]), 0.0, 0.0
+    rate = math.tau / float(turns[2] - turns[0])
+    phase = rate * (swing.time - swing.time[0])
+    x = phase[phase <= math.tau]
+    basis = np.stack([np.cos(x), np.sin(x), x * np.cos(x), x * np.sin(x), np.cos(3.0 * x), np.sin(3.0 * x)], axis=1)
+    a, b, slope, _, a3, b3 = np.linalg.lstsq(basis, swing.angle[:len(x)], rcond=None)[0].tolist()
+    return a + a3, rate * (b + slope + 3.0 * b3), float(np.median(free.angle - swing.angle))
 
 
 @contextmanager
@@ -602,7 +618,7 @@ def _numbered(path: Path, word: str = "") -> Iterator[Path]:
 def _about(source: Source) -> str:
     """Return what a source is, and those of its settings that are not the usual ones, as one line."""
     given = [f"{one.name} {getattr(source, one.name)!s}" for one in fields(source)
-             if one.init and getattr(source, one.name) != one.default]
+             if one.init and getattr(source, one.name) not in (one.default, None)]
     return clean("; ".join([source.about, *given]), 200)
 
 

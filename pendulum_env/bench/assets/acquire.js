@@ -124,8 +124,8 @@ function fill() {
   byId("sign").setAttribute("aria-pressed", String(state.sign < 0));
   byId("sign").disabled = state.recording;
   byId("unit-label").hidden = !angle;
-  byId("counts-label").hidden = state.counts === null;
-  if (state.counts !== null && document.activeElement !== byId("counts")) byId("counts").value = String(state.counts);
+  byId("counts-label").hidden = !state.counted;
+  if (document.activeElement !== byId("counts")) byId("counts").value = String(state.counts ?? "");
   byId("hand").hidden = byId("hand-key").hidden = !state.hand;
   byId("pendulums").classList.toggle("hand", state.hand);
   byId("apparatus").hidden = state.quantity === "force";
