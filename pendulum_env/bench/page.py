@@ -28,6 +28,7 @@ from urllib.parse import quote, unquote
 from integrators import METHODS
 from pendulum_env.bench.session import Beside, Session, sentence
 from pendulum_env.bench.source import Source
+from pendulum_env.common.texts import clean
 from pendulum_env.common.version import __version__
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import PURPOSES, SCENES, find_scene
@@ -86,7 +87,7 @@ def serve(
             threading.Event().wait()
         session = page.session
     for path in dict.fromkeys([*session.journals, *session.saved]):
-        print(f"wrote {path}")
+        print(f"wrote {clean(str(path), None)}")
 
 
 @contextmanager
@@ -133,6 +134,7 @@ class Handler(BaseHTTPRequestHandler):
     server: Server
     server_version, sys_version = "LabPendulum", ""
     disable_nagle_algorithm = True
+    timeout = 30.0  # for a request that never comes
 
     def log_message(self, format: str, *args: Any) -> None:
         """Write no lines about requests to the terminal."""

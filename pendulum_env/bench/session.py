@@ -566,8 +566,10 @@ def _words(found: Fit) -> list[str]:
         words.append(f"Period of small swings: {replace(length, value=period, error=error, unit='s')}.")
     else:
         words.append(f"Period of small swings: {period:.5g} s.")
-    words += [f"{re.sub('[._]', ' ', name).capitalize()}: {found.parameter_text(name)}."
-              for name in found.names if name in ("length", "scale") or "." in name]
+    for name in found.names:
+        effect, _, own = name.replace("_", " ").rpartition(".")
+        if effect or own in ("length", "scale"):
+            words.append(f"{own.capitalize()}{f' of {effect}' if effect else ''}: {found.parameter_text(name)}.")
     words.insert(2, f"Damping: {found.damping.replace('+', ' and ')}." if found.damping else "Damping: none.")
     alike = [] if found.comparison is None else [name for name in found.comparison.alike if name != found.damping]
     if alike:
