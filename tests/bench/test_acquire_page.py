@@ -7,10 +7,14 @@ import json
 import math
 import queue
 import re
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, ClassVar
 from urllib.parse import urlsplit
 
@@ -81,7 +85,7 @@ def steady(tmp_path: Path) -> Iterator[Served]:
 
 
 def asked(
-    page: Served, path: str = "", method: str = "GET", body: bytes | None = None, **headers: str,
+    page: Served | SimpleNamespace, path: str = "", method: str = "GET", body: bytes | None = None, **headers: str,
 ) -> tuple[int, bytes]:
     """Ask the page's server; headers are named with underscores, and ``path`` stands for what follows the token."""
     parts = urlsplit(page.address)
@@ -95,7 +99,7 @@ def asked(
         connection.close()
 
 
-def ordered(page: Served, what: str, **wanted: Any) -> dict[str, Any]:
+def ordered(page: Served | SimpleNamespace, what: str, **wanted: Any) -> dict[str, Any]:
     """Give an order as the page does; returns the answer."""
     body = json.dumps({"what": what, **wanted}).encode()
     origin = page.address[:page.address.rindex("/", 0, -1)]
@@ -288,6 +292,24 @@ def test_a_full_disk_ends_the_run_and_not_the_page(steady: Served, monkeypatch: 
     assert session.file is not None
     assert len(Recording.read(session.file).time) > 50
     recorded(steady)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches no single process there")
+def test_ctrl_c_ends_the_command_and_keeps_the_run(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "pendulum_env", "acquire", "--no-browser"]
+    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None
+        found = re.search(r"http://127\.0\.0\.1:\d+/\S+", running.stdout.readline())
+        assert found
+        page = SimpleNamespace(address=found[0])
+        assert ordered(page, "start") == {}
+        journal = tmp_path / "swing-run1.csv"
+        when(lambda: journal.exists() and len(journal.read_text().splitlines()) > 60)
+        running.send_signal(signal.SIGINT)
+        assert running.stdout.read() == "wrote swing-run1.csv\n"
+    assert running.returncode == 0
+    assert len(Recording.read(journal).time) > 40
 
 
 # --- what the page is sent --------------------------------------------------------------------------------------------
