@@ -101,7 +101,7 @@ class Session:
         get(self.beside.integrator)
         self.acquisition = Acquisition(self.source)
         self._asked: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = queue.SimpleQueue()
-        self._pages: list[queue.Queue[str | None]] = []
+        self.pages: list[queue.Queue[str | None]] = []
         self._pending: list[tuple[list[float], list[float]]] = []
         self._latest, self._turned, self._before = math.nan, 0.0, math.inf
         self._flushed = self._told = 0.0
@@ -133,7 +133,7 @@ class Session:
         self._workers.shutdown(wait=False, cancel_futures=True)
         with suppress(OSError):  # of the journal's last lines, on a full disk
             self.acquisition.close()
-        for page in self._pages:
+        for page in self.pages:
             with suppress(queue.Full):
                 page.put_nowait(None)
 
@@ -205,11 +205,11 @@ class Session:
         self._broadcast(json.dumps(event))
 
     def _broadcast(self, text: str) -> None:
-        for page in list(self._pages):
+        for page in list(self.pages):
             try:
                 page.put_nowait(text)
             except queue.Full:
-                self._pages.remove(page)
+                self.pages.remove(page)
                 page.get_nowait()
                 page.put_nowait(None)
 
@@ -234,7 +234,7 @@ class Session:
                 round(value * self.factor, 6) for value in past.values], "now": _finite(self._latest)}))
             for name, curve in self.curves.items():
                 page.put(json.dumps({"kind": "curve", "name": name, **curve}))
-            self._pages.append(page)
+            self.pages.append(page)
 
         self.between(begin)
         return page
@@ -242,7 +242,7 @@ class Session:
     def leave(self, page: queue.Queue[str | None]) -> None:
         """Forget a page that was closed."""
         with suppress(ValueError):
-            self._pages.remove(page)
+            self.pages.remove(page)
 
     # --- what the page shows ------------------------------------------------------------------------------------------
 

@@ -331,7 +331,8 @@ def heard(events: queue.Queue[str | None], least: int) -> tuple[list[float], lis
     return times, values, state
 
 
-def test_a_page_that_comes_later_has_every_sample_once(steady: Served) -> None:
+def test_a_page_that_comes_later_has_every_sample_once(steady: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pendulum_env.bench.session.BATCH", 0.1)  # so that samples wait to be sent when it comes
     session = steady.session
     first = session.listen()
     assert ordered(steady, "start") == {}
@@ -341,14 +342,14 @@ def test_a_page_that_comes_later_has_every_sample_once(steady: Served) -> None:
     for events in (first, later):
         times, values, state = heard(events, 350)
         assert times == pytest.approx(np.arange(len(times)) * 0.01, abs=1e-6)
-        assert np.diff(values) == pytest.approx(np.diff(values), abs=0.3)
+        assert len(values) == len(times)
         assert state["about"] == HOSTILE  # as text; the page puts it where no HTML is read
 
 
 def test_a_page_that_does_not_listen_is_cut_off(steady: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pendulum_env.bench.session.WAITING", 20)
     events = steady.session.listen()
-    when(lambda: not steady.session._pages)
+    when(lambda: not steady.session.pages)
     last = None
     while not events.empty():
         last = events.get()
@@ -748,7 +749,7 @@ def test_forward_euler_beside_a_swing_runs_away(bench: Served) -> None:
     ordered(bench, "beside", scene="exercise", integrator="forward_euler", dt=0.02, shown=True)
     when(lambda: bench.session.acquisition.status.time > 4.0)
     ordered(bench, "stop")
-    when(lambda: bench.session._next == math.inf)
+    when(lambda: len(bench.session.curves.get("beside", {"t": ()})["t"]) > 100)
     curve = bench.session.curves["beside"]
     time_, angle = np.array(curve["t"]), np.abs(curve["y"])
     rate = SCENES["exercise"].omega0**2 * 0.02 / 2.0 - sum(0.5 * effect.gamma for effect in SCENES["exercise"].effects

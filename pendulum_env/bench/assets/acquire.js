@@ -6,6 +6,7 @@ const MARKED = 250; // milliseconds between two searches for crossings and turni
 const NARROWEST = 0.02; // seconds that the plot shows when zoomed in
 const REACH = 40; // distance from a bob within which it is grabbed [CSS pixels]
 const LATEST = 600; // draws whose times are kept for a measurement of the latency
+const TURNS = 3; // frames of a run in which the second plot is drawn once
 const NOTHING = { t: [], y: [], v: [] };
 
 const desk = {
@@ -309,7 +310,7 @@ function frame() {
   put("integrated", desk.turned === undefined ? "" : `${minus(desk.turned.toFixed(1))}° since zero, integrated`);
   put("clock", seconds(desk.trace.end, 2));
   drawAngle(colour);
-  drawSecond(colour);
+  if (!desk.state?.recording || desk.frames % TURNS === 0) drawSecond(colour);
   legend();
   const newest = desk.trace.count ? desk.trace.y[desk.trace.count - 1] : NaN, channel = new MessageChannel();
   channel.port1.onmessage = () => { // after this frame was painted
