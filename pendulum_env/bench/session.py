@@ -213,7 +213,7 @@ class Session:
                 page.get_nowait()
                 page.put_nowait(None)
 
-    def between(self, order: Callable[[], T], timeout: float = 10.0) -> T:
+    def between(self, order: Callable[[], T], timeout: float = 30.0) -> T:
         """Carry out an order in the thread of the samples, between two readings, and return its result."""
         answer: Future[T] = Future()
         self._asked.put((order, answer))

@@ -89,7 +89,7 @@ def asked(
 ) -> tuple[int, bytes]:
     """Ask the page's server; headers are named with underscores, and ``path`` stands for what follows the token."""
     parts = urlsplit(page.address)
-    connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=10)
+    connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=60)
     own = {name.replace("_", "-"): value for name, value in headers.items()}
     try:
         connection.request(method, path if path.startswith("/") else parts.path + path, body, own)
@@ -288,10 +288,12 @@ def test_a_full_disk_ends_the_run_and_not_the_page(steady: Served, monkeypatch: 
     with monkeypatch.context() as patch:
         patch.setattr(session.acquisition.journal, "write", full)
         when(lambda: not session.acquisition.status.recording)
+    assert session.problem.startswith("The run was stopped: ")
     assert "No space left on device" in session.problem
     assert session.file is not None
     assert len(Recording.read(session.file).time) > 50
     recorded(steady)
+    assert session.source._state["opened"] == 1  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow
@@ -332,7 +334,7 @@ def heard(events: queue.Queue[str | None], least: int) -> tuple[list[float], lis
 
 
 def test_a_page_that_comes_later_has_every_sample_once(steady: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pendulum_env.bench.session.BATCH", 0.1)  # so that samples wait to be sent when it comes
+    monkeypatch.setattr("pendulum_env.bench.session.BATCH", 0.5)  # so that samples wait to be sent when it comes
     session = steady.session
     first = session.listen()
     assert ordered(steady, "start") == {}
