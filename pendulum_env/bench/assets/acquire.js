@@ -297,11 +297,8 @@ function legend() {
   }
 }
 
-/** One frame; nothing is drawn unless something changed. */
-function frame() {
-  requestAnimationFrame(frame);
-  if (!desk.moved || document.hidden) return;
-  desk.moved = false;
+/** Draw all that moves. */
+function show() {
   desk.frames += 1;
   const colour = paint();
   mark(false);
@@ -312,6 +309,14 @@ function frame() {
   drawAngle(colour);
   if (!desk.state?.recording || desk.frames % TURNS === 0) drawSecond(colour);
   legend();
+}
+
+/** One frame; nothing is drawn unless something changed. */
+function frame() {
+  requestAnimationFrame(frame);
+  if (!desk.moved || document.hidden) return;
+  desk.moved = false;
+  show();
   const newest = desk.trace.count ? desk.trace.y[desk.trace.count - 1] : NaN, channel = new MessageChannel();
   channel.port1.onmessage = () => { // after this frame was painted
     desk.drawn.push([newest, performance.timeOrigin + performance.now()]);
@@ -734,7 +739,7 @@ function begin() {
     desk.moved = true;
     drawDecay();
   });
-  globalThis.LabPendulum = { desk, order, look, moveCursor, shownTimes };
+  globalThis.LabPendulum = { desk, order, look, moveCursor, show, shownTimes };
   listen();
   const chosen = setInterval(() => { // the server's choice of scene and method, once it is known
     if (!desk.state) return;
