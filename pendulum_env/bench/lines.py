@@ -32,10 +32,14 @@ NEAR = 2.0
 """Largest factor between the growth of times in a unit and the host's clock."""
 AHEAD = 5.0
 """Largest step of times beyond that of the host's clock [s]; a larger one must be confirmed by the next line."""
+AGREED = 0.5
+"""Largest difference, beside a tenth, between the clocks of a device and the host over a gap, if both went on [s]."""
 LONGEST = 4096
 """Largest number of bytes of a line; what comes beyond them without a line's end is no text."""
 ROLLOVER = 2.0**32
 """Count at which millis() and micros() of a microcontroller begin again at 0."""
+MOST_SAID = 10
+"""Largest number of a device's comments, lines that begin with #, that become notes."""
 MANY = 40
 """Number of lines without any sample after which :attr:`LineReader.problem` says so."""
 CLOCKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
@@ -117,6 +121,7 @@ class LineReader:
         self._size = 0.0 if time_unit is None else CLOCKS[time_unit]
         self._held: list[Timed] = []
         self._base: Timed | None = None
+        self._interrupted, self._step = False, 0.0
         self._begun: float | None = None
         self._offset, self._last, self._suspect = 0.0, None, None  # type: float, Timed | None, Timed | None
         self._lines, self._lost = 0, 0
@@ -130,8 +135,11 @@ class LineReader:
         return f"{self._lines} lines came without a sample{f', such as {seen!r}' if seen else ''}"
 
     def broken(self) -> None:
-        """Forget the line that has begun, and the beginning of the next one, as after a cable was plugged in again."""
-        self._rest, self._torn = b"", True
+        """Forget the line that has begun, and the beginning of the next one, as after a cable was plugged in again.
+
+        The device may have been without power: its clock has gone on only if it agrees with the host's.
+        """
+        self._rest, self._torn, self._interrupted = b"", True, True
 
     def feed(self, data: bytes, at: float) -> Chunk:
         """Return the samples of the lines that end in ``data``, which came at the host's time ``at`` [s].
@@ -145,10 +153,8 @@ class LineReader:
             self._lines += 1
         found: list[Timed] = []
         for line in lines:
-            if self._torn:  # its beginning may be missing
-                self._torn = False
-                continue
-            found += self._sample(line, at)
+            torn, self._torn = self._torn, False
+            found += self._sample(line, at, torn)
         return self._chunk(self._in_seconds(found, at))
 
     def end(self, at: float) -> Chunk:
@@ -168,14 +174,21 @@ class LineReader:
         time = None if self._columns.time is None else np.array([sample.time for sample in samples])
         return Chunk(values, time, lost)
 
-    def _sample(self, line: bytes, at: float) -> list[Timed]:
-        """Return the samples that a line gives: mostly one; several once the form is found, none before."""
+    def _sample(self, line: bytes, at: float, torn: bool = False) -> list[Timed]:
+        """Return the samples that a line gives: mostly one; several once the form is found, none before.
+
+        Numbers of a line that may lack its beginning are passed over; words may be the titles of a board that starts.
+        """
         text = line.decode("utf-8", "replace").strip().lstrip("\ufeff\0")
         if not text:
             return []
         self._lines += 1
         row = self._row(text)
+        if torn and (row is not None or self._columns is not None):
+            return []
         if self._columns is not None:
+            if text[0] == "#":
+                self._say(text)
             sample = self._timed(row, at) if row is not None and row.form == self._form else None
             self._lost += sample is None and not (_is_text(text) and text.lstrip("# ")[:1].isalpha())  # a message
             return [] if sample is None else [sample]
@@ -188,6 +201,12 @@ class LineReader:
             self._first.clear()
         self._first.append((row, at))
         return self._begin(at) if len(self._first) >= ROWS else []
+
+    def _say(self, text: str) -> None:
+        """Note a comment of the device."""
+        said = f"the device says: {clean(text.lstrip('# '))[:100]}"
+        if said not in self.notes and sum(note.startswith("the device says") for note in self.notes) < MOST_SAID:
+            self.notes.append(said)
 
     def _timed(self, row: Row, at: float) -> Timed | None:
         """Return the sample in a row; None without a finite number."""
@@ -317,6 +336,10 @@ class LineReader:
             found, self._held = self._held, []
         return [sample for one in found for sample in self._in_order(one)]
 
+    def _missing(self, gap: float) -> int:
+        """Return the number of samples that a gap [s] between two of them has lost."""
+        return max(round(gap / self._step) - 1, 0) if self._step else 0
+
     def _decide(self, at: float, ended: bool) -> None:
         """Find the unit of times by their growth while the host's clock advances.
 
@@ -360,9 +383,14 @@ class LineReader:
                 self.notes.append(f"clock: the device's count of {'ms' if self._size == 1e-3 else 'us'} began again "
                                   "at 2^32, continued")
         now = Timed(time, sample.angle, sample.at)
-        if self._last is None or _follows(self._last, now):
+        if self._last is None or _follows(self._last, now, self._interrupted):
             self._lost += self._suspect is not None  # a garbled time, as the clock goes on without it
-            self._last, self._suspect = now, None
+            gap = 0.0 if self._last is None else now.time - self._last.time
+            if self._interrupted:
+                self._lost += self._missing(gap)
+            elif gap:
+                self._step = gap
+            self._last, self._suspect, self._interrupted = now, None, False
             return [now]
         before, self._suspect = self._suspect, now if now.time != self._last.time else None
         self._lost += before is not None or self._suspect is None
@@ -370,22 +398,27 @@ class LineReader:
             return []
         self._lost -= 1
         shift = 0.0
-        if before.time < self._last.time:
+        if before.time < self._last.time or self._interrupted:
             shift = self._last.time + max(before.at - self._last.at, now.time - before.time) - before.time
-            self.notes.append(f"clock: the device began again at {self._last.time:.3f} s; continued by the computer's "
-                              "clock")
+            anew = ", and counts from where the bob was then" if self._counts is not None else ""
+            self.notes.append(f"clock: the device began again at {self._last.time:.3f} s{anew}; continued by the "
+                              "computer's clock")
         else:
             self.notes.append(f"gap: {before.time - self._last.time:.3g} s without samples after "
                               f"{self._last.time:.3f} s")
+        if self._interrupted:
+            self._lost += self._missing(before.time + shift - self._last.time)
+        self._step, self._interrupted = now.time - before.time, False
         self._offset += shift
-        both = [one._replace(time=one.time + shift) for one in (before, now)]
+        both = [Timed(one.time + shift, one.angle, one.at) for one in (before, now)]
         self._last, self._suspect = both[-1], None
         return both
 
 
-def _follows(early: Timed, late: Timed) -> bool:
+def _follows(early: Timed, late: Timed, interrupted: bool = False) -> bool:
     """Return True if one sample can be the next after another, by the device's clock and the host's."""
-    return 0.0 < late.time - early.time <= late.at - early.at + AHEAD
+    step, passed = late.time - early.time, late.at - early.at
+    return 0.0 < step <= passed + AHEAD and not (interrupted and abs(step - passed) > AGREED + 0.1 * passed)
 
 
 def _is_text(line: str) -> bool:

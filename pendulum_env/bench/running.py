@@ -154,7 +154,7 @@ def acquire(
         source = source_at(source, options)
     else:
         raise SourceError(f"source must be an address such as 'udp:5005', or a Source, not {shown(source)}")
-    if sign not in (1, -1) or isinstance(sign, bool):
+    if not isinstance(sign, int) or isinstance(sign, bool) or sign not in (1, -1):
         raise SourceError(f"sign must be 1 or -1, not {shown(sign)}")
     boolean(force, "force")
     boolean(zero, "zero")

@@ -101,6 +101,17 @@ class Source(Checked, ABC):
         """Disconnect, also after an error; closing twice is allowed."""
 
     @classmethod
+    def form(cls) -> str:
+        """Return the form of its address, such as "udp:PORT", or "vernier[:DEVICE]" where the place may be left out."""
+        if not cls.address:
+            return cls.name
+        return f"{cls.name}:{cls.place}" if cls._needs_a_place() else f"{cls.name}[:{cls.place}]"
+
+    @classmethod
+    def _needs_a_place(cls) -> bool:
+        return bool(cls.address) and cls.__dataclass_fields__[cls.address].default is None
+
+    @classmethod
     def at(cls, address: str, options: Mapping[str, object]) -> Source:
         """Return the source at an address, the text behind the colon, with settings by their options' names.
 
@@ -109,7 +120,7 @@ class Source(Checked, ABC):
         """
         if address and not cls.address:
             raise SourceError(f"{cls.name} takes no address, so leave out {shown(':' + address)}")
-        if cls.address and not address and cls.__dataclass_fields__[cls.address].default is None:
+        if not address and cls._needs_a_place():
             raise SourceError(f"{cls.name} needs an address, as {cls.name}:{cls.place}")
         settings = settings_of(cls)
         for option in options:

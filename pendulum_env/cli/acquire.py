@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import Field
 from inspect import Parameter, cleandoc, signature
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
@@ -24,6 +25,8 @@ FILE = Path("swing.csv")
 """File of a run, if none is given; numbered if it exists."""
 EVERY = 0.2
 """Time between two progress lines [s]."""
+HELP = 78
+"""Width of the list of sources in the help [characters]."""
 OWN = ("scene", "integrator")
 """Settings of sources that are options of the command itself."""
 
@@ -187,19 +190,19 @@ def _about(entry: Field[Any]) -> str:
     words = [options.named(word) for word in entry.metadata.get("allowed", ()) if "bool" not in str(entry.type)]
     unit = entry.metadata.get("unit", "1")
     about += f": {', '.join(words)}" if words else ""
-    about += {"1": "", "rad": " in degrees"}.get(unit, f" in {unit}")
+    about = about.rstrip(",") + {"1": "", "rad": " [degrees]"}.get(unit, f" [{unit}]")
     if default is None:
         return about + (f"; by default {note.removeprefix('None:').strip()}" if note else "")
     if isinstance(default, float):
         default = f"{math.degrees(default) if unit == 'rad' else default:.4g}"
-    return f"{about}; by default {default}" + (f" ({note})" if note else "")
+    return f"{about}; by default {default}" + (f" ({note.replace('None:', 'none:')})" if note else "")
 
 
 def _sources() -> str:
     """Return the list of sources for the help, one in each line."""
-    names = {kind.name: kind.name + (f":{kind.place}" if kind.address else "") for kind in SOURCES.values()}
-    room = max(map(len, names.values()))
-    return "\n".join(f"{names[kind.name]:{room}}  {kind.about}" for kind in SOURCES.values())
+    room = max(len(kind.form()) for kind in SOURCES.values()) + 2
+    return "\n".join(fill(f"{kind.form():{room}}{kind.about}", HELP, subsequent_indent=room * " ",
+                          break_on_hyphens=False) for kind in SOURCES.values())
 
 
 def _complete() -> None:

@@ -284,7 +284,7 @@ def test_arguments_are_checked_before_anything_is_opened(given: dict[str, Any], 
 def test_every_source_says_what_a_list_needs() -> None:
     for name, kind in SOURCES.items():
         assert kind.name == name
-        assert 0 < len(kind.about) <= 70
+        assert 0 < len(kind.about) <= 100
         assert kind.tested
         assert bool(kind.place) is bool(kind.address)
         assert kind.extra.isidentifier() or not kind.extra

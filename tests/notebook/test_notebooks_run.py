@@ -77,6 +77,9 @@ def test_the_exercise_runs_and_answers(tmp_path: Path) -> None:
         for _ in range(6):
             a, b = (a + b) / 2.0, math.sqrt(a * b)
         assert float(seen) == pytest.approx(2.0 * math.pi / omega / a, rel=3e-4)
+    live = re.search(r"acquired: length ([\d.]+) ± ([\d.]+) m, in the scene ([\d.]+) m", text)
+    assert live is not None
+    assert abs(float(live[1]) - float(live[3])) < 4.0 * float(live[2]) < 2e-3
     assert (tmp_path / "report" / "report.html").is_file()
     (plot,) = shown(book, "eulers.plot(")  # once
     assert plot["text/html"].startswith("<img ")

@@ -95,9 +95,10 @@ def test_unknown_keywords_are_named(label: str, folder: Path) -> None:
     """By Python where a function takes those of its signature alone; else with the nearest that there is."""
     function = PUBLIC[label]
     taken = inspect.signature(function).parameters
-    usual = {**arguments(label, ""), "lenght": 1.0}
+    misspelt, meant = ("integratr", "integrator") if label == "bench.acquire" else ("lenght", "length")  # of a source
+    usual = {**arguments(label, ""), misspelt: 1.0}
     if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in taken.values()):
-        check_refusal(outcome(lambda: function(**usual)), "lenght", "did you mean length")
+        check_refusal(outcome(lambda: function(**usual)), misspelt, f"did you mean {meant}")
         return
     with pytest.raises(TypeError, match=re.escape("lenght")):
         function(**usual)

@@ -19,7 +19,7 @@ from pendulum_env.tasks import TASKS
 ELSEWHERE = "integrators"
 """List that another module tests, because its limits take seconds to compute."""
 REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "bodies": BODIES, "events": EVENTS, "tasks": TASKS,
-              "sources": [name + f":{kind.place}" * bool(kind.address) for name, kind in SOURCES.items()],
+              "sources": [kind.form() for kind in SOURCES.values()],
               "formats": [re.sub("^an? ", "", quantity.name) for quantity in QUANTITIES]}
 
 

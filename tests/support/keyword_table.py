@@ -18,6 +18,7 @@ from pendulum_env import (
     Recording,
     Sweep,
     VirtualSensor,
+    bench,
     controllers,
     lab,
     sweep,
@@ -37,7 +38,7 @@ from pendulum_env.study.stability import stability
 
 ROOMS: Mapping[str, ModuleType] = {
     "": pendulum_env, "integrators.": integrators, "lab.": lab, "exact.": exact, "effects.": effects,
-    "compare.": compare, "controllers.": controllers, "tasks.": tasks, "testing.": testing,
+    "bench.": bench, "compare.": compare, "controllers.": controllers, "tasks.": tasks, "testing.": testing,
 }
 """What is public is in their ``__all__``; what labels begin with."""
 BESIDE: tuple[Callable[..., Any], ...] = (
@@ -58,6 +59,7 @@ UNSPOILT: Mapping[str, str] = {
         "Nystrom", "RungeKutta", "Splitting", "Taylor")), "a table checks itself, in tests of its own"),
     "integrators.Event": "solve and rollout check it; names of events are allowed in rollout only",
     "effects.Effect": "the base of all effects, which are here",
+    "bench.Source": "the base of all sources", "bench.Chunk": "what sources make, which an acquisition checks",
     "integrators.unroll": "writes programs for solve and the engine, from what these have checked",
     **dict.fromkeys(("LabPendulumVectorEnv.call", "LabPendulumVectorEnv.call_at"),
                     "hand arguments on to a method of single environments"),
@@ -186,7 +188,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "exact.small_amplitude_series": {"amplitude": 0.1},
     "build_scene": {"scene": "vacuum"},
     "with_damping": {"scene": SCENES["vacuum"], "damping": "none"},
-    "demo": {"folder": "out"},
+    "demo": {"folder": "out"}, "bench.acquire": {"duration": 0.05},
     "stress": {"cases": ["upright for a moment"], "integrators": ["rk4"]},
     "testing.check_vector_env": {"make_vec": LabPendulumVectorEnv},
     "controllers.swing_up": {"env": LabPendulumEnv(backend="python")},

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Mapping
-from pathlib import Path
 
 from pendulum_env.bench.source import Source, SourceError
 from pendulum_env.bench.sources.replay import Replay
@@ -22,13 +23,12 @@ def source_at(address: str, options: Mapping[str, object] | None = None) -> Sour
     ``options`` are its settings by their options' names. Raises SourceError for an unknown name, with the nearest, and
     for an address or a setting that the source does not take.
     """
-    name, colon, place = address.partition(":")
+    name, _, place = address.partition(":")
     kind = SOURCES.get(name.strip().lower())
-    if kind is None or (colon and not place and kind.address):
-        if kind is None and Path(address).is_file():
-            raise SourceError(f"{shown(address)} is a file; replay:{address} plays it again")
-        if kind is None and "serial" in SOURCES and (address.startswith("/dev/") or address[:3].upper() == "COM"):
-            raise SourceError(f"{shown(address)} is a port; serial:{address} reads it")
-        if kind is None:
-            raise SourceError(f"There is no source {shown(address)}{nearest(name, SOURCES)}")
-    return kind.at(place, options or {})
+    if kind is not None:
+        return kind.at(place, options or {})
+    if os.path.isfile(address):
+        raise SourceError(f"{shown(address)} is a file; replay:{address} plays it again")
+    if "serial" in SOURCES and (address.startswith("/dev/") or re.fullmatch(r"COM\d+", address, re.IGNORECASE)):
+        raise SourceError(f"{shown(address)} is a port; serial:{address} reads it")
+    raise SourceError(f"There is no source {shown(address)}{nearest(name, SOURCES)}")

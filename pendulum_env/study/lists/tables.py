@@ -78,8 +78,7 @@ def formats_table() -> Table:
 
 def sources_table() -> Table:
     """Return a table of the sources of live samples: address, what it is, extra of the package, how it was tested."""
-    rows = tuple((f"{name}:{kind.place}" if kind.address else name, kind.about, kind.extra or "-", kind.tested)
-                 for name, kind in SOURCES.items())
+    rows = tuple((kind.form(), kind.about, kind.extra or "-", kind.tested) for kind in SOURCES.values())
     return Table(("source", "what it is", "extra", "tested with"), rows)
 
 
