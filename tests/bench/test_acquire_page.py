@@ -457,6 +457,7 @@ def bench(tmp_path: Path) -> Iterator[Served]:
 
 
 def ready(seen: Opened) -> None:
+    seen.page.set_default_timeout(120_000)
     until(seen, f"{DESK}.state?.live && Number.isFinite({DESK}.now)")
 
 

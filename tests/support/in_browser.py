@@ -68,7 +68,7 @@ def visited(address: str, own: Callable[[str], bool] | None = None, **options: A
     assert seen.errors == []
 
 
-def until(seen: Opened, script: str, seconds: float = 60.0) -> Any:
+def until(seen: Opened, script: str, seconds: float = 120.0) -> Any:
     """Return a script's value once it is true; also on pages whose policy forbids the evaluation of texts, which
     playwright's own waiting needs.
     """
