@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,13 +25,22 @@ class Opened:
     errors: list[str] = field(default_factory=list)
 
 
-@contextmanager
-def opened(file: Path, **options: Any) -> Iterator[Opened]:
+def opened(file: Path, **options: Any) -> AbstractContextManager[Opened]:
     """Open a file from disk; ``options`` are those of a browser context, such as ``viewport``.
 
     Without Chromium or playwright the test counts as skipped. In the end the page must have asked for nothing and have
     had no errors.
     """
+    address = file.as_uri()
+    return visited(address, lambda url: url.split("#")[0].split("?")[0] == address, **options)
+
+
+@contextmanager
+def visited(address: str, own: Callable[[str], bool] | None = None, **options: Any) -> Iterator[Opened]:
+    """Open a page at an address as :func:`opened` does; it may ask only for what is ``own``, by default what is below
+    its address.
+    """
+    allowed = (lambda url: url.startswith(address)) if own is None else own
     if CHROMIUM is None:
         pytest.skip("there is no chromium")
     playwright = pytest.importorskip("playwright.sync_api")
@@ -41,7 +51,7 @@ def opened(file: Path, **options: Any) -> Iterator[Opened]:
             seen = Opened(page)
 
             def answer(route: Any) -> None:
-                if route.request.url.split("#")[0].split("?")[0] == file.as_uri():
+                if allowed(route.request.url):
                     route.continue_()
                     return
                 seen.asked.append(route.request.url)
@@ -50,9 +60,20 @@ def opened(file: Path, **options: Any) -> Iterator[Opened]:
             page.route("**/*", answer)
             page.on("pageerror", lambda error: seen.errors.append(str(error)))
             page.on("console", lambda line: seen.errors.append(line.text) if line.type == "error" else None)
-            page.goto(file.as_uri())
+            page.goto(address)
             yield seen
         finally:
             browser.close()
     assert seen.asked == []
     assert seen.errors == []
+
+
+def until(seen: Opened, script: str, seconds: float = 120.0) -> Any:
+    """Return a script's value once it is true; also on pages whose policy forbids the evaluation of texts, which
+    playwright's own waiting needs.
+    """
+    end = time.monotonic() + seconds
+    while not (value := seen.page.evaluate(script)):
+        assert time.monotonic() < end, f"still not true: {script}"
+        seen.page.wait_for_timeout(50)
+    return value

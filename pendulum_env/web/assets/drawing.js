@@ -28,9 +28,9 @@ function geometry(width) {
   return { x: 0.5 * width, y: 0.42 * width, length: 0.31 * width };
 }
 
-/** Draw one pendulum: `lane` has machine, ghost, colour and scale. */
+/** Draw one pendulum: `lane` has machine, ghost, colour and, for the bars, energies and scale. */
 function drawApparatus(canvas, lane, torque, colour) {
-  const { context: c, width, height } = fitted(canvas, 1.18);
+  const { context: c, width, height } = fitted(canvas, lane.energies ? 1.18 : 0.86);
   const rest = geometry(width), { length } = rest;
   const now = lane.machine.last;
   const [x, y] = [rest.x + lane.shaken("horizontal", now.time) * length, rest.y - lane.shaken("vertical", now.time) * length];
@@ -82,7 +82,7 @@ function drawApparatus(canvas, lane, torque, colour) {
     c.arc(x, y, 0.08 * width, 0.5 * Math.PI, 0.5 * Math.PI - 2.2 * torque, torque > 0);
     c.stroke();
   }
-  bars(c, lane, width, 0.88 * width, height, colour);
+  if (lane.energies) bars(c, lane, width, 0.88 * width, height, colour);
 }
 
 /** Draw suspension and bob, or the parts of a rigid body to scale, at an angle [rad]. */

@@ -3,12 +3,10 @@
 const KEEP = 3000; // readings kept of a run; beyond, every other one goes
 const BUDGET = 8; // milliseconds of computing in a frame
 const SLICE = 256; // steps of the finest pendulum between two looks at the clock
-const DEGREES = 180 / Math.PI;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const LEAST_STEP = 1e-4, MOST_STEP = 2; // of the sliders [s]
 const SHORTEST = 0.000001, LONGEST = 10; // steps that can be typed [s]
 const SMALL = 20; // largest start angle at which nothing is said of small angles [degrees]
-const byId = (id) => document.getElementById(id);
 
 const lab = {
   scene: Object.keys(PAGE.scenes)[0], values: [], angle: 0, velocity: 0, lanes: [], playing: true, speed: 1, time: 0,
@@ -323,16 +321,6 @@ function decades(curves) {
 
 // --- controls ------------------------------------------------------------------------------------------------------
 
-function element(kind, properties = {}, ...children) {
-  const made = document.createElement(kind);
-  for (const [name, value] of Object.entries(properties)) {
-    if (name in made && name !== "list") made[name] = value;
-    else made.setAttribute(name, value);
-  }
-  made.append(...children);
-  return made;
-}
-
 /** Choose a scene, with its usual numbers, and give every pendulum a method that fits it. */
 function chooseScene(name) {
   const place = PAGE.scenes[name];
@@ -590,12 +578,6 @@ function csvText() {
   const head = "method,time_s,angle_rad,velocity_rad_s,energy_J,energy_residual_J,accurate_angle_rad";
   const rows = lab.lanes.flatMap((lane) => lane.history.rows.map((row) => [lane.method, ...row.slice(0, 6)].join(",")));
   return `# ${PAGE.software}, ${linkText()}\n${[head, ...rows].join("\n")}\n`;
-}
-
-function download(name, blob) {
-  const link = element("a", { href: URL.createObjectURL(blob), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
 function showText(text) {

@@ -34,7 +34,8 @@ function short(value) {
 
 /** Draw axes and curves.
  * plot: { x: [low, high], y: [low, high], log: bool, xlabel, ylabel, curves: [{ points: [[x, y], ...], colour, width,
- * dots }] }
+ * dots }], lines: [{ x, colour }], rings: [{ x, y, colour }] }
+ * Returns the frame of the plot in CSS pixels, { x, y, w, h }.
  */
 function drawPlot(canvas, plot, colour) {
   const { context: c, width, height } = fitted(canvas, plot.ratio ?? 0.56);
@@ -97,10 +98,27 @@ function drawPlot(canvas, plot, colour) {
     }
     c.stroke();
   }
-  c.restore();
   c.globalAlpha = 1;
+  c.setLineDash([]);
+  c.lineWidth = 1.5;
+  for (const { x, colour: tone } of plot.lines ?? []) {
+    c.strokeStyle = tone;
+    c.beginPath();
+    c.moveTo(at(x), area.y);
+    c.lineTo(at(x), area.y + area.h);
+    c.stroke();
+  }
+  for (const { x, y, colour: tone } of plot.rings ?? []) {
+    c.strokeStyle = tone;
+    c.beginPath();
+    c.arc(at(x), up(y), 5, 0, 2 * Math.PI);
+    c.stroke();
+  }
+  c.restore();
+  c.lineWidth = 1;
   c.strokeStyle = colour("rule");
   c.strokeRect(area.x, area.y, area.w, area.h);
+  return area;
 }
 
 /** Limits of an axis around values, with room; `least` is the smallest range. */
