@@ -9,7 +9,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
@@ -20,7 +20,7 @@ from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.envs.attributes import Portable, fix
+from pendulum_env.envs.attributes import fix
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.limits import check_duration
 from pendulum_env.envs.members import Members, alone
@@ -43,7 +43,7 @@ NOBODY: Places = np.empty(0, dtype=np.intp)
 """Empty array of environment indices."""
 
 
-class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class LabPendulumVectorEnv(Members):
     """Vector environment of ``num_envs`` pendulums, advanced together by compiled loops.
 
     ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives
@@ -417,11 +417,6 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         values, numbers = self._bank.take(which, draw)
         return each.take(which, {**values, **given}, None if given else numbers)
 
-    def _forget(self, which: Places) -> None:
-        """Drop the parameters that were drawn ahead for environments whose random streams begin anew."""
-        if self._bank is not None:
-            self._bank.forget(which)
-
     def _parameter_infos(self, which: Places) -> Infos:
         """Return the infos with the drawn or given parameters of new episodes; {} if they have none."""
         rows: Infos = {}
@@ -466,23 +461,15 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             return
         if isinstance(seeds, range) and len(which) == self._num_envs:
             self._seeds, self._streams = seeds, Streams(seeds)
-            self._forget(which)
-            return
-        streams = self._seeded()
-        if isinstance(self._seeds, range):
-            self._seeds = words_of_range(self._seeds)
-        if isinstance(seeds, range):
-            own = words_of_range(seeds)[which]
-            self._seeds[which] = own
-            streams.seed(which, own)
-            self._forget(which)
-            return
-        places = [place for place in which.tolist() if seeds[place] is not None]
-        wanted = [seed for place in places if (seed := seeds[place]) is not None]
-        self._seeds = self._seeds.astype(object)  # a seed may be larger than 2**64
-        self._seeds[places] = wanted
-        streams.seed(np.array(places, dtype=np.intp), wanted)
-        self._forget(np.array(places, dtype=np.intp))
+        else:
+            streams = self._seeded()
+            own = words_of_range(seeds) if isinstance(seeds, range) else np.array(seeds, dtype=object)
+            which = which[own[which] != None]  # noqa: E711  of each entry
+            self._seeds = np.array(self._seeds, dtype=object)  # a seed may be larger than 2**64
+            self._seeds[which] = own[which]
+            streams.seed(which, own[which] if own.dtype == np.uint64 else own[which].tolist())
+        if self._bank is not None:
+            self._bank.forget(which)
 
     def _seeded(self) -> Streams:
         """Return the random streams of all environments, created when first used."""
