@@ -55,7 +55,7 @@ def compare(
 
     folder, look = checked_folder(out or "out/compare"), checked_look(theme, panels, ("energy",), "")
     if not film and (given := given_by_user(context, "theme", "panels")):
-        raise SceneError(f"--{given[0]} is for the film, but --no-film makes no film; leave one of them out.")
+        raise SceneError(f"{given[0]} is for the film, but --no-film makes no film; leave one of them out.")
     place = scene_of(scene, damping, settings)
     measured = recording_of(recording, read) if recording is not None or read else None
     with bar("compare") as progress:
@@ -75,8 +75,7 @@ def show_stability(integrators: list[str], given: list[str], out: Path) -> None:
     from pendulum_env.study.stability import stability, write
 
     if given:
-        option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
-        raise SceneError(f"--stability runs no scene, and takes only --integrators and --out; leave out --{option}.")
+        raise SceneError(f"--stability runs no scene, and takes only --integrators and --out; leave out {given[0]}.")
     result = stability(integrators)
     with bar("stability") as progress:
         paths = write(result, out, progress=progress)

@@ -15,6 +15,8 @@ from pendulum_env.common.progress import Progress, progress_bar
 from pendulum_env.common.texts import clean, in_encoding, replaced
 
 if TYPE_CHECKING:
+    from warnings import WarningMessage
+
     from pendulum_env.common.tables import Table
 
 REPLACED = "lab-pendulum"
@@ -108,6 +110,13 @@ def shown_if_refused(*shows: Callable[[], object]) -> Iterator[None]:
         for show in shows:
             show()
         raise
+
+
+def tell_of(warned: Iterable[WarningMessage], besides: str = "") -> None:
+    """Print every warning of a fit but those in the text ``besides``, which is printed elsewhere."""
+    for warning in warned:
+        if issubclass(warning.category, UserWarning) and str(warning.message) not in besides:
+            say(f"Warning: {warning.message}")
 
 
 def print_table(table: Table, title: str = "", below: str = "") -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, say, shown_if_refused
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, shown_if_refused, tell_of
 
 if TYPE_CHECKING:
     from pendulum_env.lab.driven.log import DrivenLog
@@ -88,9 +88,7 @@ def fit_logs(
     title = {**origin, "Title": f"fit of {found.source}"}
     paths += drawn(lambda: driven(found), folder / "fit", title, svg)
     show_logs(logs)
-    for warning in warned:
-        if issubclass(warning.category, UserWarning) and str(warning.message) != found.grade.text:
-            say(f"Warning: {warning.message}")
+    tell_of(warned, found.grade.text)
     print_table(found.table, "fitted parameters; r: correlations")
     print_text(found.text)
     print_files(paths)

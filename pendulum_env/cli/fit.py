@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, say, shown_if_refused
-from pendulum_env.cli.options import recording_of
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, shown_if_refused, tell_of
+from pendulum_env.cli.options import given_by_user, recording_of
 
 if TYPE_CHECKING:
     from pendulum_env.common.progress import Progress
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 def fit(
+    context: typer.Context,
     files: Annotated[
         list[Path] | None,
         typer.Argument(metavar="[FILE]...", help="Recording: a text file of times and angles, or of a track; by "
@@ -97,12 +98,8 @@ def fit(
 
     drive = {"action": action, "torque": torque, "current": current}
     if is_driven_fit(files or (), drive):
-        free_swing = {"scene": scene, "length": length, "length-error": length_error, "radius": radius, "free": free,
-                      "suspension": suspension, "rate": rate, "scale": scale, "oscillations": oscillations,
-                      "posterior": posterior or None, "walker-steps": walker_steps, "seed": seed, "prior": prior,
-                      "columns": columns, "until": until, "above": above, "drop": drop, "robust": robust or None,
-                      "effects": None if effects == "auto" else effects}
-        if unused := [f"--{name}" for name, value in free_swing.items() if value is not None]:
+        shared = ("files", *drive, "unit", "mass", "svg", "out", "settings", "read")
+        if unused := given_by_user(context, *(name for name in context.params if name not in shared)):
             raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
                              "leaves out what comes later, and --set inertia=0.1 sets what is known.")
         fit_logs(files or (), drive, read or (), unit, {"mass": mass}, settings, out, svg)
@@ -220,13 +217,6 @@ def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) 
     if found is None:
         warn(left_out)
     return found
-
-
-def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> None:
-    """Print every warning of a fit but those in the text ``besides``, which is printed elsewhere."""
-    for warning in warned:
-        if issubclass(warning.category, UserWarning) and str(warning.message) not in besides:
-            say(f"Warning: {warning.message}")
 
 
 def _known(measures: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The command ``lab-pendulum list``: scenes, integrators, effects, bodies, tasks, events and formats."""
+"""The command ``lab-pendulum list``: scenes, integrators, effects, bodies, ids, tasks, events and formats."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ SCREEN = 80
 
 def list_(
     what: Annotated[
-        str | None, typer.Argument(help="scenes, integrators, effects, bodies, tasks, events, formats; all by default.",
-                                   callback=options.lower)
+        str | None, typer.Argument(callback=options.lower, help="scenes, integrators, effects, bodies, ids, tasks, "
+                                   "events, formats; all by default.")
     ] = None,
     scene: options.SceneOrNone = None,
     damping: options.Damping = "scene",
@@ -27,9 +27,10 @@ def list_(
     csv: Annotated[bool, options.flag("Print CSV, with all columns.", "--csv")] = False,
     markdown: Annotated[bool, options.flag("Print tables in Markdown.", "--markdown")] = False,
 ) -> None:
-    """List scenes, integrators, effects, bodies, tasks, events, and formats of recordings, on one screen.
+    """List scenes, integrators, effects, bodies, ids of environments, tasks, events, and formats of recordings.
 
-    --all prints more. --scene describes one scene or, after integrators, lists those that suit it.
+    A list fits one screen; --all prints more. --scene describes one scene or, after integrators, lists those that
+    suit it.
     """
     from integrators import METHODS
     from pendulum_env.physics.effects import EFFECTS

@@ -226,9 +226,9 @@ def one_method(names: Sequence[str]) -> str:
 
 
 def given_by_user(context: typer.Context, *names: str) -> list[str]:
-    """Return those of the options of a command that were given on the command line."""
-    return [name for name in names if (source := context.get_parameter_source(name)) is not None
-            and source.name == "COMMANDLINE"]
+    """Return those of the options of some parameters that were given on the command line, as --length-error."""
+    sources = {one: context.get_parameter_source(one.name) for one in context.command.params if one.name in names}
+    return [max(one.opts, key=len) for one, source in sources.items() if source and source.name == "COMMANDLINE"]
 
 
 def quotient(text: str) -> float | str:

@@ -40,7 +40,7 @@ def stress(
 
     if show:
         if unused := given_by_user(context, "integrators", "svg", "out"):
-            raise SceneError(f"--list runs no method and writes no file; leave out --{unused[0]}.")
+            raise SceneError(f"--list runs no method and writes no file; leave out {unused[0]}.")
         print_text(listing(chosen_cases(cases, scene, long)))
         return
     folder = checked_folder(out or "out/stress")

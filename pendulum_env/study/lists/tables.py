@@ -1,10 +1,12 @@
-"""Tables of the scenes, bodies, integrators, effects, tasks, events and formats, made from their registries."""
+"""Tables of the scenes, bodies, integrators, effects, ids, tasks, events and formats, made from their registries."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+
+import gymnasium
 
 from integrators import METHODS
 from pendulum_env.common.tables import Table
@@ -59,6 +61,14 @@ def bodies_table() -> Table:
     return Table(("shape", "class", "measures", "what it is"), rows)
 
 
+def ids_table() -> Table:
+    """Return a table of the environments' ids: control steps of an episode, and the keywords that the id sets."""
+    specs = [spec for name, spec in gymnasium.registry.items() if name.startswith("LabPendulum")]
+    return Table(("id", "steps", "what it sets"), tuple(
+        (spec.id, str(spec.max_episode_steps), ", ".join(f"{name}={value!r}" for name, value in spec.kwargs.items())
+         or "nothing") for spec in specs))
+
+
 def tasks_table() -> Table:
     """Return a table of all tasks and their rewards."""
     return Table(("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values()))
@@ -77,7 +87,7 @@ def formats_table() -> Table:
 
 TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
     {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "bodies": bodies_table,
-     "tasks": tasks_table, "events": events_table, "formats": formats_table}
+     "ids": ids_table, "tasks": tasks_table, "events": events_table, "formats": formats_table}
 )
 """Functions that return the tables, by name."""
 
