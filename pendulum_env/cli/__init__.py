@@ -64,7 +64,9 @@ class Commands(typer.core.TyperGroup):
                 error.possibilities = ([name for name in names if given in name]
                                        or get_close_matches(f"--{given}", names, n=3, cutoff=0.4))
             raise
-        except SystemExit as error:  # no command of ours ends so
+        except SystemExit as error:  # no command of ours ends so, only the library rich where a pipe is closed
+            if isinstance(error.__context__, BrokenPipeError):
+                raise
             raise RuntimeError("Code of your own, such as a step, ended the command by sys.exit(), so that nothing "
                                "more was written; leave sys.exit() out.") from error
 

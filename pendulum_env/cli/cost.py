@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
 from pendulum_env.cli.options import scene_of
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import number
 
 if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
     from pendulum_env.study.growth.study import Growth
 
 
@@ -39,7 +40,6 @@ def cost(
     error, with many tolerances. Each measurement is stored in cost.jsonl in the output folder: --resume continues an
     interrupted study; without it, the study starts from the beginning.
     """
-    from pendulum_env.physics.units import number
     from pendulum_env.study.cost.files import JOURNAL, write
     from pendulum_env.study.cost.points import recommendations
     from pendulum_env.study.cost.study import cost as run

@@ -11,10 +11,13 @@ import typer
 
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, shown_if_refused, tell_of
-from pendulum_env.cli.options import given_by_user, recording_of
+from pendulum_env.cli.options import given, given_by_user, recording_of
+from pendulum_env.common.progress import Progress
+from pendulum_env.common.warn import warn
+from pendulum_env.physics.damping import parse_settings, typed
+from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 if TYPE_CHECKING:
-    from pendulum_env.common.progress import Progress
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.sheet import LabSheet
@@ -84,7 +87,6 @@ def fit(
     from pendulum_env.lab.fitting.robust import calmed
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
-    from pendulum_env.physics.units import SceneError, number
     from pendulum_env.study.fit_report import (
         against_told,
         against_track,
@@ -102,13 +104,12 @@ def fit(
         if unused := given_by_user(context, *(name for name in context.params if name not in shared)):
             raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
                              "leaves out what comes later, and --set inertia=0.1 sets what is known.")
-        fit_logs(files or (), drive, read or (), unit, {"mass": mass}, settings, out, svg)
+        fit_logs(files or (), drive, read or (), unit, mass, settings, out, svg)
         return
     if files is not None and len(files) > 1:
         raise SceneError("Several files are fitted together only if they are logs of driven runs; give one recording.")
     file = files[0] if files else None
-    measures = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
-    known = _known({name: value for name, value in measures.items() if value is not None}, settings)
+    known = _known(given(length=length, mass=mass, radius=radius, suspension=suspension), settings)
     if length_error is not None and "length" not in known:
         raise SceneError("--length-error needs --length; give the measured length.")
     if length_error is not None:
@@ -116,9 +117,9 @@ def fit(
     sampling = _sampling(posterior, walker_steps, seed, prior)
     part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
-    given = {"unit": unit, "rate": rate, "scale": scale, "columns": columns, "until": until,
-             "drop": ",".join(drop) if drop else None}
-    data = recording_of(place, read, **given)
+    words = given(unit=unit, rate=rate, scale=scale, columns=columns, until=until,
+                  drop=",".join(drop) if drop else None)
+    data = recording_of(place, read, **words)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     plan = planned(data, effects, scene, names, robust, known)
     if sampling is not None:
@@ -173,7 +174,7 @@ def fit(
         print_table(found.table, f"posterior, {best.damping} damping")
         print_text(found.text)
     print_files(paths)
-    reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
+    reading = [*(f"{name}={value}" for name, value in words.items()), *(read or ())]
     print_text("To compare the recording with other methods, run:")
     print(printable(to_lay_over(best, place, paths[-1], reading)))
 
@@ -186,8 +187,6 @@ def _sampling(
     Raises SceneError for options that need --posterior.
     """
     from pendulum_env.lab.fitting.posterior import needs_emcee
-    from pendulum_env.physics.damping import typed
-    from pendulum_env.physics.units import SceneError, shown, whole_number
 
     for name, value in {"walker-steps": steps, "seed": seed, "prior": prior or None}.items():
         if value is not None and not posterior:
@@ -208,7 +207,6 @@ def _sampling(
 
 def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) -> Posterior | None:
     """Return the posterior of a fit; None if it is not wanted or not possible, with a warning that says why."""
-    from pendulum_env.common.warn import warn
     from pendulum_env.lab.checked import side
 
     if sampling is None:
@@ -221,8 +219,6 @@ def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) 
 
 def _known(measures: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:
     """Return the scene's parameters from options and from --set; SceneError for a parameter given twice."""
-    from pendulum_env.physics.damping import parse_settings
-    from pendulum_env.physics.units import SceneError
 
     more = parse_settings(settings or ())
     for name in measures:

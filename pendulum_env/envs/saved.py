@@ -23,6 +23,8 @@ COUNTS = ("index", "taken", "rejected", "slackened", "phase")
 """Numbers of a state that count something and so are whole; see FRACTIONS."""
 FRACTIONS = ("index", "slackened")
 """Counts of steps that may have a fraction on a wire, which can go slack within a step."""
+ENDLESS = ("quality_factor", "error_estimate")
+"""Quantities that may be inf: a quality factor without losses, an error estimate that is unknown."""
 MOST_COUNT = 2.0**53
 """Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
@@ -58,7 +60,8 @@ def checked_state(
     try:
         with np.errstate(all="ignore"):
             machine.advance(state, share, made_for["step"], 0)
-        valid = all(map(_possible, machine.names, map(float, state)))
+        valid = all(math.isfinite(value) or (name in ENDLESS and value == math.inf)
+                    for name, value in zip(machine.names, map(float, state), strict=True))
     except ArithmeticError:
         valid = False
     if not valid:
@@ -129,7 +132,7 @@ def _numbers(values: Any, names: Sequence[str]) -> list[float]:
     try:
         if not isinstance(values, (list, tuple, np.ndarray)) or len(values) != len(names):
             raise TypeError
-        return [math.inf if _endless(name) and _same(value, math.inf) else number(value, name)
+        return [math.inf if name in ENDLESS and _same(value, math.inf) else number(value, name)
                 for name, value in zip(names, values, strict=True)]
     except (TypeError, SceneError):
         raise SceneError(
@@ -168,14 +171,3 @@ def _within(value: float, name: str, most: float, unit: str = "") -> float:
     if abs(value) > most:
         raise SceneError(f"{name} in a state to restore must be within -{most:g} and {most:g}{unit}, not {value!r}.")
     return value
-
-
-def _endless(name: str) -> bool:
-    """Return True for the names of quantities that may be inf: a quality factor (no losses), an unknown error estimate.
-    """
-    return name in ("quality_factor", "error_estimate")
-
-
-def _possible(name: str, value: float) -> bool:
-    """Return True if the quantity ``name`` of a state may have this value: any finite number, or inf where allowed."""
-    return math.isfinite(value) or (_endless(name) and value == math.inf)

@@ -22,7 +22,7 @@ from pendulum_env.envs.limits import checked_steps
 from pendulum_env.envs.randomize import check_parameters, plain_form
 from pendulum_env.films.look import checked_size
 from pendulum_env.physics.data import known
-from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
+from pendulum_env.physics.presets import EPISODES, find_scene
 from pendulum_env.physics.random import normal
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
@@ -37,6 +37,7 @@ START = ("angle", "velocity")
 USUAL_HISTORY, MOST_HISTORY = 4, 64
 """Usual and largest number of readings in an observation of the kind "history"."""
 MOST_ENVS = 2**26
+"""Largest number of environments in a vector."""
 USUAL_EPISODE = "rk4", 0.02
 """Method and control step [s] of an environment that is made without them."""
 RENDER_MODES = ("rgb_array", "human")
@@ -214,10 +215,7 @@ def usual(given: EpisodeSettings) -> tuple[Any, float]:
     scene, integrator, dt = given.scene, given.integrator, given.dt
     if integrator is not None and dt is not None:
         return integrator, dt
-    if isinstance(scene, Mapping):
-        name = scene.get("name")
-    else:
-        name = scene if isinstance(scene, str) and scene in SCENES else find_scene(scene).name
+    name = scene.get("name") if isinstance(scene, Mapping) else find_scene(scene).name
     method, step = EPISODES.get(name, USUAL_EPISODE) if isinstance(name, str) else USUAL_EPISODE
     return method if integrator is None else integrator, step if dt is None else dt
 

@@ -20,7 +20,8 @@ from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.random_streams import MOST_SEED
 from pendulum_env.envs.limits import REGISTERED, checked_steps
-from pendulum_env.envs.vector_env import MOST_ENVS, LabPendulumVectorEnv
+from pendulum_env.envs.settings import MOST_ENVS
+from pendulum_env.envs.vector_env import LabPendulumVectorEnv
 from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.presets import find_scene

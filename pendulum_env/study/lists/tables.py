@@ -1,12 +1,10 @@
-"""Tables of the scenes, bodies, integrators, effects, ids, tasks, events and formats, made from their registries."""
+"""Tables of the scenes, bodies, integrators, effects, tasks, events and formats, made from their registries."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-
-import gymnasium
 
 from integrators import METHODS
 from pendulum_env.common.tables import Table
@@ -61,14 +59,6 @@ def bodies_table() -> Table:
     return Table(("shape", "class", "measures", "what it is"), rows)
 
 
-def ids_table() -> Table:
-    """Return a table of the environments' ids: control steps of an episode, and the keywords that the id sets."""
-    specs = [spec for name, spec in gymnasium.registry.items() if name.startswith("LabPendulum")]
-    return Table(("id", "steps", "what it sets"), tuple(
-        (spec.id, str(spec.max_episode_steps), ", ".join(f"{name}={value!r}" for name, value in spec.kwargs.items())
-         or "nothing") for spec in specs))
-
-
 def tasks_table() -> Table:
     """Return a table of all tasks and their rewards."""
     return Table(("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values()))
@@ -87,11 +77,13 @@ def formats_table() -> Table:
 
 TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
     {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "bodies": bodies_table,
-     "ids": ids_table, "tasks": tasks_table, "events": events_table, "formats": formats_table}
+     "tasks": tasks_table, "events": events_table, "formats": formats_table}
 )
 """Functions that return the tables, by name."""
 
 
+LINES = 3
+"""Largest number of lines for each list when all are printed on one screen."""
 ROWS = 21
 """Largest number of rows that a list prints on a screen of 24 lines."""
 
@@ -101,9 +93,9 @@ def find_table(name: str) -> Table:
     return TABLES[one_of(name, "list of", TABLES)]()
 
 
-def names_of(name: str, width: int, lines: int | None = None) -> str:
-    """Return the names in a table, after its own name and their number, in text of at most so many ``lines``."""
-    names = [row[0] for row in find_table(name).rows]
+def names_of(name: str, table: Table, width: int, lines: int | None = LINES) -> str:
+    """Return the names in a table, after its own name and their number, in at most so many ``lines``, None for all."""
+    names = [row[0] for row in table.rows]
     for count in range(len(names), 0, -1):
         more = "" if count == len(names) else f", and {len(names) - count} more"
         text = textwrap.fill(f"{name} ({len(names)}): {', '.join(names[:count])}{more}", width,
@@ -113,14 +105,13 @@ def names_of(name: str, width: int, lines: int | None = None) -> str:
     return text
 
 
-def brief(name: str, width: int) -> str:
+def brief(name: str, table: Table, width: int) -> str:
     """Return a table as text that fits one screen: a name and the beginning of its description in each line.
 
     Of tables with more than 21 rows (ROWS), only the names are given.
     """
-    table = find_table(name)
     if len(table.rows) > ROWS:
-        return names_of(name, width)
+        return names_of(name, table, width, None)
     column = table.head.index("what it is") if "what it is" in table.head else -1
     room = max(len(row[0]) for row in table.rows)
     lines = [f"{row[0]:{room}}  {row[column]}" for row in table.rows]
