@@ -181,10 +181,6 @@ FORMS: Mapping[str, Callable[[Any], Any]] = {
 """Functions that return the value of a setting in a form that JSON holds, by the names of settings that need one."""
 
 
-ACTING = tuple(entry for entry in declared(EpisodeSettings) if "acts" in entry.metadata)
-"""Settings that change actions."""
-
-
 def settings_table() -> Table:
     """Return a table of the settings of ``gym.make`` and, at its end, those that ``gym.make_vec`` has besides."""
     named = {entry.name: entry for settings in (EnvSettings, VectorSettings) for entry in declared(settings)}
@@ -203,8 +199,8 @@ def split_settings(given: Mapping[str, Any], others: Sequence[str] = ()) -> tupl
 
 def acting(given: EpisodeSettings) -> tuple[tuple[Callable[..., float], Any], ...]:
     """Return the functions by which settings change actions, with their values, but for those that are off."""
-    values = ((entry, getattr(given, entry.name)) for entry in ACTING)
-    return tuple((entry.metadata["acts"], value) for entry, value in values if value != entry.default)
+    return tuple((entry.metadata["acts"], value) for entry in declared(EpisodeSettings)
+                 if "acts" in entry.metadata and (value := getattr(given, entry.name)) != entry.default)
 
 
 def usual(given: EpisodeSettings) -> tuple[Any, float]:
