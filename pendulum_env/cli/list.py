@@ -10,7 +10,6 @@ from integrators import METHODS
 from pendulum_env.cli import options
 from pendulum_env.cli.console import print_table, print_text, printable, terminal_width
 from pendulum_env.cli.options import scene_of
-from pendulum_env.envs.limits import ids_table
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.units import SceneError, one_of, shown
 
@@ -34,7 +33,7 @@ def list_(
     A list fits one screen; --all prints more. --scene describes one scene or, after integrators, lists those that
     suit it.
     """
-    from pendulum_env.envs.settings import settings_table
+    from pendulum_env.envs.settings import ids_table, settings_table
     from pendulum_env.study.lists import effects, methods
     from pendulum_env.study.lists.tables import TABLES, brief, integrators_data, names_of
 

@@ -19,7 +19,6 @@ import gymnasium
 from gymnasium.wrappers import TimeLimit
 
 from pendulum_env.common.checks import SceneError, whole_number
-from pendulum_env.common.tables import Table
 
 USUAL_ID = "LabPendulum-v0"
 MOST_EPISODE_STEPS = 2**53
@@ -57,13 +56,6 @@ def register() -> None:
             id=name, entry_point="pendulum_env.envs.env:LabPendulumEnv",
             vector_entry_point="pendulum_env.envs.vector_env:LabPendulumVectorEnv", max_episode_steps=steps,
             kwargs=dict(keywords))
-
-
-def ids_table() -> Table:
-    """Return a table of the ids: control steps of an episode, and the keywords that the id sets."""
-    return Table(("id", "steps", "what it sets"), tuple(
-        (name, str(steps), ", ".join(f"{word}={value!r}" for word, value in keywords.items()) or "nothing")
-        for name, (steps, keywords) in IDS.items()))
 
 
 def checked_steps(steps: Any, name: str = "max_episode_steps") -> int | None:

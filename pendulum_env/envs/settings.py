@@ -18,7 +18,7 @@ from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.sensing import KINDS, Plan
 from pendulum_env.engine.settings import RunSettings, SceneSettings, declared, meaning
 from pendulum_env.engine.threads import MOST_THREADS
-from pendulum_env.envs.limits import checked_steps
+from pendulum_env.envs.limits import IDS, checked_steps
 from pendulum_env.envs.randomize import check_parameters, plain_form
 from pendulum_env.films.look import checked_size
 from pendulum_env.physics.data import known
@@ -188,6 +188,13 @@ def settings_table() -> Table:
     entries = [*single.values(), *(entry for name, entry in named.items() if name not in single)]
     return Table(("keyword", "default", "meaning"), tuple(
         (entry.name, repr(entry.default), meaning(entry)) for entry in entries))
+
+
+def ids_table() -> Table:
+    """Return a table of the ids: control steps of an episode, and the keywords that the id sets."""
+    return Table(("id", "steps", "what it sets"), tuple(
+        (name, str(steps), ", ".join(f"{word}={value!r}" for word, value in keywords.items()) or "nothing")
+        for name, (steps, keywords) in IDS.items()))
 
 
 def split_settings(given: Mapping[str, Any], others: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:

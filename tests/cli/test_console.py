@@ -40,6 +40,7 @@ def test_no_number_of_the_drift_table_is_cut_and_no_line_is_too_long(width, drif
     full = [column for column in zip(drift.head, *drift.rows, strict=True) if {*column[1:]} != {"-"}]
     assert all(word in words for column in full for cell in column for word in cell.split())
     assert (f"{LEADING_ERROR}:" in said) == (width < 200)  # a column of its own where there is room
+    assert words.count(LEADING_ERROR.split()[0]) == 1
 
 
 def test_columns_that_are_empty_throughout_are_left_out(capsys):
