@@ -45,7 +45,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
 
 DEBUG = "--debug"
 """Option of all commands, which shows the traceback of an error."""
-SAID = (ValueError, TypeError, OSError, RuntimeError, ArithmeticError, MemoryError)
+SAID = (ValueError, TypeError, OSError, RuntimeError)
 """Errors that are printed as one sentence, without a traceback."""
 
 
@@ -63,7 +63,9 @@ class Commands(typer.core.TyperGroup):
                 error.possibilities = ([name for name in names if given in name]
                                        or get_close_matches(f"--{given}", names, n=3, cutoff=0.4))
             raise
-        except SystemExit as error:  # no command of ours ends so
+        except SystemExit as error:  # no command of ours ends so, only the library rich where a pipe is closed
+            if isinstance(error.__context__, BrokenPipeError):
+                raise
             raise RuntimeError("Code of your own, such as a step, ended the command by sys.exit(), so that nothing "
                                "more was written; leave sys.exit() out.") from error
 
@@ -71,7 +73,6 @@ class Commands(typer.core.TyperGroup):
 app = typer.Typer(
     cls=Commands,
     help="A university lab's pendulum: compare integrators, measure the cost of accuracy, film runs.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -113,24 +114,33 @@ def main() -> None:
             print_once = cache(lambda text: say(f"Warning: {text}"))
             warnings.showwarning = lambda text, *_: print_once(str(text))
             try:
-                app(args=words, prog_name=NAME)
+                code = app(args=words or ["--help"], prog_name=NAME, standalone_mode=False)
             finally:
                 # Python ends with a signal, not with the app's exit code, if an interrupt passed through a text that
                 # exec ran, as in the import of a dataclass. The next exec makes it forget that.
                 exec("")
-    except SAID as error:
+    except Exception as error:
+        if (said := _sentence(error)) is None:
+            raise
         if len(words) < len(sys.argv) - 1:
             traceback.print_exc()
-        elif isinstance(error, ArithmeticError):
-            say(f"Error: a number is too large or too small to compute with ({error}); check the values of the "
-                "options.")
-        elif isinstance(error, MemoryError):
-            say("Error: not enough memory; use fewer or longer steps, or a shorter run.")
         else:
-            say(f"Error: {clean(str(error), None)}")
-    else:
-        return
-    sys.exit(2)
+            say(f"Error: {clean(said, None)}")
+        code = 2
+    sys.exit(code)
+
+
+def _sentence(error: Exception) -> str | None:
+    """Return what is printed of an error; None for one that is a fault of the program."""
+    if hasattr(error, "format_message"):  # of options that cannot be read
+        text, place = error.format_message(), getattr(error, "ctx", None)
+        stop = "" if text[-1:] in ".?" else "."
+        return f"{text}{stop}" if place is None else f"{text}{stop} See {place.command_path} -h."
+    if isinstance(error, ArithmeticError):
+        return f"a number is too large or too small to compute with ({error}); check the values of the options."
+    if isinstance(error, MemoryError):
+        return "not enough memory; use fewer or longer steps, or a shorter run."
+    return str(error) if isinstance(error, SAID) else None
 
 
 def _version(wanted: bool) -> None:

@@ -7,6 +7,8 @@ from typing import Annotated
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_table, print_text
 from pendulum_env.cli.options import scene_of
+from pendulum_env.engine.starts import checked_steps
+from pendulum_env.physics.units import number
 
 
 def auto(
@@ -21,8 +23,6 @@ def auto(
 ) -> None:
     """Choose the cheapest method and substeps for an accuracy, as integrator="auto" does, and give the reasons."""
     from pendulum_env.auto.choice import choose
-    from pendulum_env.engine.starts import checked_steps
-    from pendulum_env.physics.units import number
 
     place = scene_of(scene, damping, settings)
     steps = checked_steps(number(duration, "duration", above=0.0, unit="s"),

@@ -10,6 +10,8 @@ import typer
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
 from pendulum_env.cli.options import given_by_user, recording_of, scene_of
+from pendulum_env.common.provenance import checked_folder
+from pendulum_env.physics.units import SceneError
 from pendulum_env.study import PLAIN
 
 
@@ -40,22 +42,19 @@ def compare(
     With --rtol all methods must be adaptive, and dt is the time between records. --recording is plotted over the
     curves. With --stability no scene is run. The folder is out/compare, with --stability out/stability.
     """
-    from pendulum_env.common.provenance import checked_folder
-
     if stability:
         given = [name for name in context.params if name not in ("integrators", "stability", "out")]
         show_stability(integrators, given_by_user(context, *given), checked_folder(out or "out/stability"))
         return
 
     from pendulum_env.films.look import checked_look
-    from pendulum_env.physics.units import SceneError
     from pendulum_env.study.compare import compare as run
     from pendulum_env.study.compare import write
     from pendulum_env.study.compare.drift import LEADING_ERROR
 
     folder, look = checked_folder(out or "out/compare"), checked_look(theme, panels, ("energy",), "")
     if not film and (given := given_by_user(context, "theme", "panels")):
-        raise SceneError(f"--{given[0]} is for the film, but --no-film makes no film; leave one of them out.")
+        raise SceneError(f"{given[0]} is for the film, but --no-film makes no film; leave one of them out.")
     place = scene_of(scene, damping, settings)
     measured = recording_of(recording, read) if recording is not None or read else None
     with bar("compare") as progress:
@@ -71,12 +70,10 @@ def compare(
 def show_stability(integrators: list[str], given: list[str], out: Path) -> None:
     """Run ``lab-pendulum compare --stability``; raise SceneError if other options, named in ``given``, were used too.
     """
-    from pendulum_env.physics.units import SceneError
     from pendulum_env.study.stability import stability, write
 
     if given:
-        option = {"settings": "set", "film": "film or --no-film"}.get(given[0], given[0])
-        raise SceneError(f"--stability runs no scene, and takes only --integrators and --out; leave out --{option}.")
+        raise SceneError(f"--stability runs no scene, and takes only --integrators and --out; leave out {given[0]}.")
     result = stability(integrators)
     with bar("stability") as progress:
         paths = write(result, out, progress=progress)

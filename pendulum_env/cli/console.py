@@ -12,15 +12,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.progress import Progress, progress_bar
+from pendulum_env.common.tables import Table
 from pendulum_env.common.texts import clean, in_encoding, replaced
 
 if TYPE_CHECKING:
-    from pendulum_env.common.tables import Table
+    from warnings import WarningMessage
+
 
 REPLACED = "lab-pendulum"
 """Name of the handler of characters that an output's encoding lacks."""
 LINE = 118
 """Largest number of characters in a line of text."""
+Column = tuple[str, ...]
+"""Head and cells of a column of a table."""
+BETWEEN = 3
+"""Characters between two columns of a table: the library rich puts three up to version 14.1, later two."""
 EMPTY = ("", "-")
 """Cells that stand for "no value"."""
 NARROWEST = 20
@@ -110,6 +116,13 @@ def shown_if_refused(*shows: Callable[[], object]) -> Iterator[None]:
         raise
 
 
+def tell_of(warned: Iterable[WarningMessage], besides: str = "") -> None:
+    """Print every warning of a fit but those in the text ``besides``, which is printed elsewhere."""
+    for warning in warned:
+        if issubclass(warning.category, UserWarning) and str(warning.message) not in besides:
+            say(f"Warning: {warning.message}")
+
+
 def print_table(table: Table, title: str = "", below: str = "") -> None:
     """Print a table that fits the terminal, with no number or word cut, and without columns that are empty throughout.
 
@@ -118,15 +131,14 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
     """
     from rich.console import Console
 
-    from pendulum_env.common.tables import Table
-
-    console = Console() if sys.stdout.isatty() else Console(width=terminal_width(160))
-    lines: list[str] = []
-    head, *rows = (tuple(map(printable, cells)) for cells in (table.head, *table.rows))
-    table = _filled(Table(head, tuple(rows)))
-    if below and _room(_widths(table)) > console.width:
-        table, lines = _without(table, printable(below))
-    for part in _parts(table, console.width):
+    console, lines = Console() if sys.stdout.isatty() else Console(width=terminal_width(160)), []
+    columns = [tuple(map(printable, column)) for column in zip(table.head, *table.rows, strict=True)]
+    columns = [column for i, column in enumerate(columns) if not i or not table.rows or {*column[1:]} - {*EMPTY}]
+    if below and _room(columns) > console.width:
+        lines = [f"{row}: {text}" for column in columns if column[0] == printable(below)
+                 for row, text in zip(columns[0][1:], column[1:], strict=True)]
+        columns = [column for column in columns if column[0] != printable(below)]
+    for part in _parts(columns, console.width):
         console.print(_shown(part, printable(title), console.width))
         title = ""
     if lines:
@@ -134,74 +146,49 @@ def print_table(table: Table, title: str = "", below: str = "") -> None:
         print()
 
 
-def _shown(table: Table, title: str, width: int) -> Any:
+def _shown(columns: Sequence[Column], title: str, width: int) -> Any:
     """Return a table for the library rich to print, not wider than ``width``; the widest columns are wrapped first."""
     from rich import box
     from rich.markup import escape
     from rich.table import Table as Shown
 
-    widths, least = _widths(table), _widths(table, words=True)
-    while _room(widths) > width and (free := [i for i in range(len(widths)) if widths[i] > least[i]]):
+    widths, least = _widths(columns), _widths(columns, words=True)
+    while sum(widths) + BETWEEN * len(widths) > width and (
+            free := [i for i in range(len(widths)) if widths[i] > least[i]]):
         widths[max(free, key=lambda i: widths[i])] -= 1
     shown = Shown(title=title or None, box=box.SIMPLE_HEAD, title_justify="left", collapse_padding=True, pad_edge=False)
-    for name, room in zip(table.head, widths, strict=True):
+    for (name, *_), room in zip(columns, widths, strict=True):
         shown.add_column(escape(name), width=room, overflow="fold")
-    for row in table.rows:
+    for row in zip(*(column[1:] for column in columns), strict=True):
         shown.add_row(*map(escape, row))
     return shown
 
 
-def _widths(table: Table, words: bool = False) -> list[int]:
-    """Return the widths of a table's columns in characters: of the longest cells or, with ``words``, longest words.
+def _widths(columns: Sequence[Column], words: bool = False) -> list[int]:
+    """Return the widths of columns in characters: of the longest cells or, with ``words``, of the longest words.
 
     A column wrapped between words can be as narrow as its longest word; the first column is never wrapped.
     """
     from rich.cells import cell_len
 
-    columns = zip(table.head, *table.rows, strict=True)
     return [max(cell_len(part) for cell in column for part in (cell.split() or [""] if words and i else [cell]))
             for i, column in enumerate(columns)]
 
 
-def _room(widths: Sequence[int]) -> int:
-    """Return the width in characters of a printed table whose columns have the given widths, separators included.
-
-    The library rich puts three characters between columns up to version 14.1, later two.
-    """
-    return sum(widths) + 3 * len(widths)
+def _room(columns: Sequence[Column], words: bool = False) -> int:
+    """Return the width in characters of a table of these columns, separators included; see :func:`_widths`."""
+    return sum(_widths(columns, words)) + BETWEEN * len(columns)
 
 
-def _parts(table: Table, width: int) -> Iterator[Table]:
+def _parts(columns: Sequence[Column], width: int) -> Iterator[list[Column]]:
     """Split a table into parts no wider than ``width`` characters, each of which repeats the first column."""
-    least = _widths(table, words=True)
-    groups: list[list[int]] = [[]]
-    for i in range(1, len(least)):
-        if groups[-1] and _room([least[k] for k in (0, *groups[-1], i)]) > width:
-            groups.append([])
-        groups[-1].append(i)
-    for group in groups:
-        yield _picked(table, (0, *group))
-
-
-def _without(table: Table, name: str) -> tuple[Table, list[str]]:
-    """Return a table without the named column, and its cells as lines that begin with the first cell of their row."""
-    at = table.head.index(name)
-    lines = [f"{row[0]}: {row[at]}" for row in table.rows]
-    return _picked(table, [i for i in range(len(table.head)) if i != at]), lines
-
-
-def _filled(table: Table) -> Table:
-    """Return a table without the columns whose cells are all empty or a dash; the first column always stays."""
-    full = [i for i in range(len(table.head)) if not i or any(row[i] not in EMPTY for row in table.rows)]
-    return _picked(table, full) if table.rows else table
-
-
-def _picked(table: Table, columns: Sequence[int]) -> Table:
-    """Return a table with only the columns of the given indices."""
-    from pendulum_env.common.tables import Table
-
-    head, *rows = (tuple(cells[i] for i in columns) for cells in (table.head, *table.rows))
-    return Table(head, tuple(rows))
+    part = [columns[0]]
+    for column in columns[1:]:
+        if len(part) > 1 and _room([*part, column], words=True) > width:
+            yield part
+            part = [columns[0]]
+        part.append(column)
+    yield part
 
 
 def print_files(paths: Iterable[Path]) -> None:

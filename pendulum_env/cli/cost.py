@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
 from pendulum_env.cli.options import scene_of
-
-if TYPE_CHECKING:
-    from pendulum_env.physics.scene import Scene
-    from pendulum_env.study.growth.study import Growth
+from pendulum_env.physics.units import number
 
 
 def cost(
@@ -39,11 +35,12 @@ def cost(
     error, with many tolerances. Each measurement is stored in cost.jsonl in the output folder: --resume continues an
     interrupted study; without it, the study starts from the beginning.
     """
-    from pendulum_env.physics.units import number
     from pendulum_env.study.cost.files import JOURNAL, write
     from pendulum_env.study.cost.points import recommendations
     from pendulum_env.study.cost.study import cost as run
-    from pendulum_env.study.growth.study import planned
+    from pendulum_env.study.growth.files import write as write_growth
+    from pendulum_env.study.growth.study import growth as run_growth
+    from pendulum_env.study.growth.study import planned, remarks, table
     from pendulum_env.study.sweep.cluster import executor_at
 
     place = scene_of(scene, damping, settings)
@@ -59,7 +56,12 @@ def cost(
     grown = None
     try:
         if study.complete and periods is not None:
-            grown = measure_growth(place, integrators, angle, velocity, periods, out, svg)
+            with bar("growth") as progress:
+                grown = run_growth(place, integrators, angle=angle, velocity=velocity, periods=periods,
+                                   progress=progress)
+            if not grown.lines:
+                raise KeyboardInterrupt
+            more = write_growth(grown, out, svg)
     finally:  # whatever becomes of the second study, the first one's results are printed
         print_text(f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}")
         if not study.complete:
@@ -70,29 +72,6 @@ def cost(
     if not study.complete:
         raise KeyboardInterrupt
     if grown is not None:
-        show_growth(*grown)
-
-
-def measure_growth(
-    scene: Scene, integrators: Sequence[str] | None, angle: float | None, velocity: float | None, periods: float,
-    out: Path, svg: bool = False,
-) -> tuple[Growth, list[Path]]:
-    """Run the study of ``lab-pendulum cost --growth``; angle [rad], velocity [rad/s]. Return it and the files written.
-    """
-    from pendulum_env.study.growth.files import write
-    from pendulum_env.study.growth.study import growth
-
-    with bar("growth") as progress:
-        result = growth(scene, integrators, angle=angle, velocity=velocity, periods=periods, progress=progress)
-    if not result.lines:
-        raise KeyboardInterrupt
-    return result, write(result, out, svg)
-
-
-def show_growth(result: Growth, paths: Sequence[Path]) -> None:
-    """Print how errors grow, and the files that were written."""
-    from pendulum_env.study.growth.study import remarks, table
-
-    print_text(remarks(result))
-    print_table(table(result), "how errors grow")
-    print_files(paths)
+        print_text(remarks(grown))
+        print_table(table(grown), "how errors grow")
+        print_files(more)

@@ -8,6 +8,7 @@ from typing import Annotated
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
 from pendulum_env.cli.options import scene_of
+from pendulum_env.physics.units import SceneError
 
 
 def effects(
@@ -27,7 +28,6 @@ def effects(
 
     With --out, a bar chart and a CSV file are written.
     """
-    from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit.simplification import simplify
     from pendulum_env.study.audit.study import write
     from pendulum_env.study.audit.verdicts import remarks, verdicts

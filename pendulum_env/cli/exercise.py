@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from integrators import from_step
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_text
 from pendulum_env.cli.options import recording_of
+from pendulum_env.physics.units import SceneError, shown
 
 if TYPE_CHECKING:
     from integrators.families.own_step import OwnStep
@@ -66,8 +68,6 @@ def exercise(
 def step_in(file: Path) -> OwnStep:
     """Return the step in a Python file as a method; SceneError for a file that cannot be read, MethodError for a step
     that is none."""
-    from integrators import from_step
-    from pendulum_env.physics.units import SceneError, shown
 
     try:
         text = file.read_text(encoding="utf-8")

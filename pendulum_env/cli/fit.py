@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, say, shown_if_refused
-from pendulum_env.cli.options import recording_of
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, shown_if_refused, tell_of
+from pendulum_env.cli.options import given, given_by_user, recording_of
+from pendulum_env.common.progress import Progress
+from pendulum_env.common.warn import warn
+from pendulum_env.physics.damping import parse_settings, typed
+from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
 if TYPE_CHECKING:
-    from pendulum_env.common.progress import Progress
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.sheet import LabSheet
 
 
 def fit(
+    context: typer.Context,
     files: Annotated[
         list[Path] | None,
         typer.Argument(metavar="[FILE]...", help="Recording: a text file of times and angles, or of a track; by "
@@ -83,7 +87,6 @@ def fit(
     from pendulum_env.lab.fitting.robust import calmed
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
-    from pendulum_env.physics.units import SceneError, number
     from pendulum_env.study.fit_report import (
         against_told,
         against_track,
@@ -97,21 +100,16 @@ def fit(
 
     drive = {"action": action, "torque": torque, "current": current}
     if is_driven_fit(files or (), drive):
-        free_swing = {"scene": scene, "length": length, "length-error": length_error, "radius": radius, "free": free,
-                      "suspension": suspension, "rate": rate, "scale": scale, "oscillations": oscillations,
-                      "posterior": posterior or None, "walker-steps": walker_steps, "seed": seed, "prior": prior,
-                      "columns": columns, "until": until, "above": above, "drop": drop, "robust": robust or None,
-                      "effects": None if effects == "auto" else effects}
-        if unused := [f"--{name}" for name, value in free_swing.items() if value is not None]:
+        shared = ("files", *drive, "unit", "mass", "svg", "out", "settings", "read")
+        if unused := given_by_user(context, *(name for name in context.params if name not in shared)):
             raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
                              "leaves out what comes later, and --set inertia=0.1 sets what is known.")
-        fit_logs(files or (), drive, read or (), unit, {"mass": mass}, settings, out, svg)
+        fit_logs(files or (), drive, read or (), unit, mass, settings, out, svg)
         return
     if files is not None and len(files) > 1:
         raise SceneError("Several files are fitted together only if they are logs of driven runs; give one recording.")
     file = files[0] if files else None
-    measures = {"length": length, "mass": mass, "radius": radius, "suspension": suspension}
-    known = _known({name: value for name, value in measures.items() if value is not None}, settings)
+    known = _known(given(length=length, mass=mass, radius=radius, suspension=suspension), settings)
     if length_error is not None and "length" not in known:
         raise SceneError("--length-error needs --length; give the measured length.")
     if length_error is not None:
@@ -119,9 +117,9 @@ def fit(
     sampling = _sampling(posterior, walker_steps, seed, prior)
     part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
-    given = {"unit": unit, "rate": rate, "scale": scale, "columns": columns, "until": until,
-             "drop": ",".join(drop) if drop else None}
-    data = recording_of(place, read, **given)
+    words = given(unit=unit, rate=rate, scale=scale, columns=columns, until=until,
+                  drop=",".join(drop) if drop else None)
+    data = recording_of(place, read, **words)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     plan = planned(data, effects, scene, names, robust, known)
     if sampling is not None:
@@ -176,7 +174,7 @@ def fit(
         print_table(found.table, f"posterior, {best.damping} damping")
         print_text(found.text)
     print_files(paths)
-    reading = [*(f"{name}={value}" for name, value in given.items() if value is not None), *(read or ())]
+    reading = [*(f"{name}={value}" for name, value in words.items()), *(read or ())]
     print_text("To compare the recording with other methods, run:")
     print(printable(to_lay_over(best, place, paths[-1], reading)))
 
@@ -189,8 +187,6 @@ def _sampling(
     Raises SceneError for options that need --posterior.
     """
     from pendulum_env.lab.fitting.posterior import needs_emcee
-    from pendulum_env.physics.damping import typed
-    from pendulum_env.physics.units import SceneError, shown, whole_number
 
     for name, value in {"walker-steps": steps, "seed": seed, "prior": prior or None}.items():
         if value is not None and not posterior:
@@ -211,7 +207,6 @@ def _sampling(
 
 def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) -> Posterior | None:
     """Return the posterior of a fit; None if it is not wanted or not possible, with a warning that says why."""
-    from pendulum_env.common.warn import warn
     from pendulum_env.lab.checked import side
 
     if sampling is None:
@@ -222,17 +217,8 @@ def _sampled(best: Fit, sampling: Mapping[str, Any] | None, progress: Progress) 
     return found
 
 
-def tell_of(warned: Iterable[warnings.WarningMessage], besides: str = "") -> None:
-    """Print every warning of a fit but those in the text ``besides``, which is printed elsewhere."""
-    for warning in warned:
-        if issubclass(warning.category, UserWarning) and str(warning.message) not in besides:
-            say(f"Warning: {warning.message}")
-
-
 def _known(measures: Mapping[str, Any], settings: list[str] | None) -> dict[str, Any]:
     """Return the scene's parameters from options and from --set; SceneError for a parameter given twice."""
-    from pendulum_env.physics.damping import parse_settings
-    from pendulum_env.physics.units import SceneError
 
     more = parse_settings(settings or ())
     for name in measures:

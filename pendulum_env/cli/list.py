@@ -1,4 +1,4 @@
-"""The command ``lab-pendulum list``: scenes, integrators, effects, bodies, tasks, events, formats and sources."""
+"""The command ``lab-pendulum list``, which prints tables of scenes, integrators, effects, sources, ids and more."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from typing import Annotated
 
 import typer
 
+from integrators import METHODS
 from pendulum_env.cli import options
 from pendulum_env.cli.console import print_table, print_text, printable, terminal_width
 from pendulum_env.cli.options import scene_of
+from pendulum_env.physics.effects import EFFECTS
+from pendulum_env.physics.units import SceneError, one_of, shown
 
-LINES = 3
-"""Largest number of lines for each list when all are printed on one screen."""
 SCREEN = 80
 """Width for which a list is made that fits one screen, if the terminal's width is unknown."""
 
 
 def list_(
     what: Annotated[
-        str | None, typer.Argument(help="scenes, integrators, effects, bodies, tasks, events, formats, sources; all by "
-                                   "default.", callback=options.lower)
+        str | None, typer.Argument(callback=options.lower, help="scenes, integrators, effects, bodies, tasks, events, "
+                                   "formats, sources, ids, settings; all by default.")
     ] = None,
     scene: options.SceneOrNone = None,
     damping: options.Damping = "scene",
@@ -27,41 +28,43 @@ def list_(
     csv: Annotated[bool, options.flag("Print CSV, with all columns.", "--csv")] = False,
     markdown: Annotated[bool, options.flag("Print tables in Markdown.", "--markdown")] = False,
 ) -> None:
-    """List scenes, integrators, effects, bodies, tasks, events, formats of recordings, and live sources, on one screen.
+    """List scenes, integrators, effects, bodies, tasks, events, formats of recordings, live sources, environments' ids
+    and settings.
 
-    --all prints more. --scene describes one scene or, after integrators, lists those that suit it.
+    A list fits one screen; --all prints more. --scene describes one scene or, after integrators, lists those that
+    suit it.
     """
-    from integrators import METHODS
-    from pendulum_env.physics.effects import EFFECTS
-    from pendulum_env.physics.units import SceneError, shown
+    from pendulum_env.envs.settings import ids_table, settings_table
     from pendulum_env.study.lists import effects, methods
-    from pendulum_env.study.lists.tables import TABLES, brief, find_table, integrators_data, names_of
+    from pendulum_env.study.lists.tables import TABLES, brief, integrators_data, names_of
+
+    tables = {**TABLES, "ids": ids_table, "settings": settings_table}
 
     if csv and markdown:
         raise SceneError("--csv and --markdown cannot be combined; leave one of them out.")
     if csv and what is None:
-        raise SceneError(f"--csv prints one list at a time; name one of {', '.join(TABLES)}.")
+        raise SceneError(f"--csv prints one list at a time; name one of {', '.join(tables)}.")
     if scene is None and damping != "scene":
         raise SceneError("--damping needs --scene; give a scene.")
     if scene is not None and (what not in ("integrators", "scenes") or csv or markdown):
         either = " or ".join(f"lab-pendulum list {name} --scene {shown(scene)}" for name in ("integrators", "scenes"))
         raise SceneError(f"--scene works for two lists, without --csv or --markdown: {either}.")
     width = terminal_width(SCREEN)
-    for name in TABLES if what is None else (what,):
+    for name in tables if what is None else (one_of(what, "list of", tables),):
         if scene is not None:
             place = scene_of(scene, damping, None)
             print_text(place.describe() if name == "scenes" else methods.fit_listing(place, terminal_width(), whole))
         elif csv:
-            print((integrators_data() if name == "integrators" else find_table(name)).csv(), end="")
+            print((integrators_data() if name == "integrators" else tables[name]()).csv(), end="")
         elif markdown:
-            print(f"### {name}\n\n{find_table(name).markdown()}\n")
+            print(f"### {name}\n\n{tables[name]().markdown()}\n")
         elif not whole:
-            print(printable(names_of(name, width, LINES) if what is None else brief(name, width)))
+            print(printable((names_of if what is None else brief)(name, tables[name](), width)))
         elif name == "integrators":
             print(methods.listing(METHODS.values(), terminal_width()))
         elif name == "effects":
             print(effects.listing(EFFECTS.values(), terminal_width()))
         else:
-            print_table(find_table(name), name)
+            print_table(tables[name](), name)
     if scene is None and not (whole or csv or markdown):
         print(f"More: lab-pendulum list {what or 'scenes'}{' --all' if what else ', or --all of all lists'}")

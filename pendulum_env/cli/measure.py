@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from pendulum_env.cli import options
 from pendulum_env.cli.console import print_files, print_table, print_text, shown_if_refused
-from pendulum_env.cli.options import recording_of
+from pendulum_env.cli.options import given, recording_of
+from pendulum_env.common.provenance import output_folder, provenance, write_csv
+from pendulum_env.common.warn import warn
+from pendulum_env.physics.units import SceneError, number, other_units
 
 
 def measure(
@@ -39,42 +42,36 @@ def measure(
     give gravity, too, and a sentence if that cannot be; with --radius, swings give the Reynolds number. measured.csv
     has value, error and unit of each quantity.
     """
-    from pendulum_env.common.provenance import output_folder, provenance, write_csv
-    from pendulum_env.common.warn import warn
     from pendulum_env.lab.gates import is_gate, measure_gate
     from pendulum_env.lab.sheet import measure as run
     from pendulum_env.lab.simulated import FILE
-    from pendulum_env.physics.units import SceneError, number, other_units
 
     if length_error is not None:
         if length is None:
             raise SceneError("--length-error needs --length; give the measured length.")
         number(length_error, "--length-error", above=0.0, unit="m")
-    given: dict[str, Any] = {name: value for name, value in (("length", length), ("gravity", gravity))
-                             if value is not None}
-    choice = {"columns": columns, "until": until, "drop": ",".join(drop) if drop else None}
-    chosen = bool(read) or above is not None or any(value is not None for value in choice.values())
-    if file is not None and not chosen and is_gate(file):
-        for name, value in (("radius", radius), ("oscillations", oscillations)):
-            if value is not None:
-                raise SceneError(f"--{name} is for recordings of a swing, and {file} is of a photogate; leave it out.")
-        gate = measure_gate(file, length_error=length_error or 0.0, states=states, **given)
-        path = output_folder(out) / "measured.csv"
-        write_csv(path, gate.table.head, gate.table.rows, provenance())
-        print_table(gate.table, f"{gate.source}: {len(gate.periods)} periods")
-        print_text(gate.text)
+    known, of_swing = given(length=length, gravity=gravity), given(radius=radius, oscillations=oscillations)
+    choice = given(columns=columns, until=until, drop=",".join(drop) if drop else None)
+    if file is not None and not (choice or read or above is not None) and is_gate(file):
+        for name in of_swing:
+            raise SceneError(f"--{name} is for recordings of a swing, and {file} is of a photogate; leave it out.")
+        gate = measure_gate(file, length_error=length_error or 0.0, states=states, **known)
+        table, numbers, facts = gate.table, gate.table, provenance()
+        title, text, before = f"{gate.source}: {len(gate.periods)} periods", gate.text, ""
     elif states is not None:
         raise SceneError("--states is for files with the states of a photogate; leave it out.")
     else:
         data = recording_of(FILE if file is None else file, read, **choice)
-        given |= {} if radius is None else {"radius": radius}
         with shown_if_refused(lambda: print_text(data.text)):
-            sheet = run(data, n=oscillations, above=above, length_error=length_error, **given)
+            sheet = run(data, n=oscillations, above=above, length_error=length_error, **known, **given(radius=radius))
         for sentence in other_units(sheet.scene.body, sheet.scene.gravity):
             warn(sentence)
-        path = output_folder(out) / "measured.csv"
-        write_csv(path, sheet.numbers.head, sheet.numbers.rows, provenance(notes=list(data.notes)))
-        print_text(data.text if file is not None else f"{options.SIMULATED}\n{data.text}")
-        print_table(sheet.table, "the lab sheet")
-        print_text(sheet.text)
+        table, numbers, facts = sheet.table, sheet.numbers, provenance(notes=list(data.notes))
+        title, text = "the lab sheet", sheet.text
+        before = data.text if file is not None else f"{options.SIMULATED}\n{data.text}"
+    path = output_folder(out) / "measured.csv"
+    write_csv(path, numbers.head, numbers.rows, facts)
+    print_text(before)
+    print_table(table, title)
+    print_text(text)
     print_files([path])

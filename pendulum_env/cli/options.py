@@ -17,10 +17,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pendulum_env.common.checks import shown
+from pendulum_env.common.provenance import checked_folder
+from pendulum_env.common.warn import warn
+from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings, typed, typed_values
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, one_of
 
 if TYPE_CHECKING:
     from pendulum_env.lab.recording import Recording
-    from pendulum_env.physics.scene import Scene
 
 SIMULATED = "No recording is given, so the simulated one of the package is used."
 """Sentence of commands that take a recording, for a run without one."""
@@ -96,7 +100,6 @@ def _scene(name: Any) -> Any:
 
 def _folder(path: Path | None) -> Path | None:
     """Return a folder for files after checking that it can be written; it is made with the first file."""
-    from pendulum_env.common.provenance import checked_folder
 
     return None if path is None else checked_folder(path)
 
@@ -110,7 +113,6 @@ def _degrees(value: float | None) -> float | None:
         return None
     meant = math.degrees(value)
     if abs(value) < math.tau and abs(meant - 5.0 * round(meant / 5.0)) < ROUND and abs(meant) > 1.0:
-        from pendulum_env.common.warn import warn
 
         warn(f"Angles on the command line are in degrees: {value:g} rad would be {5 * round(meant / 5.0)} degrees.")
     return math.radians(value)
@@ -183,7 +185,6 @@ Oscillations = Annotated[
 
 def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
     """Return the scene that the command-line options --scene, --damping and --set describe."""
-    from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
 
     return build_scene(scene, parse_damping(damping), parse_settings(settings or ()))
 
@@ -196,39 +197,39 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
     from inspect import signature
 
     from pendulum_env.lab.recording import Recording
-    from pendulum_env.physics.damping import typed_values
-    from pendulum_env.physics.units import SceneError, nearest, shown
 
     more = typed_values(read or (), "--read", "scale=0.99")
     known = [name for name in signature(Recording.read).parameters if name != "path"]
-    given = {name: value for name, value in options.items() if value is not None}
+    words = given(**options)
     for name, value in more.items():
-        if name not in known:
-            raise SceneError(f"--read has no keyword {shown(name)}{nearest(name, known)}")
-        if name in given:
+        if one_of(name, "keyword of --read", known) in words:
             raise SceneError(f"{name} is given twice, by --{name} and by --read.")
-        given[name] = marks().get(value, value)
-    if isinstance(given.get("scale"), str):
-        given["scale"] = quotient(given["scale"])
-    given |= {name: _parts(given[name]) for name in LISTS if isinstance(given.get(name), str)}
+        words[name] = marks().get(value, value)
+    if isinstance(words.get("scale"), str):
+        words["scale"] = quotient(words["scale"])
+    words |= {name: _parts(words[name]) for name in LISTS if isinstance(words.get(name), str)}
     if file is None:
         raise SceneError("--read needs a recording; give a file.")
-    return Recording.read(file, **given)
+    return Recording.read(file, **words)
 
 
 def one_method(names: Sequence[str]) -> str:
     """Return the one method that is named; SceneError for several."""
-    from pendulum_env.physics.units import SceneError
 
     if len(names) > 1:
         raise SceneError(f"This command runs one integrator, not {', '.join(names)}; name one.")
     return names[0]
 
 
+def given(**values: Any) -> dict[str, Any]:
+    """Return the options that were given, those that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def given_by_user(context: typer.Context, *names: str) -> list[str]:
-    """Return those of the options of a command that were given on the command line."""
-    return [name for name in names if (source := context.get_parameter_source(name)) is not None
-            and source.name == "COMMANDLINE"]
+    """Return those of the options of some parameters that were given on the command line, as --length-error."""
+    sources = {one: context.get_parameter_source(one.name) for one in context.command.params if one.name in names}
+    return [max(one.opts, key=len) for one, source in sources.items() if source and source.name == "COMMANDLINE"]
 
 
 def quotient(text: str) -> float | str:
@@ -259,7 +260,6 @@ def named(word: str) -> str:
 def _parts(value: Any) -> Any:
     """Return numbers and names separated by commas as a list, whole numbers as ints; other texts, such as
     "time=2,angle=5", unchanged."""
-    from pendulum_env.physics.damping import typed
 
     if isinstance(value, str) and ("," not in value or "=" in value):
         return value

@@ -8,6 +8,7 @@ from typing import Annotated
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, printable
 from pendulum_env.cli.options import scene_of
+from pendulum_env.engine.starts import listed_methods
 
 
 def record(
@@ -35,7 +36,6 @@ def record(
     step. A run that ends early stays at its last frame.
     """
     from pendulum_env.engine.spec import RunSpec
-    from pendulum_env.engine.starts import listed_methods
     from pendulum_env.films.record import record as run
 
     machines = [RunSpec.of(scene_of(place, damping, settings), method, rtol=rtol, atol=atol).machine()

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
-from pendulum_env.cli.options import one_method, scene_of
+from pendulum_env.cli.options import given, one_method, scene_of
+from pendulum_env.physics.units import SceneError, shown, whole_number
 
 if TYPE_CHECKING:
     from pendulum_env.study.section import Basins, Section
@@ -46,7 +47,6 @@ def section(
     The section is that of many runs from angles spread over a turn; with --over one run for each value starts from
     --angle and --velocity. Writes a figure and a CSV table.
     """
-    from pendulum_env.physics.units import SceneError
     from pendulum_env.study import section as room
 
     place = scene_of(scene, damping, settings)
@@ -77,11 +77,6 @@ def section(
     print_files(paths)
 
 
-def given(**options: Any) -> dict[str, Any]:
-    """Return the options that were given, those that are not None."""
-    return {name: value for name, value in options.items() if value is not None}
-
-
 def _values(text: str) -> dict[str, Any]:
     """Return the parameter and its values from a text of the form name=first:last:count.
 
@@ -89,7 +84,6 @@ def _values(text: str) -> dict[str, Any]:
     """
     import numpy as np
 
-    from pendulum_env.physics.units import SceneError, shown, whole_number
 
     name, equals, span = text.partition("=")
     numbers = _numbers(span)
@@ -101,7 +95,6 @@ def _values(text: str) -> dict[str, Any]:
 
 def _pair(text: str) -> tuple[float, float]:
     """Return two numbers from a text of the form low:high; SceneError for a text of another form."""
-    from pendulum_env.physics.units import SceneError, shown
 
     numbers = _numbers(text)
     if len(numbers) != 2:

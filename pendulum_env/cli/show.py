@@ -11,15 +11,20 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
+from integrators import METHODS
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_text
+from pendulum_env.engine.machine import find_method, fitting
+from pendulum_env.engine.starts import checked_start, none_twice
+from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
+from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import SceneError, shown
+from pendulum_env.render import View, palette
+from pendulum_env.window import Shown
 from pendulum_env.window.controls import METHOD_KEYS, keys_in_words
 
 if TYPE_CHECKING:
     from pendulum_env.envs.env import LabPendulumEnv
-    from pendulum_env.physics.scene import Scene
-    from pendulum_env.render import View
-    from pendulum_env.window import Shown
     from pendulum_env.window.live import Live
 
 
@@ -57,9 +62,7 @@ def show(
     The methods of the keys 1 to 5 are compiled before the window opens, once for each scene. Here --set takes the
     settings of gym.make, too, as in --set action_noise=0.1.
     """
-    from pendulum_env.engine.starts import checked_start
     from pendulum_env.envs.settings import split_settings
-    from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings
     from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
@@ -85,7 +88,6 @@ show.__doc__ = cleandoc(show.__doc__ or "").replace("{keys}", f"\b\n{keys_in_wor
 
 def _window_size(text: str) -> tuple[int, int]:
     """Return width and height of a window [px] from text such as "1600x900", or "700" for a square."""
-    from pendulum_env.physics.units import SceneError, shown
     from pendulum_env.render.layout import MOST as LARGEST
 
     found = re.fullmatch(r"\s*(\d{1,5})\s*(?:[xX]\s*(\d{1,5})\s*)?", text)
@@ -108,10 +110,6 @@ class Bench:
 
     def __init__(self, scene: Scene, integrators: Sequence[str], dt: float | None, theme: str, panels: Sequence[str],
                  more: Mapping[str, Any] = MappingProxyType({})) -> None:
-        from pendulum_env.engine.machine import find_method
-        from pendulum_env.engine.starts import none_twice
-        from pendulum_env.physics.units import SceneError
-
         self.scene, self.theme, self.panels, self.more = scene, theme, panels, more
         self.dt = scene.run.dt if dt is None else dt
         if len(integrators) > MOST:
@@ -133,7 +131,6 @@ class Bench:
 
         So no key makes the window wait for a compiler. Methods that do not fit the scene are left out.
         """
-        from pendulum_env.engine.machine import fitting
 
         running, fits = [env.integrator for env in self.envs], fitting(self.scene)
         keys = [name for name in METHOD_KEYS.values() if name in fits and name not in running]
@@ -151,8 +148,6 @@ class Bench:
 
         A pendulum whose run has ended shows this until it starts again.
         """
-        from integrators import METHODS
-        from pendulum_env.render import palette
 
         env = self.envs[place]
         own = env.shown()
@@ -172,8 +167,6 @@ class Bench:
 
         Raises SceneError for a step that is too short for a window, or too long.
         """
-        from pendulum_env.physics.units import SceneError
-
         step = self.dt * factor
         if not SHORTEST <= step <= LONGEST:
             raise SceneError(f"dt stays {self.dt:g} s: here it can be {SHORTEST:g} to {LONGEST:g} s.")

@@ -9,6 +9,8 @@ import typer
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text
 from pendulum_env.cli.options import given_by_user
+from pendulum_env.common.provenance import checked_folder
+from pendulum_env.physics.units import SceneError
 
 
 def stress(
@@ -33,14 +35,12 @@ def stress(
     method needs, and an error said so. wrong: finite and false, which is always a failure. The allowed outcomes of each
     kind of method follow from theory; any other outcome is a failure, with exit code 1 unless its reason is known.
     """
-    from pendulum_env.common.provenance import checked_folder
     from pendulum_env.hard_cases.run import chosen_cases, listing, write
     from pendulum_env.hard_cases.run import stress as run
-    from pendulum_env.physics.units import SceneError
 
     if show:
         if unused := given_by_user(context, "integrators", "svg", "out"):
-            raise SceneError(f"--list runs no method and writes no file; leave out --{unused[0]}.")
+            raise SceneError(f"--list runs no method and writes no file; leave out {unused[0]}.")
         print_text(listing(chosen_cases(cases, scene, long)))
         return
     folder = checked_folder(out or "out/stress")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_text
+from pendulum_env.physics.presets import SCENES
 
 ALL = "all"
 """Word for every scene, and for every method."""
@@ -24,7 +25,6 @@ def web(
     state.
     """
     import integrators as package
-    from pendulum_env.physics.presets import SCENES
     from pendulum_env.web.document import write
 
     chosen = list(SCENES) if scenes == [ALL] else scenes

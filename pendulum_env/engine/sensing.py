@@ -24,6 +24,7 @@ from pendulum_env.engine.shape import indent, joined
 from pendulum_env.physics import elementary
 from pendulum_env.physics.random import next_uniform, normal, started
 from pendulum_env.physics.sensor import rounded, taken
+from pendulum_env.physics.units import SceneError, shown
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -39,6 +40,8 @@ TURNED = "q + 6.283185307179586*turns"
 """Source of the unwrapped angle of the motion [rad]."""
 SCRATCH = ("x0", "y0", "w0", "x1", "y1", "w1", "x_old", "y_old", "cosine", "sine", "angle")
 """Names of the intermediate values of the programs."""
+
+UNFIT = "sensing in a state to restore must hold the readings and actions that get_state returned"
 
 
 @dataclass(frozen=True)
@@ -566,8 +569,8 @@ class Sensing:
         return {"readings": self._memory[0].tolist(), "slot": self._now, "actions": self._queue[:, 0].tolist(),
                 "row": self._row, "late": int(self._whole[0] * self.plan.substeps + self._part[0])}
 
-    def checked(self, saved: Any) -> Sensing | None:
-        """Return a copy with the numbers of :meth:`saved`; None if they do not fit this environment."""
+    def checked(self, saved: Any) -> Sensing:
+        """Return a copy with the numbers of :meth:`saved`; SceneError if they do not fit this environment."""
         other = copied(self)
         try:
             readings = np.array(saved["readings"], dtype=np.float64, order="C")
@@ -580,9 +583,9 @@ class Sensing:
             lags = [readings[self._fields.index(name)] for name in ("lag", "late")] if self.plan.random else []
             good = good and all(value in range(self.plan.substeps * self.plan.slots + 1) for value in lags)
         except (TypeError, ValueError, LookupError, OverflowError):
-            return None
+            good, lags = False, []
         if not good or (lags and not 0 <= lags[0] < self.plan.slots):
-            return None
+            raise SceneError(f"{UNFIT}, not {shown(saved)}.")
         other._memory[0], other._queue = readings, actions[:, None].copy()
         other._set_late(0, late)
         other._now, other._row = slot, row
@@ -594,8 +597,8 @@ class Sensing:
         return {"readings": self._memory.copy(), "actions": self._queue.copy(), "whole": self._whole.copy(),
                 "part": self._part.copy(), "slot": self._now, "row": self._row}
 
-    def checked_of_all(self, saved: Any) -> Sensing | None:
-        """Return a copy with the numbers of :meth:`saved_of_all`; None if they do not fit these environments."""
+    def checked_of_all(self, saved: Any) -> Sensing:
+        """Return a copy with the numbers of :meth:`saved_of_all`; SceneError if they do not fit these environments."""
         other, own = copied(self), self.saved_of_all()
         try:
             kinds = {name: getattr(value, "dtype", np.int64) for name, value in own.items()} | {"actions": None}
@@ -612,9 +615,9 @@ class Sensing:
                 lags = given["readings"][:, place * width : (place + 1) * width].ravel()[: self.size]
                 good = bool((lags >= 0).all() and (lags < self.plan.slots).all())
         except (TypeError, ValueError, LookupError, OverflowError):
-            return None
+            good = False
         if not good:
-            return None
+            raise SceneError(f"{UNFIT}, not {shown(saved)}.")
         other._memory, other._queue = given["readings"], given["actions"]
         other._whole, other._part = given["whole"], given["part"]
         other._now, other._row = int(given["slot"]), int(given["row"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
@@ -41,8 +42,10 @@ It is raised by one whenever their attributes change, or what their programs ret
 """
 
 
-STATE = ("angle", "velocity", "theta", "state")
-"""Names that people assign to change the present state; not attributes of environments."""
+ABSENT = {**MEANT, **dict.fromkeys(
+    ("angle", "velocity", "theta", "state"),
+    "reset(options={'angle': 0.1, 'velocity': 0.0}) starts from another state [rad, rad/s].")}
+"""Names that people assign to change an environment, and what they should do; not attributes of environments."""
 
 
 class Fixed:
@@ -50,6 +53,7 @@ class Fixed:
 
     The value is built into the environment's program, so that another value would change nothing. Parameters of the
     scene are read in single environments; the environments of a vector may differ, and its ``get_attr`` has them all.
+    The names of ABSENT are no attributes, and are refused because assigning them would do nothing.
     """
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -58,7 +62,7 @@ class Fixed:
     def __get__(self, environment: Any, kind: type | None = None) -> Any:
         if environment is None:
             return self
-        kept = vars(environment)
+        kept = {} if self.name in ABSENT else vars(environment)
         if f"_{self.name}" in kept:
             return kept[f"_{self.name}"]
         if self.name != "speed_limit" and self.name in vars(kept.get("_settings", self)):  # a vector has one for each
@@ -68,6 +72,9 @@ class Fixed:
         raise AttributeError(f"{type(environment).__name__} has no attribute {self.name!r}.")
 
     def __set__(self, environment: Any, value: Any) -> None:
+        if self.name in ABSENT:
+            raise AttributeError(f"{self.name} cannot be assigned, as environments have no such attribute: "
+                                 f"{ABSENT[self.name]}")
         if self.name == "omega0":
             raise AttributeError("omega0 cannot be assigned, as it follows from the scene; make a new environment with "
                                  f'another length or gravity, as {self.maker}("LabPendulum-v0", length=1.0).')
@@ -75,34 +82,14 @@ class Fixed:
                              f'new environment with {self.maker}("LabPendulum-v0", {self.name}={shown(value)}).')
 
 
-class Absent:
-    """Name of STATE or MEANT, which environments do not have, and which cannot be assigned: it would do nothing."""
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, environment: Any, kind: type | None = None) -> Any:
-        if environment is None:
-            return self
-        raise AttributeError(f"{type(environment).__name__} has no attribute {self.name!r}.")
-
-    def __set__(self, environment: Any, value: Any) -> None:
-        hint = ("reset(options={'angle': 0.1, 'velocity': 0.0}) starts from another state [rad, rad/s]."
-                if self.name in STATE else MEANT[self.name])
-        raise AttributeError(f"{self.name} cannot be assigned, as environments have no such attribute: {hint}")
-
-
 def fix(environment: type, more: Iterable[str]) -> None:
-    """Make all keywords of an environment's class, all parameters of scenes and ``more`` attributes :class:`Fixed`.
-
-    Names that are no attributes, of STATE and MEANT, become :class:`Absent`.
-    """
+    """Make all keywords of an environment's class, all parameters of scenes and ``more`` attributes :class:`Fixed`."""
     own = set(signature(environment).parameters) - {"parameters", "autoreset_mode"}
     sizes = {entry.name for part in (*BODIES.values(), Medium, *EFFECTS.values())
              for entry in dataclasses.fields(part)}
     fixed = (own | sizes | {"gravity", "body", "medium", "effects", "run", *more}) - {"name"}
-    for name in fixed | {*STATE, *MEANT}:
-        attribute: Fixed | Absent = Fixed() if name in fixed else Absent()
+    for name in fixed | {*ABSENT}:
+        attribute = Fixed()
         attribute.__set_name__(environment, name)
         setattr(environment, name, attribute)
 
@@ -143,9 +130,11 @@ class PortableSpec(EnvSpec):
         that the number in the duration stands in its place.
         """
         for name, value in self.kwargs.items():
-            if not _is_plain(value):
+            try:
+                json.dumps(value)
+            except TypeError:
                 raise SceneError(f"{name}={shown(value)} cannot be written as JSON; give it by the name of a method of "
-                                 "the package, or a scene of the package's own effects.")
+                                 "the package, or a scene of the package's own effects.") from None
         numbers = copy(self)
         if self.own_steps is not None:
             if isinstance(self.max_episode_steps, Registered):
@@ -176,14 +165,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: _plain(entry) for name, entry in value.items()}
     return [_plain(entry) for entry in value] if isinstance(value, (list, tuple)) else value
-
-
-def _is_plain(value: Any) -> bool:
-    """Return True if JSON holds a value without changing its meaning."""
-    if isinstance(value, dict):
-        return all(isinstance(name, str) and _is_plain(entry) for name, entry in value.items())
-    return all(map(_is_plain, value)) if isinstance(value, (list, tuple)) else (
-        value is None or isinstance(value, (str, int, float, bool)))
 
 
 class Portable(Displayed):

@@ -24,7 +24,7 @@ from pendulum_env.engine.shape import DIVERGED, LOST, SLACK, STOP_REASONS, TOO_S
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
 from pendulum_env.envs.limits import check_duration, episode_steps, time_limit
-from pendulum_env.envs.saved import checked_parameters, checked_random, checked_sensing, checked_state
+from pendulum_env.envs.saved import checked_parameters, checked_random, checked_state, identity
 from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings_of
 from pendulum_env.envs.settings import METADATA, START, EnvSettings, checked_options, spaces_of
 from pendulum_env.envs.switch import carried, following
@@ -391,7 +391,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             self._take_parameters(parameters)
             values, share, trail = checked_state(saved, self._identity(), self._machine)
             past, seen = self._reel.checked(saved)
-            sensing = None if self._sensing is None else checked_sensing(saved, self._sensing)
+            sensing = None if self._sensing is None else self._sensing.checked(saved.get("sensing"))
             self.np_random.bit_generator.state = checked_random(saved["random"], self.np_random.bit_generator)
         except BaseException:
             self._take_parameters(before)
@@ -402,12 +402,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     def _identity(self) -> dict[str, Any]:
         """Return the scene, method and step of the environment, which a state to be restored must have too."""
-        compensated: dict[str, Any] = {"compensated": True} if self._machine.compensated else {}
-        if self._sensing is not None:
-            compensated["sensing"] = {name: list(value) if isinstance(value, tuple) else value
-                                      for name, value in vars(self._sensing.plan).items()}
-        return {"scene": self.scene.to_dict(), "integrator": str(self.integrator), "step": self._h,
-                "substeps": self.substeps, **self._machine.tolerance, **compensated}
+        sensing = {} if self._sensing is None else {"sensing": {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in vars(self._sensing.plan).items()}}
+        return {**identity(self._spec, self.scene, self._machine.tolerance), **sensing}
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes for a copy or a pickle, without the functions that are made from the task."""

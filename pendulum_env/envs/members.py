@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import wraps
 from threading import RLock
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import gymnasium
 import numpy as np
+from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import FIELD_OF, Batch
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine
 from pendulum_env.engine.random_streams import Streams, generator_state, words_of
-from pendulum_env.engine.spec import RunSpec
-from pendulum_env.envs.attributes import Absent, Fixed, parameter
+from pendulum_env.engine.sensing import Sensing
+from pendulum_env.envs.attributes import Fixed, Portable, parameter
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.env import LabPendulumEnv, earlier
 from pendulum_env.envs.randomize import Bank
-from pendulum_env.envs.saved import checked_random, checked_state
+from pendulum_env.envs.saved import check_made_for, checked_random, checked_state, identity
 from pendulum_env.envs.settings import METADATA
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, line, nearest, shown
@@ -37,7 +38,9 @@ FIELDS = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
 ATTRIBUTES = ("scene", "integrator", "dt", "substeps", "task", "render_mode", "render_size", "metadata", "speed_limit",
               "omega0", "velocity_bound", "observation_space", "action_space", "np_random_seed")
 """Attributes of a single environment that a vector knows; with the parameters of its scene, such as ``length``."""
-METHODS = ("get_state", "set_state", "render", "get_wrapper_attr", "has_wrapper_attr", "set_wrapper_attr")
+EACH = {"get_wrapper_attr": "_attribute", "has_wrapper_attr": "_has", "set_wrapper_attr": "_assign"}
+"""Methods of a single environment, and those of a vector that do the same for the environment with an index."""
+METHODS = ("get_state", "set_state", "render", *EACH)
 """Methods of a single environment that a vector can call for each."""
 
 
@@ -60,34 +63,22 @@ def alone(call: Callable[Concatenate[M, P], T]) -> Callable[Concatenate[M, P], T
     return cast("Callable[Concatenate[M, P], T]", run)
 
 
-class Members:
+class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """The part of a vector environment that reads, calls, saves and restores its single environments."""
 
     _batch: Batch
-    _spec: RunSpec
     _camera: Cameras | None
     _num_envs: int
     _over: Places
     _begun: bool
     _known = False
     """True from the first reset on."""
-    closed: bool
     _turn: RLock
-    _dt: float
-    _randomization: Any
     _bank: Bank | None
-    _delays: dict[str, NDArray[np.float64]]
-    _sensing: Any
-    _task: Any
-    single_observation_space: Any
-    single_action_space: Any
+    _sensing: Sensing | None
 
     def _seeded(self) -> Streams:
         """Return the random streams of all environments."""
-        raise NotImplementedError
-
-    def render(self) -> Any:
-        """Return one frame for each environment, or None without a render mode."""
         raise NotImplementedError
 
     # --- Gymnasium's calls and attributes -----------------------------------------------------------------------
@@ -130,7 +121,8 @@ class Members:
         Raises AttributeError for a name that is no method or attribute, SceneError for an index out of range.
         """
         places = self._places(which).tolist()
-        line(name, "name")
+        if line(name, "name") in EACH:
+            return tuple(getattr(self, EACH[name])(place, *args, **kwargs) for place in places)
         if name in METHODS:
             called: tuple[Any, ...] = getattr(self, f"_call_{name}")(places, *args, **kwargs)
             return called
@@ -194,33 +186,18 @@ class Members:
         self.set_state([saved] * len(places), places)
         return (None,) * len(places)
 
-    def _call_get_wrapper_attr(self, places: Sequence[int], name: str) -> tuple[Any, ...]:
-        """Return an attribute of some environments."""
-        return tuple(self._attribute(place, name) for place in places)
-
-    def _call_has_wrapper_attr(self, places: Sequence[int], name: str) -> tuple[bool, ...]:
-        """Return for some environments whether they have an attribute or method."""
-        return tuple(name in METHODS or self._has(place, name) for place in places)
-
-    def _call_set_wrapper_attr(
-        self, places: Sequence[int], name: str, value: Any, *, force: bool = True
-    ) -> tuple[bool, ...]:
-        """Assign an attribute in some environments, and return whether it was assigned."""
-        return tuple(self._assign(place, name, value, force) for place in places)
-
     def _has(self, place: int, name: str) -> bool:
-        """Return True if the single environment with the index ``place`` has an attribute."""
+        """Return True if the single environment with the index ``place`` has an attribute or method."""
         try:
-            self._attribute(place, name)
+            return name in METHODS or self._attribute(place, name) is not self
         except AttributeError:
             return False
-        return True
 
-    def _assign(self, place: int, name: str, value: Any, force: bool = True) -> bool:
+    def _assign(self, place: int, name: str, value: Any, *, force: bool = True) -> bool:
         """Assign an attribute in one environment, as its ``set_wrapper_attr``; AttributeError for a setting."""
         line(name, "name")
         kept: dict[str, dict[int, Any]] = vars(self).get("_attributes", {})
-        if isinstance(getattr(type(self), name, None), (Fixed, Absent)):
+        if isinstance(getattr(type(self), name, None), Fixed):
             setattr(self, name, value)  # refuses, with its reason
         if name in ATTRIBUTES or hasattr(LabPendulumEnv, name) or hasattr(type(self), name):
             raise AttributeError(f"{name} cannot be assigned in the environments of a vector, as all share it.")
@@ -331,26 +308,16 @@ class Members:
     def _checked_more(self, more: Any) -> None:
         """Raise SceneError for what :meth:`_more` cannot have returned."""
         own, size = self._more(), self._num_envs
-        if not isinstance(more, Mapping) or {*more} != {*own}:
-            raise SceneError(f"more in a state to restore must be a dict with {', '.join(own)}.")
-        parts: list[tuple[str, Any, Any]] = [("episode", more["episode"], self._spec.scene.parameters()),
-                                             ("delays", more["delays"], ("observation_delay", "action_delay"))]
-        if own["ahead"] is not None:
-            ahead = more["ahead"]
-            if not isinstance(ahead, Mapping) or {*ahead} != {"ready", "values", "numbers"}:
-                raise SceneError("ahead in a state to restore must be a dict with ready, values and numbers.")
+        checked_dict(more, "more", own)
+        checked_columns(more["episode"], "episode", self._spec.scene.parameters(), size, some=True)
+        checked_columns(more["delays"], "delays", ("observation_delay", "action_delay"), size, some=True)
+        if self._randomization is not None:
+            ahead = checked_dict(more["ahead"], "ahead", own["ahead"])
             array_of(ahead["ready"], "ready", (size,), "b")
-            parts += [("values", ahead["values"], self._randomization.names),
-                      ("numbers", ahead["numbers"], self._spec.numbers)]
-        for what, columns, names in parts:
-            if not isinstance(columns, Mapping) or not {*columns} <= {*names}:
-                raise SceneError(f"{what} in a state to restore must be a dict of arrays, with names among "
-                                 f"{', '.join(names)}.")
-            for name, column in columns.items():
-                array_of(column, name, (size,), "f")
-        if self._sensing is not None and self._sensing.checked_of_all(more["sensing"]) is None:
-            raise SceneError("sensing in a state to restore must hold the readings and actions that get_state "
-                             f"returned, not {shown(more['sensing'])}.")
+            checked_columns(ahead["values"], "values", self._randomization.names, size, some=True)
+            checked_columns(ahead["numbers"], "numbers", self._spec.numbers, size, some=True)
+        if self._sensing is not None:
+            self._sensing.checked_of_all(more["sensing"])
 
     def _restore_more(self, more: Mapping[str, Any], state: dict[str, NDArray[np.float64]]) -> None:
         """Write the checked part "more" of a state, and add to its motion the numbers that the vector lets vary."""
@@ -388,26 +355,18 @@ class Members:
         self, saved: Any, places: Places
     ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.uint64], NDArray[np.bool_]]:
         """Check a saved state of several environments, and return its motion, random words and ended episodes."""
-        if not isinstance(saved, Mapping) or any(key not in saved for key in KEYS):
-            raise SceneError(f"A state to restore must be the dict that get_state returned, with {', '.join(KEYS)}.")
-        own, theirs = self._made_for(), saved["made_for"]
-        for name, value in own.items():
-            if not isinstance(theirs, Mapping) or not equal(theirs.get(name), value):
-                raise SceneError(f"The state to restore is of a vector with another {name}.")
+        check_made_for(saved, KEYS, self._made_for(), "a vector")
         size, numbers, state = len(places), saved["numbers"], saved["state"]
-        wanted = dict.fromkeys(self._batch.layout.moving, np.dtype(np.float64))
+        wanted = [*self._batch.layout.moving]
         if self._extra() or "more" in saved:
             if size < self._num_envs:
                 raise SceneError("A state with more than the motion is restored as a whole; leave out which.")
             self._checked_more(saved.get("more"))
-            varied = [name for name in state if name in self._spec.numbers] if isinstance(state, Mapping) else []
-            wanted |= dict.fromkeys(varied, np.dtype(np.float64))
-        for part, what, names in ((numbers, "numbers", self._numbers(places)), (state, "state", wanted)):
-            if not isinstance(part, Mapping) or {*part} != {*names}:
-                raise SceneError(f"{what} in a state to restore must be a dict with {', '.join(names)}.")
-            for name in names:
-                array_of(part[name], name, (size,), "f")
-        for name, values in self._numbers(places).items():
+            wanted += [name for name in state if name in self._spec.numbers] if isinstance(state, Mapping) else []
+        own = self._numbers(places)
+        checked_columns(numbers, "numbers", own, size)
+        checked_columns(state, "state", wanted, size)
+        for name, values in own.items():
             if (differs := np.flatnonzero(numbers[name] != values)).size:
                 raise SceneError(f"The state to restore is of another pendulum than that of environment "
                                  f"{places[differs[0]]}: its {name} is {numbers[name][differs[0]]:g}, not "
@@ -468,9 +427,7 @@ class Members:
 
     def _identity(self, place: int) -> dict[str, Any]:
         """Return scene, method and step of one environment, as a single environment's states have them."""
-        compensated = {"compensated": True} if self._spec.compensated else {}
-        return {"scene": self._scene_of(place).to_dict(), "integrator": str(self._spec.integrator),
-                "step": self._spec.h, "substeps": self._spec.hold, **self._batch.tolerance, **compensated}
+        return identity(self._spec, self._scene_of(place), self._batch.tolerance)
 
     def _state_of(self, machine: Machine, place: int) -> dict[str, Any]:
         """Return the state of one environment as ``LabPendulumEnv.get_state`` returns it, without past actions."""
@@ -506,12 +463,18 @@ def joined(
     return state, words, np.zeros(len(rows), dtype=np.bool_)
 
 
-def equal(theirs: Any, own: Any) -> bool:
-    """Return True if two values are equal, and False if not or if they cannot be compared."""
-    try:
-        return bool(theirs == own)
-    except (TypeError, ValueError):
-        return False
+def checked_dict(saved: Any, what: str, names: Collection[str], some: bool = False) -> Mapping[str, Any]:
+    """Return a part of a saved state; SceneError unless it is a dict with these names, or with ``some`` of them."""
+    if not isinstance(saved, Mapping) or not {*saved} <= {*names} or (len(saved) < len(names) and not some):
+        words = "of arrays, with names among" if some else "with"
+        raise SceneError(f"{what} in a state to restore must be a dict {words} {', '.join(names)}.")
+    return saved
+
+
+def checked_columns(saved: Any, what: str, names: Collection[str], size: int, some: bool = False) -> None:
+    """Raise SceneError unless a part of a saved state is a dict of arrays with a number for each environment."""
+    for name, column in checked_dict(saved, what, names, some).items():
+        array_of(column, name, (size,), "f")
 
 
 def array_of(values: Any, name: str, shape: tuple[int, ...], kind: str) -> Any:

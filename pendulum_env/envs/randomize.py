@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice, product
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pendulum_env.engine.elementwise import elementwise
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.problem import program_parts
+from pendulum_env.engine.random_streams import Streams
 from pendulum_env.physics.elementary import exp, log
 from pendulum_env.physics.random import normal
 from pendulum_env.physics.scene import Scene
@@ -36,17 +37,8 @@ PATIENCE = 1000
 """Most draws of one episode before a distribution is refused, because hardly any of its draws is within the bounds."""
 
 
-class RandomStreams(Protocol):
-    """Protocol of random streams, one for each environment, such as those of
-    :class:`pendulum_env.engine.random_streams.Streams`.
-    """
-
-    def uniform(self, which: Places) -> Array: ...
-    def generators(self, which: Places) -> Iterator[np.random.Generator]: ...
-
-
 class OneStream:
-    """The random stream of a single environment, in the form of a :class:`RandomStreams`."""
+    """The random stream of a single environment, in the form of :class:`pendulum_env.engine.random_streams.Streams`."""
 
     def __init__(self, generator: np.random.Generator) -> None:
         self._generator = generator
@@ -62,15 +54,6 @@ class OneStream:
             state = self._generator.bit_generator.state
             if state.get("has_uint32"):
                 self._generator.bit_generator.state = {**state, "has_uint32": 0, "uinteger": 0}
-
-
-class Draws(Protocol):
-    """Protocol of a part of a randomisation: some parameters, which are drawn together."""
-
-    @property
-    def names(self) -> tuple[str, ...]: ...
-    def ends(self) -> list[dict[str, float]]: ...
-    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values: ...
 
 
 @dataclass(frozen=True)
@@ -112,7 +95,7 @@ class Range:
         """Return the ends of the range, or the smallest and largest value."""
         return [{self.name: value} for value in dict.fromkeys((min(self.values), max(self.values)))]
 
-    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: OneStream | Streams, which: Places, backend: Backend) -> Values:
         """Return the values of new episodes in the environments ``which``."""
         if self.fixed:
             return {self.name: np.full(len(which), self.values[0])}
@@ -161,7 +144,7 @@ class Joint:
         """Return no ends: a normal distribution has none."""
         return []
 
-    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: OneStream | Streams, which: Places, backend: Backend) -> Values:
         """Return the values of new episodes in the environments ``which``.
 
         Raises SceneError if hardly any draw is within the bounds.
@@ -177,7 +160,7 @@ class Joint:
         raise SceneError(f"randomize: none of {PATIENCE} draws of {', '.join(self.names)} is within the bounds; the "
                          "fit's errors are too large.")
 
-    def _row(self, source: RandomStreams, which: Places, backend: Backend) -> Array:
+    def _row(self, source: OneStream | Streams, which: Places, backend: Backend) -> Array:
         """Return one draw for every environment of ``which``, shape ``(names, len(which))``, within bounds or not."""
         if self.rows is not None:
             places = (source.uniform(which) * len(self.rows)).astype(np.intp)
@@ -204,7 +187,7 @@ class Function:
         """Return no ends: those of a function are unknown."""
         return []
 
-    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: OneStream | Streams, which: Places, backend: Backend) -> Values:
         """Return the values of new episodes in the environments ``which``, for which the function is called in turn."""
         rows = [self._called(generator) for generator in source.generators(which)]
         return {name: np.array([row[name] for row in rows]) for name in self.names}
@@ -219,6 +202,10 @@ class Function:
             raise SceneError("The function given as randomize must return the same parameters in every call, not "
                              f"{', '.join(values)} after {', '.join(known)}.")
         return {name: number(value, f"randomize: {name}") for name, value in values.items()}
+
+
+Draws = Range | Joint | Function
+"""Parameters of the scene that are drawn together."""
 
 
 class Randomization:
@@ -243,7 +230,7 @@ class Randomization:
         if not self.names or len({*self.names}) < len(self.names):
             raise SceneError(f"randomize must name parameters, each of them once, not {shown(given)}.")
 
-    def drawn(self, source: RandomStreams, which: Places, backend: Backend) -> Values:
+    def drawn(self, source: OneStream | Streams, which: Places, backend: Backend) -> Values:
         """Return the parameters of new episodes in the environments ``which``: name -> array of ``len(which)``.
 
         Raises SceneError for a function that returns something else, or a fit with hardly any draw within its bounds.

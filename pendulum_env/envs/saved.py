@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
-from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import LARGEST
+from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import checked_control
 from pendulum_env.envs.randomize import check_parameters
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, number, shown, whole_number
+from pendulum_env.physics.units import SceneError, number, shown
 
 KEYS = ("made_for", "state", "action", "trail", "random")
 """Keys of an environment's saved state."""
@@ -23,6 +23,8 @@ COUNTS = ("index", "taken", "rejected", "slackened", "phase")
 """Numbers of a state that count something and so are whole; see FRACTIONS."""
 FRACTIONS = ("index", "slackened")
 """Counts of steps that may have a fraction on a wire, which can go slack within a step."""
+ENDLESS = ("quality_factor", "error_estimate")
+"""Quantities that may be inf: a quality factor without losses, an error estimate that is unknown."""
 MOST_COUNT = 2.0**53
 """Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
@@ -45,12 +47,7 @@ def checked_state(
 
     Raises SceneError if it is not the state of an environment with this scene, integrator and step.
     """
-    if not isinstance(saved, Mapping) or any(key not in saved for key in KEYS):
-        raise SceneError(f"A state to restore must be the dict that get_state returned, with {', '.join(KEYS)}.")
-    theirs = saved["made_for"]
-    for name, value in made_for.items():
-        if not isinstance(theirs, Mapping) or not _same(theirs.get(name), value):
-            raise SceneError(f"The state to restore is of an environment with another {name}.")
+    check_made_for(saved, KEYS, made_for, "an environment")
     share = checked_control(saved["action"], "action")
     if not isinstance(saved["trail"], (list, tuple, deque, np.ndarray)):
         raise SceneError(f"trail must be a list of angles [rad], not {shown(saved['trail'])}.")
@@ -63,12 +60,30 @@ def checked_state(
     try:
         with np.errstate(all="ignore"):
             machine.advance(state, share, made_for["step"], 0)
-        valid = all(map(_possible, machine.names, map(float, state)))
+        valid = all(math.isfinite(value) or (name in ENDLESS and value == math.inf)
+                    for name, value in zip(machine.names, map(float, state), strict=True))
     except ArithmeticError:
         valid = False
     if not valid:
         raise SceneError("The state to restore is not that of a run: some numbers computed from it are not finite.")
     return values, share, trail
+
+
+def identity(spec: RunSpec, scene: Scene, tolerance: Mapping[str, float]) -> dict[str, Any]:
+    """Return the scene, method and step of an environment, which a state to be restored must have too."""
+    compensated = {"compensated": True} if spec.compensated else {}
+    return {"scene": scene.to_dict(), "integrator": str(spec.integrator), "step": spec.h, "substeps": spec.hold,
+            **tolerance, **compensated}
+
+
+def check_made_for(saved: Any, keys: Iterable[str], made_for: Mapping[str, Any], where: str) -> None:
+    """Raise SceneError unless a saved state is a dict with these keys, saved where ``made_for`` had these values."""
+    if not isinstance(saved, Mapping) or any(key not in saved for key in keys):
+        raise SceneError(f"A state to restore must be the dict that get_state returned, with {', '.join(keys)}.")
+    theirs = saved["made_for"]
+    for name, value in made_for.items():
+        if not isinstance(theirs, Mapping) or not _same(theirs.get(name), value):
+            raise SceneError(f"The state to restore is of {where} with another {name}.")
 
 
 def checked_parameters(saved: Any, scene: Scene) -> dict[str, float]:
@@ -83,15 +98,6 @@ def checked_parameters(saved: Any, scene: Scene) -> dict[str, float]:
     return {name: number(value, name) for name, value in given.items()}
 
 
-def checked_sensing(saved: Mapping[str, Any], own: Sensing) -> Sensing:
-    """Return readings and delayed actions as in a saved state; SceneError if they are not those of such a sensor."""
-    sensing = own.checked(saved.get("sensing"))
-    if sensing is None:
-        raise SceneError("sensing in a state to restore must hold the readings and actions that get_state returned, "
-                         f"not {shown(saved.get('sensing'))}.")
-    return sensing
-
-
 def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
     """Check the saved state of a NumPy random generator, and return it.
 
@@ -100,22 +106,17 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
     name = type(own).__name__
     if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
         raise SceneError(f"random must be a state of the generator {name}, not {shown(saved)}.")
-    state: dict[str, Any] = dict(saved)
-    if name in PCG:
-        words = saved.get("state")
-        if not isinstance(words, Mapping):
-            raise SceneError(f"state in random must be a dict with the numbers state and inc, not {shown(words)}.")
-        large = {key: whole_number(words.get(key), f"{key} in random", 2**128 - 1, 0) for key in ("state", "inc")}
-        if not large["inc"] % 2:
-            raise SceneError(f"inc in random must be odd, not {large['inc']}.")
-        small = {key: whole_number(saved.get(key), f"{key} in random", most, 0)
-                 for key, most in (("has_uint32", 1), ("uinteger", 2**32 - 1))}
-        state = {"bit_generator": name, "state": large, **small}
+    restored: Any = type(own)()
     try:
-        type(own)().state = state
+        restored.state = saved
+        # numpy itself drops what is beyond 32 bits, and takes an even increment, whose numbers would not be random
+        fits = name not in PCG or (restored.state == saved and saved["state"]["inc"] % 2 == 1)
+        reason = "its numbers are out of range"
     except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
-        raise SceneError(f"The random state to restore does not fit this environment's generator: {error}.") from None
-    return state
+        fits, reason = False, str(error)
+    if not fits:
+        raise SceneError(f"The random state to restore does not fit this environment's generator: {reason}.")
+    return dict(saved)
 
 
 def _same(theirs: Any, own: Any) -> bool:
@@ -131,7 +132,7 @@ def _numbers(values: Any, names: Sequence[str]) -> list[float]:
     try:
         if not isinstance(values, (list, tuple, np.ndarray)) or len(values) != len(names):
             raise TypeError
-        return [math.inf if _endless(name) and _same(value, math.inf) else number(value, name)
+        return [math.inf if name in ENDLESS and _same(value, math.inf) else number(value, name)
                 for name, value in zip(names, values, strict=True)]
     except (TypeError, SceneError):
         raise SceneError(
@@ -170,14 +171,3 @@ def _within(value: float, name: str, most: float, unit: str = "") -> float:
     if abs(value) > most:
         raise SceneError(f"{name} in a state to restore must be within -{most:g} and {most:g}{unit}, not {value!r}.")
     return value
-
-
-def _endless(name: str) -> bool:
-    """Return True for the names of quantities that may be inf: a quality factor (no losses), an unknown error estimate.
-    """
-    return name in ("quality_factor", "error_estimate")
-
-
-def _possible(name: str, value: float) -> bool:
-    """Return True if the quantity ``name`` of a state may have this value: any finite number, or inf where allowed."""
-    return math.isfinite(value) or (_endless(name) and value == math.inf)

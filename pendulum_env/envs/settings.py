@@ -18,11 +18,11 @@ from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.sensing import KINDS, Plan
 from pendulum_env.engine.settings import RunSettings, SceneSettings, declared, meaning
 from pendulum_env.engine.threads import MOST_THREADS
-from pendulum_env.envs.limits import checked_steps
+from pendulum_env.envs.limits import IDS, checked_steps
 from pendulum_env.envs.randomize import check_parameters, plain_form
 from pendulum_env.films.look import checked_size
 from pendulum_env.physics.data import known
-from pendulum_env.physics.presets import EPISODES, SCENES, find_scene
+from pendulum_env.physics.presets import EPISODES, find_scene
 from pendulum_env.physics.random import normal
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.sensor import Sensor
@@ -37,6 +37,7 @@ START = ("angle", "velocity")
 USUAL_HISTORY, MOST_HISTORY = 4, 64
 """Usual and largest number of readings in an observation of the kind "history"."""
 MOST_ENVS = 2**26
+"""Largest number of environments in a vector."""
 USUAL_EPISODE = "rk4", 0.02
 """Method and control step [s] of an environment that is made without them."""
 RENDER_MODES = ("rgb_array", "human")
@@ -180,10 +181,6 @@ FORMS: Mapping[str, Callable[[Any], Any]] = {
 """Functions that return the value of a setting in a form that JSON holds, by the names of settings that need one."""
 
 
-ACTING = tuple(entry for entry in declared(EpisodeSettings) if "acts" in entry.metadata)
-"""Settings that change actions."""
-
-
 def settings_table() -> Table:
     """Return a table of the settings of ``gym.make`` and, at its end, those that ``gym.make_vec`` has besides."""
     named = {entry.name: entry for settings in (EnvSettings, VectorSettings) for entry in declared(settings)}
@@ -191,6 +188,13 @@ def settings_table() -> Table:
     entries = [*single.values(), *(entry for name, entry in named.items() if name not in single)]
     return Table(("keyword", "default", "meaning"), tuple(
         (entry.name, repr(entry.default), meaning(entry)) for entry in entries))
+
+
+def ids_table() -> Table:
+    """Return a table of the ids: control steps of an episode, and the keywords that the id sets."""
+    return Table(("id", "steps", "what it sets"), tuple(
+        (name, str(steps), ", ".join(f"{word}={value!r}" for word, value in keywords.items()) or "nothing")
+        for name, (steps, keywords) in IDS.items()))
 
 
 def split_settings(given: Mapping[str, Any], others: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -202,8 +206,8 @@ def split_settings(given: Mapping[str, Any], others: Sequence[str] = ()) -> tupl
 
 def acting(given: EpisodeSettings) -> tuple[tuple[Callable[..., float], Any], ...]:
     """Return the functions by which settings change actions, with their values, but for those that are off."""
-    values = ((entry, getattr(given, entry.name)) for entry in ACTING)
-    return tuple((entry.metadata["acts"], value) for entry, value in values if value != entry.default)
+    return tuple((entry.metadata["acts"], value) for entry in declared(EpisodeSettings)
+                 if "acts" in entry.metadata and (value := getattr(given, entry.name)) != entry.default)
 
 
 def usual(given: EpisodeSettings) -> tuple[Any, float]:
@@ -214,10 +218,7 @@ def usual(given: EpisodeSettings) -> tuple[Any, float]:
     scene, integrator, dt = given.scene, given.integrator, given.dt
     if integrator is not None and dt is not None:
         return integrator, dt
-    if isinstance(scene, Mapping):
-        name = scene.get("name")
-    else:
-        name = scene if isinstance(scene, str) and scene in SCENES else find_scene(scene).name
+    name = scene.get("name") if isinstance(scene, Mapping) else find_scene(scene).name
     method, step = EPISODES.get(name, USUAL_EPISODE) if isinstance(name, str) else USUAL_EPISODE
     return method if integrator is None else integrator, step if dt is None else dt
 

@@ -20,7 +20,8 @@ from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.random_streams import MOST_SEED
 from pendulum_env.envs.limits import REGISTERED, checked_steps
-from pendulum_env.envs.vector_env import MOST_ENVS, LabPendulumVectorEnv
+from pendulum_env.envs.settings import MOST_ENVS
+from pendulum_env.envs.vector_env import LabPendulumVectorEnv
 from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.presets import find_scene
@@ -292,7 +293,7 @@ def different(nominal: Keywords, real: Keywords) -> Iterator[Swap]:
     yield from scene_changes(nominal["scene"], real["scene"])
     names = [name for name in dict.fromkeys((*nominal, *real)) if name not in (*ALIKE, *SILENT, *NUMERICS, "scene")]
     for group in (NUMERICS, *((name,) for name in names)):
-        if any(not equal(nominal.get(name), real.get(name)) for name in group):
+        if not all(equal(nominal.get(name), real.get(name)) for name in group):
             one, other = (", ".join(f"{name} {side[name]}" if name in NUMERICS[1:] else value_text(side[name])
                                     for name in group if name in side) or "usual" for side in (nominal, real))
             yield Swap(group[0], (one, other), keywords_from(group))
@@ -376,11 +377,7 @@ def tried(
 
 def equal(one: Any, other: Any) -> bool:
     """Return True if two values of a keyword are equal, arrays and lists by their entries."""
-    if one is other:
-        return True
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return np.array_equal(np.asarray(one), np.asarray(other))
-    return bool(one == other)
+    return np.array_equal(one, other)
 
 
 def value_text(value: Any) -> str:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from threading import RLock
 from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
@@ -20,13 +20,22 @@ from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
-from pendulum_env.envs.attributes import Portable, fix
+from pendulum_env.envs.attributes import fix
 from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.limits import check_duration
 from pendulum_env.envs.members import Members, alone
 from pendulum_env.envs.randomize import Bank
 from pendulum_env.envs.sensing import drawn_delays, readings_of_many
-from pendulum_env.envs.settings import MANY, START, EnvSettings, VectorSettings, batched, checked_options, spaces_of
+from pendulum_env.envs.settings import (
+    MANY,
+    MOST_ENVS,
+    START,
+    EnvSettings,
+    VectorSettings,
+    batched,
+    checked_options,
+    spaces_of,
+)
 from pendulum_env.physics.flow import regime_of_damping
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 from pendulum_env.tasks import Task, TaskError
@@ -36,14 +45,13 @@ Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 Infos = dict[str, Any]
 
-MOST_ENVS = 2**26
 LOOK = 16
 """Number of steps of a vector of environments between two looks at the speeds, for a warning."""
 NOBODY: Places = np.empty(0, dtype=np.intp)
 """Empty array of environment indices."""
 
 
-class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class LabPendulumVectorEnv(Members):
     """Vector environment of ``num_envs`` pendulums, advanced together by compiled loops.
 
     ``gym.make_vec("LabPendulum-v0", num_envs=4096, ...)`` creates one. Environment ``i`` of a vector seeded ``s`` gives
@@ -140,22 +148,17 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             self._each.numbers_with(which, own)
         starts = checked_starts(self._spec, asked, which, size)
         self._seed(checked_seeds(seed, size), which)
-        numbers = self._take_parameters(which, own)
-        drawn = dict(zip(START, self._random(which, numbers, task), strict=True)) if len(starts) < len(START) else {}
-        angle, velocity = ({**drawn, **starts}[name] for name in START)
         results = self._batch.results() if self._reused is None else self._reused
         if some:
             self._batch.look(results)
-        self._begun = False  # until all have a state, also after an interruption
-        self._batch.start(which if some else None, angle, velocity, self._drawn_for(which), results, numbers)
-        self._begin_readings(which)
+        parameters = self._restart(which, results, own, starts, task)
         seen = self._seen(self._read(results), results)
-        self._begun = self._known = True
+        self._known = True
         self._over = np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
             self._camera.keep(None, which, results.info)
         rows = np.where(mask, results.info, 0.0) if some else results.info
-        infos, none = {**self._infos(rows, mask.copy()), **self._parameter_infos(which)}, np.array(None)
+        infos, none = {**self._infos(rows, mask.copy()), **parameters}, np.array(None)
         return seen, {**infos, "stop_reason": np.where(mask, self._running, none)} if some else infos
 
     @alone
@@ -207,7 +210,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         self._steps += 1
         extra: Infos = {}
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            extra = self._restart(waiting, results)
+            extra = self._restart(waiting, results, {}, {}, self._task)
             results.reward[waiting] = 0.0
             given = self._read(results)
         seen = given if self._sensing is None and not self._bounded else self._seen(given, results)
@@ -221,7 +224,7 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
                 extra = self._final(over, seen, results, reasons)
                 ended, late = results.terminated[over], results.truncated[over]
                 reward = results.reward[over]
-                extra |= self._restart(over, results)
+                extra |= self._restart(over, results, {}, {}, self._task)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
                 seen = self._seen(self._read(results), results)
             else:
@@ -378,12 +381,13 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
     def _final(self, over: Places, seen: NDArray[np.float32], results: Results, reasons: Infos) -> Infos:
         """Return Gymnasium's infos with the last observations and infos of episodes that restart in the same step."""
-        infos: Infos = marked("final_obs", over, seen[over], self._num_envs)
-        shown = infos["_final_obs"]
-        rows = np.where(shown, results.info, 0.0)
-        last = {**self._infos(rows, shown), **reasons}
+        last_seen, shown = np.full(self._num_envs, None, dtype=object), np.zeros(self._num_envs, dtype=np.bool_)
+        shown[over] = True
+        for place in over.tolist():
+            last_seen[place] = seen[place].copy()
+        last = {**self._infos(np.where(shown, results.info, 0.0), shown), **reasons}
         last["stop_reason"] = np.where(shown, last["stop_reason"], None)
-        return {**infos, "final_info": last, "_final_info": shown.copy()}
+        return {"final_obs": last_seen, "_final_obs": shown, "final_info": last, "_final_info": shown.copy()}
 
     @property
     def _each(self) -> Each:
@@ -391,12 +395,19 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         assert self._spec.each is not None
         return self._spec.each
 
-    def _restart(self, which: Places, results: Results) -> Infos:
-        """Start new episodes with drawn parameters and starts; return their parameters as infos."""
+    def _restart(
+        self, which: Places, results: Results, own: Mapping[str, Array], starts: Mapping[str, Array], task: Task
+    ) -> Infos:
+        """Start new episodes with drawn parameters and starts, but for those given; return their parameters as infos.
+
+        The ``task`` is the environments' own, or one with other ranges of starts.
+        """
         self._begun = False  # until all have a state again, also after an interruption
-        numbers = self._take_parameters(which, {})
+        numbers = self._take_parameters(which, own)
+        drawn = dict(zip(START, self._random(which, numbers, task), strict=True)) if len(starts) < len(START) else {}
+        angle, velocity = ({**drawn, **starts}[name] for name in START)
         these = None if len(which) == self._num_envs else which
-        self._batch.start(these, *self._random(which, numbers), self._drawn_for(which), results, numbers)
+        self._batch.start(these, angle, velocity, self._drawn_for(which), results, numbers)
         self._begin_readings(which)
         self._begun = True
         return self._parameter_infos(which)
@@ -416,11 +427,6 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
 
         values, numbers = self._bank.take(which, draw)
         return each.take(which, {**values, **given}, None if given else numbers)
-
-    def _forget(self, which: Places) -> None:
-        """Drop the parameters that were drawn ahead for environments whose random streams begin anew."""
-        if self._bank is not None:
-            self._bank.forget(which)
 
     def _parameter_infos(self, which: Places) -> Infos:
         """Return the infos with the drawn or given parameters of new episodes; {} if they have none."""
@@ -443,13 +449,12 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
         """
         return {name: column.copy() for name, column in {**self._each.episode, **self._delays}.items()}
 
-    def _random(self, which: Places, numbers: Mapping[str, Array], task: Task | None = None) -> tuple[Array, Array]:
+    def _random(self, which: Places, numbers: Mapping[str, Array], task: Task) -> tuple[Array, Array]:
         """Return start angles [rad] and velocities [rad/s] of new episodes in the environments ``which``.
 
-        ``numbers`` are the program's numbers of these episodes, {} for those of the environments. A ``task`` with other
-        ranges of starts may take the place of the environments' own.
+        ``numbers`` are the program's numbers of these episodes, {} for those of the environments.
         """
-        task, run, size = task or self.task, self.scene.run, len(which)
+        run, size = self.scene.run, len(which)
         if not task.draws:
             return np.full(size, run.angle), np.full(size, run.velocity)
         omega0, streams = self._spec.numbers["omega0"], self._seeded()
@@ -466,23 +471,15 @@ class LabPendulumVectorEnv(Members, Portable, VectorEnv[NDArray[np.float32], NDA
             return
         if isinstance(seeds, range) and len(which) == self._num_envs:
             self._seeds, self._streams = seeds, Streams(seeds)
-            self._forget(which)
-            return
-        streams = self._seeded()
-        if isinstance(self._seeds, range):
-            self._seeds = words_of_range(self._seeds)
-        if isinstance(seeds, range):
-            own = words_of_range(seeds)[which]
-            self._seeds[which] = own
-            streams.seed(which, own)
-            self._forget(which)
-            return
-        places = [place for place in which.tolist() if seeds[place] is not None]
-        wanted = [seed for place in places if (seed := seeds[place]) is not None]
-        self._seeds = self._seeds.astype(object)  # a seed may be larger than 2**64
-        self._seeds[places] = wanted
-        streams.seed(np.array(places, dtype=np.intp), wanted)
-        self._forget(np.array(places, dtype=np.intp))
+        else:
+            streams = self._seeded()
+            own = words_of_range(seeds) if isinstance(seeds, range) else np.array(seeds, dtype=object)
+            which = which[own[which] != None]  # noqa: E711  of each entry
+            self._seeds = np.array(self._seeds, dtype=object)  # a seed may be larger than 2**64
+            self._seeds[which] = own[which]
+            streams.seed(which, own[which] if own.dtype == np.uint64 else own[which].tolist())
+        if self._bank is not None:
+            self._bank.forget(which)
 
     def _seeded(self) -> Streams:
         """Return the random streams of all environments, created when first used."""
@@ -578,15 +575,3 @@ def checked_seeds(seed: Any, size: int) -> range | list[int | None] | None:
                 f"A seed must be a whole number from 0 to 2**128 - 1, but environment {place} has {shown(entry)}."
             )
     return seeds
-
-
-def marked(name: str, places: NDArray[np.intp], values: Iterable[Any], size: int) -> dict[str, NDArray[Any]]:
-    """Return an entry of Gymnasium's infos that only some environments have, with the mask that marks them.
-
-    ``values`` are the entry's values for the environments with the indices ``places``; the others have None.
-    """
-    entry, mask = np.full(size, None, dtype=object), np.zeros(size, dtype=np.bool_)
-    for place, value in zip(places.tolist(), values, strict=True):
-        entry[place] = value
-    mask[places] = True
-    return {name: entry, f"_{name}": mask}

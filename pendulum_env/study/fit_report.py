@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shlex
 from collections.abc import Callable, Iterable, Sequence
@@ -10,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
+from pendulum_env.common.replacing import replacing
 from pendulum_env.common.tables import Table
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import side
+from pendulum_env.lab.driven.result import DrivenFit
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
@@ -199,6 +202,35 @@ def drawn(figure: Callable[[], Figure], path: Path, origin: dict[str, str], svg:
         warn(left_out)
         return []
     return plots.save_all(made, path, origin, svg)
+
+
+def write_driven(found: DrivenFit, folder: str | Path, svg: bool = False) -> list[Path]:
+    """Write figure, CSV tables, settings and scene of a fit to logs of driven runs, and return the paths.
+
+    ``fit.png`` is the figure (with ``svg`` also as SVG), ``parameters.csv`` has each fitted number with error, interval
+    and correlations, ``residuals.csv`` log, window, time [s], reading and residual [rad]; ``bench.json`` are the
+    settings of an environment, ``scene.json`` is its scene. Raises OutputError where the folder cannot be written.
+    """
+    from pendulum_env.plots.driven import driven
+
+    place = output_folder(folder)
+    origin = provenance(recording=[log.source for log in found.logs],
+                        notes=[note for log in found.logs for note in log.notes],
+                        grade=found.grade.text, scene=found.scene.to_dict())
+    paths = [place / name for name in ("parameters.csv", "residuals.csv", "bench.json", "scene.json")]
+    names = ("parameter", "value", "error", "low", "high", "unit", *(f"correlation_{name}" for name in found.names))
+    write_csv(paths[0], names, ((name, one.value, one.error, *found.interval(name), one.unit, *row) for (name, one), row
+                                in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
+    windows = found.solution.windows
+    write_csv(paths[1], ("log", "window", "time_s", "recorded_rad", "residual_rad"), (
+        (windows.logs[window.log].source, number, *row)
+        for number, (window, part) in enumerate(zip(windows.places, windows.slices, strict=True))
+        for row in _rows(windows.logs[window.log].time[window.first : window.last], windows.angle[part],
+                         found.solution.residual[part])), origin)
+    with replacing(paths[2]) as temporary:
+        temporary.write_text(json.dumps({**found.to_dict(), "provenance": origin}, indent=2) + "\n", encoding="utf-8")
+    found.scene.save(paths[3], provenance=origin)
+    return paths + drawn(lambda: driven(found), place / "fit", {**origin, "Title": f"fit of {found.source}"}, svg)
 
 
 def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> list[Path]:

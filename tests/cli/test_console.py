@@ -41,6 +41,7 @@ def test_no_number_of_the_drift_table_is_cut_and_no_line_is_too_long(width, drif
     full = [column for column in zip(drift.head, *drift.rows, strict=True) if {*column[1:]} != {"-"}]
     assert all(word in words for column in full for cell in column for word in cell.split())
     assert (f"{LEADING_ERROR}:" in said) == (width < 200)  # a column of its own where there is room
+    assert words.count(LEADING_ERROR.split()[0]) == 1
 
 
 def test_columns_that_are_empty_throughout_are_left_out(capsys):
@@ -172,6 +173,16 @@ def test_closed_streams_are_no_error(closed: str, tmp_path: Path) -> None:
     warned = "the standard output is closed, so nothing is printed" in done.stderr
     assert warned == (closed == ">&-")
     assert done.stdout == ""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
+def test_a_pipe_that_is_closed_is_no_error() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run([sys.executable, "-m", "pendulum_env", "list", "events", "--all"], stdout=writing,
+                          stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(writing)
+    assert done.stderr == ""
 
 
 COMMANDS: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]

@@ -296,3 +296,13 @@ def test_heat_of_the_clip_beyond_the_horizontal_is_exact() -> None:
         assert speed > 8
         assert run.velocity[-1] == 8.0
         assert abs(run.heat_by_effect["clip"][-1] / heat - 1) < 1e-14
+
+
+def test_half_widths_of_the_start_are_the_same_in_a_vector() -> None:
+    given: dict[str, Any] = {"seed": 3, "options": {"x_init": 0.01, "y_init": 0.2}}
+    usual: dict[str, Any] = {"task": "gymnasium", "backend": "python"}
+    infos = LabPendulumVectorEnv(3, "gymnasium", **usual).reset(**given)[1]
+    single = LabPendulumEnv("gymnasium", **usual).reset(**given)[1]
+    assert (infos["angle"][0], infos["velocity"][0]) == (single["angle"], single["velocity"])
+    assert (np.abs(infos["velocity"]) <= 0.2).all()
+    assert len({*infos["velocity"].tolist()}) == 3

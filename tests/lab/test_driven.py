@@ -380,10 +380,10 @@ def test_the_command_fits_several_logs(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("words", "said"), [
     (("--torque", "2"), "needs a log of a driven run"),
-    (("log.csv", "log.csv", "--read", "fctor=2"), "no keyword 'fctor' for driven logs; did you mean factor"),
+    (("log.csv", "log.csv", "--read", "fctor=2"), "no keyword of --read for driven logs 'fctor'; did you mean factor"),
     (("log.csv", "--until", "60"), "--until is for free swings, and these are logs of driven runs"),
     (("log.csv", "--posterior"), "--posterior is for free swings"),
-    (("log.csv", "--set", "length=2"), "no parameter 'length' for driven logs"),
+    (("log.csv", "--set", "length=2"), "no parameter of driven logs 'length'"),
     (("log.csv", "swing.csv"), "Several files are fitted together only if they are logs of driven runs"),
 ])
 def test_the_command_refuses(words: tuple[str, ...], said: str, run_here: Here) -> None:

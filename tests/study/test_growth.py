@@ -12,7 +12,6 @@ from stored import stored
 import integrators
 from integrators import MethodError
 from pendulum_env import growth
-from pendulum_env.cli.cost import measure_growth, show_growth
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
@@ -373,17 +372,17 @@ def test_the_figure_has_every_method_and_a_colour_for_each_law(few):
     assert error_growth(few, "energy").get_xscale() == "log"
 
 
-def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, capsys):
-    """Run `cost --growth` and check that it writes the files of both studies."""
-    monkeypatch.setenv("COLUMNS", "200")
+def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, run_here):
+    """Run `cost --growth`, and check what it writes and prints after the first study."""
     asked = {}
     monkeypatch.setattr("pendulum_env.study.growth.study.growth", lambda *given, **more: asked.update(more) or few)
-    grown = measure_growth(few.scene, ["rk4"], 2.0, None, 200.0, tmp_path)
+    monkeypatch.setattr("pendulum_env.study.cost.study.cost", lambda *_, **__: many(3))
+    monkeypatch.setattr("pendulum_env.study.cost.files.write", lambda *_: [])
+    code, printed, _ = run_here("cost", "--scene", "vacuum", "-i", "rk4", "--growth", "200", "-o", ".")
+    assert code == 0
     assert asked["periods"] == 200.0
     assert {path.name for path in tmp_path.iterdir()} == {"growth.png", "growth.csv"}
-    assert capsys.readouterr().out == ""
-    show_growth(*grown)
-    assert "quadratic, lost at" in capsys.readouterr().out
+    assert "quadratic, lost at" in printed
 
 
 # --- work-precision diagrams of many methods ------------------------------------------------------------------------

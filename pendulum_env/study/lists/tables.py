@@ -90,6 +90,8 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
 """Functions that return the tables, by name."""
 
 
+LINES = 3
+"""Largest number of lines for each list when all are printed on one screen."""
 ROWS = 21
 """Largest number of rows that a list prints on a screen of 24 lines."""
 
@@ -99,9 +101,9 @@ def find_table(name: str) -> Table:
     return TABLES[one_of(name, "list of", TABLES)]()
 
 
-def names_of(name: str, width: int, lines: int | None = None) -> str:
-    """Return the names in a table, after its own name and their number, in text of at most so many ``lines``."""
-    names = [row[0] for row in find_table(name).rows]
+def names_of(name: str, table: Table, width: int, lines: int | None = LINES) -> str:
+    """Return the names in a table, after its own name and their number, in at most so many ``lines``, None for all."""
+    names = [row[0] for row in table.rows]
     for count in range(len(names), 0, -1):
         more = "" if count == len(names) else f", and {len(names) - count} more"
         text = textwrap.fill(f"{name} ({len(names)}): {', '.join(names[:count])}{more}", width,
@@ -111,14 +113,13 @@ def names_of(name: str, width: int, lines: int | None = None) -> str:
     return text
 
 
-def brief(name: str, width: int) -> str:
+def brief(name: str, table: Table, width: int) -> str:
     """Return a table as text that fits one screen: a name and the beginning of its description in each line.
 
     Of tables with more than 21 rows (ROWS), only the names are given.
     """
-    table = find_table(name)
     if len(table.rows) > ROWS:
-        return names_of(name, width)
+        return names_of(name, table, width, None)
     column = table.head.index("what it is") if "what it is" in table.head else -1
     room = max(len(row[0]) for row in table.rows)
     lines = [f"{row[0]:{room}}  {row[column]}" for row in table.rows]
