@@ -12,7 +12,7 @@ import numpy as np
 
 from pendulum_env.bench.clocks import Drift, Rate, Stamps
 from pendulum_env.bench.journal import Journal
-from pendulum_env.bench.source import Chunk, FloatArray, Source
+from pendulum_env.bench.source import Chunk, FloatArray, Source, SourceError
 
 MOST_SHOWN = 4000
 """Largest number of samples of the past that are kept in memory; beyond it, every second one is dropped."""
@@ -96,7 +96,13 @@ class Acquisition:
         self._host = time.monotonic()
 
     def set_zero(self) -> None:
-        """Take the latest reading as 0 from now on."""
+        """Take the latest reading as 0 from now on.
+
+        Raises SourceError for other readings than angles: the zero of a gyroscope or an accelerometer is fitted.
+        """
+        if self.source.quantity != "angle":
+            raise SourceError("Only an angle has a zero to set here; a fit finds that of a gyroscope or an "
+                              "accelerometer")
         self.zero += self.sign * self.status.reading if math.isfinite(self.status.reading) else 0.0
 
     def start(self, path: Path, *, force: bool = False, duration: float = math.inf) -> None:

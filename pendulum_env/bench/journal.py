@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 
 from pendulum_env.bench.source import FloatArray, Source, SourceError
-from pendulum_env.common.provenance import provenance
+from pendulum_env.common.provenance import checked_folder, provenance
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.journals import MARK, NOTED
 
@@ -107,8 +107,13 @@ class Journal:
 
 
 def check_new(path: Path, force: bool) -> None:
-    """Check, before anything is opened, that a run may be written to a file; raises SourceError otherwise."""
+    """Check, before anything is opened, that a run may be written to a file.
+
+    Raises SourceError for a folder and, without ``force``, an existing file; OutputError for a folder that cannot be
+    written to.
+    """
     if path.is_dir():
         raise SourceError(f"{path} is a folder; give a file's name, as {path / 'swing.csv'}")
     if path.exists() and not force:
         raise SourceError(f"{path} exists already; choose another name, or replace it by --force")
+    checked_folder(path.parent)

@@ -181,8 +181,9 @@ class Session:
         self._turned, self._before = self._turned + degrees * float(rates @ steps), float(at[-1])
 
     def _zero(self) -> None:
-        self.acquisition.set_zero()
         self._turned = 0.0
+        if self.source.quantity != "rate":  # of a gyroscope, the integrated angle alone begins at 0
+            self.acquisition.set_zero()
 
     def _flush(self) -> None:
         """Send what came since the last frame, and the state if it changed."""

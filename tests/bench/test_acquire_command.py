@@ -50,6 +50,16 @@ def test_files_are_numbered_and_never_replaced(run_here: Here, tmp_path: Path, b
     assert len(Recording.read(tmp_path / "swing.csv").time) == 3
 
 
+@pytest.mark.parametrize("headless", [(), ("--headless",)])
+def test_a_folder_that_cannot_be_is_refused_before_anything_opens(
+    headless: tuple[str, ...], run_here: Here, tmp_path: Path,
+) -> None:
+    (tmp_path / "file").write_text("kept")
+    assert run_here("acquire", *headless, "--from", "replay:none.csv", "-o", "file/a.csv") == (
+        2, "", "Error: The output folder file cannot be written: Not a directory.\n")
+    assert os.listdir(tmp_path) == ["file"]
+
+
 def test_zero_and_direction(run_here: Here, tmp_path: Path, bench_clock: BenchClock) -> None:
     assert run_here("acquire", "--headless", "--duration", "0.5", "--angle", "20", "--noise", "0", "--reverse",
                     "--out", "a.csv")[0] == 0

@@ -12,7 +12,7 @@ import pytest
 from bench_clock import BenchClock
 
 from pendulum_env import Recording
-from pendulum_env.bench import Chunk, Source
+from pendulum_env.bench import Chunk, Source, SourceError
 from pendulum_env.bench.acquisition import MOST_SHOWN, Acquisition
 from pendulum_env.bench.clocks import Drift, Stamps
 
@@ -69,6 +69,16 @@ def test_zero_and_sign(tmp_path: Path) -> None:
     assert heard == [([1.0], [-1.0]), ([2.0], [-2.0]), ([3.0], [-3.0])]
     acquisition.set_zero()
     assert acquisition.zero == 10.0
+
+
+def test_only_angles_have_a_zero_to_set() -> None:
+    acquisition = Acquisition(Given(chunk([0.0], [9.8], [0.1])))
+    acquisition.open()
+    acquisition.poll()
+    acquisition.source.__dict__["quantity"] = "force"
+    with pytest.raises(SourceError, match="Only an angle has a zero"):
+        acquisition.set_zero()
+    assert acquisition.zero == 0.0
 
 
 def test_times_begin_with_the_run_and_runs_follow_each_other(tmp_path: Path) -> None:

@@ -391,7 +391,7 @@ def test_success_is_silent_on_stderr(words: str, run_here: Here) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name, command in OPTIONS.items() if any(
-    "--out" in one.opts for one in command.params) and name not in ("record", "web")])
+    "--out" in one.opts for one in command.params) and name not in ("acquire", "record", "web")])
 def test_a_folder_that_cannot_be_is_refused_alike(name: str, tmp_path: Path, run_here: Here) -> None:
     (tmp_path / "file").write_text("kept")
     code, printed, told = run_here(name, "-o", "file/x")
