@@ -45,7 +45,7 @@ def acquire(
     reverse: Annotated[bool, options.flag("Reverse the direction of angles.", "--reverse")] = False,
     scene: Annotated[str | None, options.option("Scene of the virtual source, and of the simulation beside the swing: "
                                                 "a preset or a scene's JSON file; by default lab.")] = None,
-    integrator: Annotated[str | None, options.word("Method of that simulation; by default rk4.")] = None,
+    integrators: options.IntegratorsOrNone = None,
     browser: Annotated[bool, options.option("Open the page in the browser; without, only its address is printed.")
                        ] = True,
     **settings: Any,
@@ -64,6 +64,7 @@ def acquire(
 
     kind = SOURCES.get(source.partition(":")[0].strip().lower())
     given = {name: value for name, value in settings.items() if value is not None}
+    integrator = None if integrators is None else options.one_method(integrators)
     own = {"scene": scene, "integrator": integrator}
     for name, value in own.items():
         if value is not None and kind is not None and (headless or name in settings_of(kind)):

@@ -22,6 +22,7 @@ PAGES = (
     "pendulum_env",
     "pendulum_env.controllers",
     "pendulum_env.lab",
+    "pendulum_env.bench",
     "pendulum_env.lab.fitting.result",
     "pendulum_env.study.fit_report",
     "pendulum_env.plots",

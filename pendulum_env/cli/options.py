@@ -227,9 +227,11 @@ def given(**values: Any) -> dict[str, Any]:
 
 
 def given_by_user(context: typer.Context, *names: str) -> list[str]:
-    """Return those of the options of some parameters that were given on the command line, as --length-error."""
+    """Return those of some parameters' options that were given on the command line, as --length-error or --no-film."""
     sources = {one: context.get_parameter_source(one.name) for one in context.command.params if one.name in names}
-    return [max(one.opts, key=len) for one, source in sources.items() if source and source.name == "COMMANDLINE"]
+    typed = (one for one, source in sources.items() if source and source.name == "COMMANDLINE")
+    return [max(one.secondary_opts if one.secondary_opts and context.params[one.name] is False else one.opts, key=len)
+            for one in typed]
 
 
 def quotient(text: str) -> float | str:

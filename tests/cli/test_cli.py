@@ -278,8 +278,10 @@ def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
 
 
 OPTIONS: Mapping[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
-ELSE = {"--out": "a folder or, of commands that write one file, it", "-o": "the same", "--scene": "one or several"}
-"""Options of two meanings, which the kind of the command decides."""
+ELSE = {"--out": "a folder or, of commands that write one file, it", "-o": "the same", "--scene": "one or several",
+        **dict.fromkeys(("--angle", "--columns", "--duration", "--rate", "--seed", "--unit"),
+                        "the same of a source of acquire, whose help names the sources that have it")}
+"""Options of two help texts -> the reason."""
 
 
 def test_an_option_means_the_same_in_every_command() -> None:

@@ -33,9 +33,13 @@ OPTIONS: Mapping[str, str] = {
     "damping": "word", "over": "none of these", "basins": "count", "transient": "count or none", "phase": "number",
     "period": "positive", "own_step": "none of these", "walker_steps": "count", "steps_per_period": "count",
     "control_step": "positive", "command": "word", "window": "count", "integrators": "word",
-    "period_error": "positive", "name": "short text",
+    "period_error": "positive", "name": "short text", "wait": "wait",
+    **dict.fromkeys(("speed", "counts", "baud", "patience", "channel", "clock", "bind"), "none of these"),
 }
-"""Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword."""
+"""Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword.
+
+Options of other sources than the usual one, such as ``--baud``, are refused whatever their value.
+"""
 AS_TEXT = {**KINDS, "names or none": ({"empty"}, set()), "short text": (set(TEXTS) - {"long"}, set())}
 UNSPOILT = {"scheduler": "asks a network", "version": "takes nothing", "out": "an empty one is the folder one is in"}
 

@@ -27,7 +27,8 @@ SHORTER = {
     "lab-pendulum fit --mass 0.01 --radius 0.02 --effects linear+quadratic --read until=10.6 --posterior":
         "--walker-steps 30",
     "lab-pendulum list integrators": "", "lab-pendulum list integrators --all": "",
-    "lab-pendulum list formats --all": "", "lab-pendulum list sources --all": "", "lab-pendulum acquire --help": "",
+    "lab-pendulum list formats --all": "", "lab-pendulum list sources --all": "",
+    "lab-pendulum list ids --all": "", "lab-pendulum list settings --all": "", "lab-pendulum acquire --help": "",
     "lab-pendulum acquire": "--headless --duration 0.3",
     "lab-pendulum acquire --from virtual --headless --duration 30 --out swing.csv": "--duration 0.3",
     "lab-pendulum measure --oscillations 6": "",

@@ -90,7 +90,7 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
 """Functions that return the tables, by name."""
 
 
-LINES = 3
+LINES = 2
 """Largest number of lines for each list when all are printed on one screen."""
 ROWS = 21
 """Largest number of rows that a list prints on a screen of 24 lines."""

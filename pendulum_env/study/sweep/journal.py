@@ -184,7 +184,7 @@ class Journal:
                     raise OtherSweepError(
                         f"The file {self.path} was written by other sources of this package, {head.get(name)} and not "
                         f"{facts[name]}, which may give other results; the file is left unchanged. Give another file "
-                        "name, or anew=True to empty this one and begin again.")
+                        "name; anew=True empties this one and begins again.")
                 raise OtherSweepError(
                     f"The file {self.path} belongs to another sweep, {_difference(name, head.get(name), facts[name])}; "
                     "the file is left unchanged. Give another file name."

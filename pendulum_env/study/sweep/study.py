@@ -237,14 +237,15 @@ def sweep(
     todo = [i for i, result in enumerate(results) if result is None and i not in failed]
     try:
         with reporting as tell:
-            whole = _run_missing(points, common, called, executor, todo, weights, keep, tell, in_flight, per_task)
+            _run_missing(points, common, called, executor, todo, weights, keep, tell, in_flight, per_task)
     finally:
         if journal is not None:
             journal.close()
-    if failures and not recording and whole:
+    complete = all(result is not None or i in failed or i in failures for i, result in enumerate(results))
+    if failures and not recording and complete:
         raise _of_failures(failures, points) from failures[min(failures)]
     found = WrittenResults(journal, points, results) if journal is not None and not kept else tuple(results)
-    return Sweep(tuple(points), found, common, facts, whole, failed)
+    return Sweep(tuple(points), found, common, facts, complete, failed)
 
 
 def _of_failures(failures: Mapping[int, Exception], points: Sequence[Point]) -> StudyError:
@@ -259,10 +260,10 @@ def _run_missing(
     points: list[Point], common: Point, run: Run, executor: Executor | None, todo: Sequence[int],
     weights: list[float], keep: Callable[[int, Any], None], tell: Progress, in_flight: int,
     per_task: int | None,
-) -> bool:
+) -> None:
     """Run the points ``todo``, and store their results or the exceptions that they raised.
 
-    Return False if interrupted (KeyboardInterrupt); what was finished until then is stored.
+    On a KeyboardInterrupt the function stores what is finished and returns without an error.
     """
     total, waiting = sum(weights) or 1.0, dict[Future[Any], list[int]]()
     done = sum(weights) - sum(weights[i] for i in todo)
@@ -288,14 +289,13 @@ def _run_missing(
                     keep(i, returned)
                     finished += 1
         if isinstance(end, KeyboardInterrupt):
-            return False
+            return
         if isinstance(end, StudyError):
             raise
         raise StudyError(
             f"The executor broke down with {finished} of {len(points)} points finished, perhaps because a process was "
             f"killed or out of memory ({end}); with a file, repeat the sweep with a new executor to continue it."
         ) from end
-    return True
 
 
 def _here(run: Run, tasks: Iterator[tuple[int, Point]]) -> Source:
