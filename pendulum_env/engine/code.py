@@ -48,7 +48,7 @@ def code(
             "heat_by_effect", "tension", "flow"; () for none.
 
     Raises SceneError or MethodError for invalid arguments, such as a method that does not fit the scene, and for a
-    method or a scene without a plain program; SourceError for a function that cannot be copied into a program, and for
+    method or a scene without a plain program; ProgramError for a function that cannot be copied into a program, and for
     a program that cannot be translated to JavaScript, such as one that calls a step of your own in Python.
     """
     one_of(language, "language", LANGUAGES)

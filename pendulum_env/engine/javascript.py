@@ -16,7 +16,7 @@ from typing import Any
 from pendulum_env.common.checks import printable
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine.generate import Program
-from pendulum_env.engine.source import SourceError
+from pendulum_env.engine.source import ProgramError
 
 EXPORTED = ("run", "info")
 """Functions of a program that its JavaScript module exports."""
@@ -54,17 +54,17 @@ def javascript(program: Program) -> str:
     an array of rows. Functions and variables keep their names, except that a word which JavaScript reserves gets an
     underscore after it.
 
-    Raises SourceError for a method that calls a function of Python, and for anything in the program that has no
+    Raises ProgramError for a method that calls a function of Python, and for anything in the program that has no
     translation; nothing is guessed.
     """
     if program.python_functions:
         names = " and ".join(name for name, _ in program.python_functions)
-        raise SourceError(f"A program that calls the Python function {names} cannot be translated to JavaScript.")
+        raise ProgramError(f"A program that calls the Python function {names} cannot be translated to JavaScript.")
     return translated(program.text)
 
 
 def translated(text: str) -> str:
-    """Return the JavaScript of a program's text; raises SourceError for a statement or a name without translation."""
+    """Return the JavaScript of a program's text; raises ProgramError for a statement or a name without translation."""
     tree = parsed(text)
     return _Module(tree).text()
 
@@ -377,15 +377,15 @@ def _counters(nodes: Iterable[ast.AST]) -> set[str]:
 
 
 def _comment(node: ast.Expr) -> str:
-    """Return a docstring as a comment; raises SourceError for any other statement that is one expression."""
+    """Return a docstring as a comment; raises ProgramError for any other statement that is one expression."""
     if not isinstance(node.value, ast.Constant) or not isinstance(node.value.value, str):
         raise _unknown(node, "the statement")
     lines = [printable(line.strip()) for line in node.value.value.strip().replace("*/", "* /").split("\n")]
     return "\n".join(["/**", *(f" * {line}".rstrip() for line in lines), " */"])
 
 
-def _unknown(node: ast.AST, what: str) -> SourceError:
+def _unknown(node: ast.AST, what: str) -> ProgramError:
     """Return the error for a part of a program that has no translation."""
     text = re.sub(r"\s+", " ", ast.unparse(node))
-    return SourceError(f"A program with {what} {text[:60]!r} (a {type(node).__name__}) cannot be translated to "
-                       "JavaScript.")
+    return ProgramError(f"A program with {what} {text[:60]!r} (a {type(node).__name__}) cannot be translated to "
+                        "JavaScript.")

@@ -25,7 +25,7 @@ PROVIDED = frozenset({"NAN", "U", "inline", "entry", "lanes"})
 """Names that every program has, and that no function or constant of a user may have."""
 
 
-class SourceError(ValueError):
+class ProgramError(ValueError):
     """Error for a function whose source cannot be copied into a generated program."""
 
 
@@ -46,24 +46,24 @@ def float_text(value: float) -> str:
 def text_of(function: Plain) -> str:
     """Return the source of one function as text, without indentation, decorators and type annotations.
 
-    Annotations are left out because programs cannot resolve their names. Raises SourceError if the source cannot be
+    Annotations are left out because programs cannot resolve their names. Raises ProgramError if the source cannot be
     read, and for a function that a program cannot have.
     """
     name = function.__name__
     if name == "<lambda>":
-        raise SourceError("A torque must be a function made with def, not a lambda, so that its source can be copied.")
+        raise ProgramError("A torque must be a function made with def, not a lambda, so that its source can be copied.")
     try:
         source = source_of(function, check=not ours(function))
     except ReadingError as error:
         remedy = "write an effect's functions in a file or a notebook, not at a prompt"
-        raise SourceError(f"The source of {name} {error}; {remedy}." if str(error) == "cannot be read" else
-                          f"The source of {name} {error}.") from None
+        raise ProgramError(f"The source of {name} {error}; {remedy}." if str(error) == "cannot be read" else
+                           f"The source of {name} {error}.") from None
     given = source.node.args
     if given.vararg or given.kwarg:
-        raise SourceError(f"The function {name} takes * or **; name each of its arguments.")
+        raise ProgramError(f"The function {name} takes * or **; name each of its arguments.")
     if free := function.__code__.co_freevars:
-        raise SourceError(f"The function {name} uses {free[0]} of the function around it, which cannot be copied into "
-                          "a program; make it a coefficient, or a float of the module.")
+        raise ProgramError(f"The function {name} uses {free[0]} of the function around it, which cannot be copied into "
+                           "a program; make it a coefficient, or a float of the module.")
     header = ast.arguments(posonlyargs=[], args=[ast.arg(one) for one in arguments(function)], kwonlyargs=[],
                            kw_defaults=[], defaults=given.defaults)
     return f"def {name}({ast.unparse(header)}):\n{source.body_text()}"
@@ -107,7 +107,7 @@ def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
 def check_names(text: str, coefficients: Iterable[str]) -> None:
     """Check that in a generated program the names of coefficients stand for nothing but these coefficients.
 
-    The name may only be an argument, or be assigned once, where arguments are unpacked. Raises SourceError otherwise,
+    The name may only be an argument, or be assigned once, where arguments are unpacked. Raises ProgramError otherwise,
     since the program would compute with a wrong number, and for two functions of the same name.
     """
     names = set(coefficients)
@@ -122,7 +122,7 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
     defined = [table.get_name() for table in tables]
     for name in defined:
         if defined.count(name) > 1:
-            raise SourceError(f"Two functions of the generated program have the name {name}; rename one of them.")
+            raise ProgramError(f"Two functions of the generated program have the name {name}; rename one of them.")
     taken |= names & {*defined}
     starts = [table.get_lineno() - 1 for table in tables]
     for table, start, end in zip(tables, starts, [*starts[1:], None], strict=True):
@@ -140,15 +140,15 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
         raise _taken(taken)
 
 
-def _taken(names: set[str]) -> SourceError:
-    return SourceError(f"The coefficient name {min(names)} is already used in the generated program; choose a longer "
-                       "name, such as cubic_drag_rate.")
+def _taken(names: set[str]) -> ProgramError:
+    return ProgramError(f"The coefficient name {min(names)} is already used in the generated program; choose a longer "
+                        "name, such as cubic_drag_rate.")
 
 
 def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
     """Return the module-level floats that functions use, a dict by name.
 
-    Raises SourceError if the functions use a global that a generated program does not have, or that has another name
+    Raises ProgramError if the functions use a global that a generated program does not have, or that has another name
     or another value there.
     """
     constants: dict[str, float] = {}
@@ -156,17 +156,17 @@ def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
         for name in names_of(function.__code__):
             value = function.__globals__.get(name)
             if name in PROVIDED and isinstance(value, (float, FunctionType)):
-                raise SourceError(f"{function.__name__} uses {name}, which has another meaning in every program; "
-                                  "rename it.")
+                raise ProgramError(f"{function.__name__} uses {name}, which has another meaning in every program; "
+                                   "rename it.")
             if isinstance(value, float):
                 if repr(constants.setdefault(name, float(value))) != repr(float(value)):
-                    raise SourceError(f"The functions of a program use two values of {name}, {constants[name]!r} and, "
-                                      f"in {function.__name__}, {float(value)!r}; rename one of them.")
+                    raise ProgramError(f"The functions of a program use two values of {name}, {constants[name]!r} and, "
+                                       f"in {function.__name__}, {float(value)!r}; rename one of them.")
             elif isinstance(value, FunctionType) and (value.__name__ != name or hasattr(builtins, name)):
-                raise SourceError(f"{function.__name__} calls {value.__name__} as {name}, which a program cannot do; "
-                                  "call functions by their own names, and give them none of Python's.")
+                raise ProgramError(f"{function.__name__} calls {value.__name__} as {name}, which a program cannot do; "
+                                   "call functions by their own names, and give them none of Python's.")
             elif value is not sqrt and value is not None and not isinstance(value, FunctionType):
-                raise SourceError(
+                raise ProgramError(
                     f"{function.__name__} uses {name}, which cannot be copied into a program; a torque may use plain "
                     "functions, floats, abs and pendulum_env.physics.elementary."
                 )

@@ -31,7 +31,7 @@ from jax import lax
 
 from integrators.steps.newton import REFINING, SOLVING
 from pendulum_env.common.sources import parsed
-from pendulum_env.engine.source import SourceError
+from pendulum_env.engine.source import ProgramError
 from pendulum_env.jax.elementary import ELEMENTARY
 
 Names = dict[str, Any]
@@ -501,5 +501,5 @@ def like(values: Sequence[Any], start: Sequence[Any]) -> list[Any]:
             for value, one in zip(values, start, strict=True)]
 
 
-def unknown(node: ast.AST, what: str) -> SourceError:
-    return SourceError(f"The twin in JAX cannot carry out {what} '{ast.unparse(node)}' of the program.")
+def unknown(node: ast.AST, what: str) -> ProgramError:
+    return ProgramError(f"The twin in JAX cannot carry out {what} '{ast.unparse(node)}' of the program.")

@@ -23,7 +23,7 @@ from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.kernels import EngineError, functions
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting, simulate
-from pendulum_env.engine.source import SourceError
+from pendulum_env.engine.source import ProgramError
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
 from pendulum_env.physics.flow import quality_factor
@@ -270,7 +270,7 @@ def test_a_coefficient_that_would_be_overwritten_is_refused(name: str) -> None:
 
     scene = Scene(effects=(Gravity(), Named()))
     if name in TAKEN:
-        with pytest.raises(SourceError, match=f"The coefficient name {name} is already used"):
+        with pytest.raises(ProgramError, match=f"The coefficient name {name} is already used"):
             Machine(scene, TAKEN[name], backend="python")
     else:
         assert rollout(scene, duration=0.1, backend="python").stop_reason == ""

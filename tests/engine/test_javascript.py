@@ -16,7 +16,7 @@ from in_node import Case, cases_of, differing, in_node, in_python, needs_node
 import integrators
 from pendulum_env import SCENES, code
 from pendulum_env.engine.javascript import javascript, translated
-from pendulum_env.engine.source import SourceError
+from pendulum_env.engine.source import ProgramError
 
 QUICK = (
     Case("textbook", "quinlan8a"), Case("vacuum", "exact"), Case("exercise", "forward_euler"),
@@ -109,7 +109,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("text", REFUSED)
 def test_what_has_no_translation_is_refused(text: str) -> None:
-    with pytest.raises(SourceError, match="cannot be translated to JavaScript") as said:
+    with pytest.raises(ProgramError, match="cannot be translated to JavaScript") as said:
         translated(text)
     assert REFUSED[text] in str(said.value)
 
@@ -121,7 +121,7 @@ def test_a_step_that_python_must_run_is_refused() -> None:
             omega = 0.5 * omega
         return theta + omega * dt, omega
 
-    with pytest.raises(SourceError, match="calls the Python function"):
+    with pytest.raises(ProgramError, match="calls the Python function"):
         code("vacuum", integrators.from_step(step), "javascript")
 
 

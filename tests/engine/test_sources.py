@@ -16,7 +16,7 @@ import pytest
 from pendulum_env import Scene, rollout
 from pendulum_env.common.sources import source_of
 from pendulum_env.engine.elementwise import elementwise
-from pendulum_env.engine.source import SourceError, text_of
+from pendulum_env.engine.source import ProgramError, text_of
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.equation import equation_text
 
@@ -104,7 +104,7 @@ REFUSED = {
 @pytest.mark.parametrize("form", REFUSED)
 def test_what_a_program_cannot_have_is_refused_in_a_sentence(form: str, load: Loader) -> None:
     text, words = REFUSED[form]
-    with pytest.raises(SourceError, match=words) as caught:
+    with pytest.raises(ProgramError, match=words) as caught:
         elementwise(load(text).own, "python")
     assert str(caught.value).endswith(".")
 
@@ -114,14 +114,14 @@ def test_two_constants_of_one_name_are_refused(load: Loader) -> None:
     first = load("RATE = 1.0\ndef one(angle): return RATE*angle\n").one
     other = load("RATE = 2.0\nfrom builtins import float\ndef two(angle): return one(angle) + RATE\n")
     other.two.__globals__["one"] = first
-    with pytest.raises(SourceError, match=r"use two values of RATE, 1\.0 and, in two, 2\.0; rename one"):
+    with pytest.raises(ProgramError, match=r"use two values of RATE, 1\.0 and, in two, 2\.0; rename one"):
         elementwise(other.two, "python")
 
 
 def test_a_source_that_changed_is_refused(load: Loader) -> None:
     own = load("def own(angle, rate): return rate\n").own
     Path(own.__code__.co_filename).write_text("def own(angle, rate): return -rate\n# longer\n")
-    with pytest.raises(SourceError, match="The source of own is not what runs: the file has changed; import it again"):
+    with pytest.raises(ProgramError, match="The source of own is not what runs: the file has changed; import it again"):
         elementwise(own, "python")
 
 
