@@ -306,7 +306,8 @@ def test_an_option_means_the_same_in_every_command() -> None:
     ("web --scenes all", "--scene)"), ("exercise --step mine.py", "--own-step)"),
     ("section --steps 20", "--steps-per-period)"), ("fit --steps 20", "--walker-steps)"),
     ("effects --amplitude 3", "--angle"), ("kode", "Did you mean 'code'"), ("help kode", "Did you mean 'code'"),
-    ("compare -i zzz", "There is no integrator 'zzz'; there are "), ("cost --scene zzz", "; there are 21, such as "),
+    ("compare -i zzz", "There is no integrator 'zzz'; there are "),
+    ("cost --scene zzz", f"; there are {len(SCENES)}, such as "),
     ("code -i rk4,heun", "runs one integrator, not rk4, heun"),
 ])
 def test_an_error_quotes_what_was_typed_and_names_the_nearest(words: str, said: str, run_here: Here) -> None:
