@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import threading
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 
@@ -104,6 +105,14 @@ class Journal:
                 pass
             finally:
                 os.close(handle)
+
+
+def numbered(path: Path, word: str = "") -> Iterator[Path]:
+    """Yield names beside a path: swing-run1.csv, swing-run2.csv, ...; without a word swing.csv, swing-2.csv, ..."""
+    if not word:
+        yield path
+    for i in range(1 if word else 2, 100_000):
+        yield path.with_name(f"{path.stem}-{word}{i}{path.suffix}")
 
 
 def check_new(path: Path, force: bool) -> None:

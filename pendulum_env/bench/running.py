@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pendulum_env.bench.acquisition import Acquisition, Status
 from pendulum_env.bench.journal import check_new
-from pendulum_env.bench.source import Source, SourceError
+from pendulum_env.bench.source import Source, SourceError, name_and_unit
 from pendulum_env.bench.sources import source_at
 from pendulum_env.common.checks import boolean, file_path, number, shown
 from pendulum_env.common.progress import Progress, telling_of
@@ -178,10 +178,10 @@ def acquire(
 
 def in_short(acquisition: Acquisition) -> str:
     """Return the counts, the rate, the reading and the losses of a run in a few words."""
-    status, title = acquisition.status, acquisition.source.columns[0]
-    unit = title[title.rfind("(") + 1:].rstrip(")") if "(" in title else ""
+    status = acquisition.status
+    name, unit = name_and_unit(acquisition.source.columns[0])
     unit = {"deg": "°", "rad": " rad"}.get(unit, f" {unit}" if unit else "")
     rate = f"{status.rate:.4g} per s" if math.isfinite(status.rate) else "no rate yet"
-    reading = f"{title.partition(' (')[0].lower()} {status.reading:+.2f}{unit}" if math.isfinite(status.reading) else ""
+    reading = f"{name.lower()} {status.reading:+.2f}{unit}" if math.isfinite(status.reading) else ""
     parts = (f"{status.time:.1f} s", f"{status.samples} samples", rate, reading, f"{status.lost} lost")
     return ", ".join(filter(None, parts))

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 import queue
-import re
 import threading
 import time
 import warnings
@@ -26,7 +25,8 @@ import numpy as np
 
 from integrators import MethodError, get
 from pendulum_env.bench.acquisition import Acquisition
-from pendulum_env.bench.source import FloatArray, Source
+from pendulum_env.bench.journal import numbered
+from pendulum_env.bench.source import FloatArray, Source, name_and_unit
 from pendulum_env.common.texts import clean
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.lab import Fit, Recording, RecordingError, fit, turning_points
@@ -48,9 +48,6 @@ SETTLED = 30.0
 """Length of a run [s] after which its release is no longer determined again for the simulation beside it."""
 HORIZON = 60.0
 """Shortest duration [s] of the simulation beside the swing."""
-TITLE = re.compile(r"^(.*?)\s*[(\[](.*)[)\]]$")
-"""Title of a column: name and unit."""
-
 _ONE_AT_A_TIME = threading.Lock()  # warnings are collected for the whole process, not for one thread
 
 T = TypeVar("T")
@@ -250,15 +247,13 @@ class Session:
     @property
     def title(self) -> tuple[str, str]:
         """Name and unit of the reading, as the page shows it: angles in degrees."""
-        parts = TITLE.match(self.source.columns[0])
-        name, unit = (parts[1], parts[2]) if parts else (self.source.columns[0], "")
+        name, unit = name_and_unit(self.source.columns[0])
         return name, "°" if self.source.quantity == "angle" else unit
 
     @property
     def factor(self) -> float:
         """Factor from a reading in the unit of its title to one on the page: degrees for angles."""
-        parts = TITLE.match(self.source.columns[0])
-        radians = self.source.quantity == "angle" and parts is not None and parts[2].lower().startswith("rad")
+        radians = self.source.quantity == "angle" and name_and_unit(self.source.columns[0])[1].lower().startswith("rad")
         return math.degrees(1.0) if radians else 1.0
 
     def _state_text(self) -> str:
@@ -282,7 +277,7 @@ class Session:
         """Return the name under which "Save" would write: that of ``out``, with a number if there is one already."""
         if self.force and self.out not in self.saved:
             return self.out.name
-        return next(path.name for path in _numbered(self.out) if not path.exists())
+        return next(path.name for path in numbered(self.out) if not path.exists())
 
     # --- orders of the page -------------------------------------------------------------------------------------------
 
@@ -302,7 +297,7 @@ class Session:
             raise OrderError("A run is being recorded; stop it first.")
         if not self._live:
             self._again()
-        number_, path = next((i, path) for i, path in enumerate(_numbered(self.out, "run"), 1) if not path.exists())
+        number_, path = next((i, path) for i, path in enumerate(numbered(self.out, "run"), 1) if not path.exists())
         try:
             self.acquisition.start(path)
         except OSError as error:
@@ -608,14 +603,6 @@ def _warnings() -> Iterator[list[str]]:
         warnings.simplefilter("always")
         yield told
     told += [str(one.message) for one in caught]
-
-
-def _numbered(path: Path, word: str = "") -> Iterator[Path]:
-    """Yield names beside a path: swing-run1.csv, swing-run2.csv, ...; without a word swing.csv, swing-2.csv, ..."""
-    if not word:
-        yield path
-    for i in range(1 if word else 2, 100_000):
-        yield path.with_name(f"{path.stem}-{word}{i}{path.suffix}")
 
 
 def _about(source: Source) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, fields
@@ -132,6 +133,12 @@ class Source(Checked, ABC):
             return cls(**({cls.address: address} if address else {}), **given)
         except SceneError as error:
             raise SourceError(str(error)) from None
+
+
+def name_and_unit(title: str) -> tuple[str, str]:
+    """Return the name and the unit of a column from its title, as in "Angle (deg)"; "" for a title without a unit."""
+    parts = re.fullmatch(r"(.*?)\s*[(\[](.*)[)\]]", title)
+    return (parts[1], parts[2]) if parts else (title, "")
 
 
 def settings_of(kind: type[Source]) -> dict[str, Field[Any]]:

@@ -32,7 +32,7 @@ OWN = ("scene", "integrator")
 
 
 def acquire(
-    source: Annotated[str, options.option("Source, as virtual, replay:FILE or udp:PORT: see below.", "--from")
+    source: Annotated[str, options.option("Source, as virtual, replay:FILE or udp:PORT, from the list above.", "--from")
                       ] = "virtual",
     headless: Annotated[bool, options.flag("Record without a page, to the end of the source or Ctrl-C.", "--headless")
                         ] = False,
@@ -58,7 +58,7 @@ def acquire(
     Options of one source alone are marked with its name. Angles on the command line are in degrees. The file is one
     that lab-pendulum fit reads, also while the run goes on or after it was cut off.
     """
-    from pendulum_env.bench.journal import check_new
+    from pendulum_env.bench.journal import check_new, numbered
     from pendulum_env.bench.source import SourceError
     from pendulum_env.physics.units import number
 
@@ -74,7 +74,7 @@ def acquire(
         for name, unwanted in (("duration", duration is not None), ("zero", zero), ("reverse", reverse)):
             if unwanted:
                 raise SourceError(f"--{name} is for --headless; the page has buttons for it")
-    place = out if out is not None else _free(FILE) if headless else FILE
+    place = out if out is not None else next(path for path in numbered(FILE) if not path.exists()) if headless else FILE
     if out is not None:
         check_new(place, force)
     if headless:
@@ -84,16 +84,6 @@ def acquire(
     from pendulum_env.bench.page import serve
 
     serve(found, out=place, force=force, scene=scene or "lab", integrator=integrator or "rk4", open_browser=browser)
-
-
-def _free(path: Path) -> Path:
-    """Return the path, or the first with a number that does not exist yet."""
-    number = 1
-    free = path
-    while free.exists():
-        number += 1
-        free = path.with_stem(f"{path.stem}-{number}")
-    return free
 
 
 def _headless(source: Source, path: Path, duration: float | None, force: bool, sign: int, zero: bool) -> None:

@@ -36,6 +36,6 @@ def source_at(address: str, options: Mapping[str, object] | None = None) -> Sour
         return kind.at(place, options or {})
     if os.path.isfile(address):
         raise SourceError(f"{shown(address)} is a file; replay:{address} plays it again")
-    if "serial" in SOURCES and (address.startswith("/dev/") or re.fullmatch(r"COM\d+", address, re.IGNORECASE)):
+    if address.startswith("/dev/") or re.fullmatch(r"COM\d+", address, re.IGNORECASE):
         raise SourceError(f"{shown(address)} is a port; serial:{address} reads it")
     raise SourceError(f"There is no source {shown(address)}{nearest(name, SOURCES)}")
