@@ -130,6 +130,7 @@ def test_a_full_disk_leaves_whole_lines(size: int, tmp_path: Path) -> None:
 
 def test_a_run_on_a_full_disk_keeps_what_came_and_says_so(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
+    acquire("virtual", 0.01, out=tmp_path / "first.txt", rate=2000.0)  # its program is cached while there is room
     with room_for(1500), pytest.warns(UserWarning, match="cannot be written further"):
         recording = acquire("virtual", 30.0, out=path, rate=2000.0)
     assert 20 < len(recording.time) < 200
