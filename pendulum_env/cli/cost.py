@@ -35,10 +35,10 @@ def cost(
     error, with many tolerances. Each measurement is stored in cost.jsonl in the output folder: --resume continues an
     interrupted study; without it, the study starts from the beginning.
     """
-    from pendulum_env.study.cost.files import JOURNAL, write
+    from pendulum_env.common.results import write
     from pendulum_env.study.cost.points import recommendations
+    from pendulum_env.study.cost.study import JOURNAL
     from pendulum_env.study.cost.study import cost as run
-    from pendulum_env.study.growth.files import write as write_growth
     from pendulum_env.study.growth.study import growth as run_growth
     from pendulum_env.study.growth.study import planned, remarks, table
     from pendulum_env.study.sweep.cluster import executor_at
@@ -61,7 +61,7 @@ def cost(
                                    progress=progress)
             if not grown.lines:
                 raise KeyboardInterrupt
-            more = write_growth(grown, out, svg)
+            more = write(grown, out, svg)
     finally:  # whatever becomes of the second study, the first one's results are printed
         print_text(f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}")
         if not study.complete:

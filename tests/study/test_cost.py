@@ -27,9 +27,10 @@ from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.cost import draw
 from pendulum_env.study.cost import study as cost_plan
+from pendulum_env.study.cost import write
 from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto, recommendations
 from pendulum_env.study.cost.runs import SPARSE, Setting
-from pendulum_env.study.cost.study import RECORDS, cost, write
+from pendulum_env.study.cost.study import RECORDS, cost
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import StudyError, accelerations, phase_errors, reference
 

@@ -21,7 +21,7 @@ from pendulum_env.plots.growth import draw as draw_growth
 from pendulum_env.plots.style import distinct
 from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import CostPoint, CostStudy
-from pendulum_env.study.growth.files import write
+from pendulum_env.study.growth import write
 from pendulum_env.study.growth.laws import EPSILON, KINDS, Law, law_of, rounding_of
 from pendulum_env.study.growth.study import ROWS, Growth, remarks, table
 from pendulum_env.truth.answer import Truth
@@ -377,11 +377,10 @@ def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, run_he
     asked = {}
     monkeypatch.setattr("pendulum_env.study.growth.study.growth", lambda *given, **more: asked.update(more) or few)
     monkeypatch.setattr("pendulum_env.study.cost.study.cost", lambda *_, **__: many(3))
-    monkeypatch.setattr("pendulum_env.study.cost.files.write", lambda *_: [])
     code, printed, _ = run_here("cost", "--scene", "vacuum", "-i", "rk4", "--growth", "200", "-o", ".")
     assert code == 0
     assert asked["periods"] == 200.0
-    assert {path.name for path in tmp_path.iterdir()} == {"growth.png", "growth.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == {"cost.png", "cost_errors.png", "cost.csv", "growth.png", "growth.csv"}
     assert "quadratic, lost at" in printed
 
 

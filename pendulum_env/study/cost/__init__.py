@@ -1,6 +1,6 @@
 """Work-precision studies: the computing time that an accuracy costs, for many integrators."""
 
-from pendulum_env.study.cost.files import write
+from pendulum_env.common.results import write
 from pendulum_env.study.cost.points import CostPoint, CostStudy
 from pendulum_env.study.cost.study import cost
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Columns, Result, columns_of
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study import PLAIN
+from pendulum_env.study.cost.runs import energy_scale
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import StudyError
 
@@ -24,6 +27,12 @@ FEW = 8
 """Number of lines in a diagram up to which the sentence on the cost of accuracy names them all."""
 APART = 1.001
 """Smallest ratio of two steps that count as different."""
+COLUMNS = {
+    "series": "", "method": "", "dt_s": "s", "rtol": "", "span_s": "s", "steps": "", "force_evaluations": "",
+    "angle_error_rad": "rad", "end_angle_error_rad": "rad", "phase_error_rad": "rad", "energy_error": "",
+    "time_min_s": "s", "time_median_s": "s", "ns_per_simulated_second": "ns/s", "status": "", "pareto": "",
+}
+"""Columns of ``cost.csv`` with their units."""
 ACCURACIES = tuple(10.0**-k for k in range(1, 13))
 """Angle errors for which :func:`recommendations` names a method [rad]."""
 
@@ -98,7 +107,7 @@ class CostPoint:
 
 
 @dataclass(frozen=True, repr=False)
-class CostStudy(Plotted):
+class CostStudy(Result):
     """Result of a work-precision study.
 
     Attributes:
@@ -126,6 +135,29 @@ class CostStudy(Plotted):
     def __repr__(self) -> str:
         return one_line(self, f"{self.scene.name}, {self.duration:g} s: {len(self.methods)} methods, "
                         f"{len(self.points)} runs")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return scene, start, reference, methods and computers, and the unit of energy errors."""
+        return provenance(
+            Scene=self.scene.to_dict(), Angle=self.angle, Velocity=self.velocity, Duration=self.duration,
+            Reference=self.reference.how, ReferenceError=self.reference.error_estimate, Repeats=self.repeats,
+            Complete=self.complete, Method=", ".join(self.methods), LeftOut=self.left_out,
+            EnergyError=f"largest energy residual over {energy_scale(self.scene, (1.0,))[1]}",
+            Machine="; ".join(self.machines), Versions="; ".join(self.versions),
+        )
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the table of all runs, also of those that ended early."""
+        front = set(self.front)
+        return {"cost": columns_of(COLUMNS, (
+            (p.series, p.method, p.dt, p.rtol, p.span, p.steps, p.evaluations, p.angle_error, p.end_error,
+             p.phase_error, p.energy_error, p.time, p.time_median, p.ns_per_second,
+             p.stop_reason or ("floor" if p.floor else "ok"), int(p in front))
+            for p in self.points))}
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return the names of the files of the two diagrams: error over time, errors over evaluations and steps."""
+        return {"cost": "time", "cost_errors": "errors"}
 
     @property
     def methods(self) -> tuple[str, ...]:

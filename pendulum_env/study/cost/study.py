@@ -24,7 +24,6 @@ from pendulum_env.engine.starts import checked_methods, checked_start, checked_s
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import boolean, function, naming_keywords, number, several, whole_number
-from pendulum_env.study.cost.files import write
 from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy
 from pendulum_env.study.cost.runs import SPARSE, Setting, measure, setting_of
 from pendulum_env.study.sweep.journal import OtherSweepError
@@ -32,8 +31,8 @@ from pendulum_env.study.sweep.study import sweep
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import StudyError
 
-__all__ = ["CostPoint", "CostStudy", "Progress", "cost", "write"]
-
+JOURNAL = "cost.jsonl"
+"""Name of the journal in a folder, to which each measurement is written, and from which a study continues."""
 RECORDS = 16
 """Records per small-angle period at which errors are measured (at least), and steps per period of the longest step."""
 DOUBLINGS = 13

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Columns, Result, columns_of
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, simulate
@@ -50,6 +52,11 @@ ROUNDS = 3
 """Number of times the step of an implicit method is corrected by the force evaluations counted at the step before."""
 AT = (10.0, 1e3, 1e5)
 """Times [periods] of the errors in the table."""
+COLUMNS = {
+    "method": "", "dt_s": "s", "force_evaluations_per_period": "", "time_periods": "periods", "angle_error_rad": "rad",
+    "angle_floor_rad": "rad", "energy_error": "", "angle_error_grows": "", "energy_error_grows": "", "status": "",
+}
+"""Columns of ``growth.csv`` with their units."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,7 @@ class GrowthLine:
 
 
 @dataclass(frozen=True, repr=False)
-class Growth(Plotted):
+class Growth(Result):
     """Result of a study of error growth.
 
     Attributes:
@@ -112,6 +119,32 @@ class Growth(Plotted):
     def __repr__(self) -> str:
         names = ", ".join(line.method for line in self.lines)
         return one_line(self, f"{self.scene.name}, {self.time[-1]:g} periods: {names}")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return scene, start, length, reference solution and methods, with what computed them."""
+        return provenance(
+            Scene=self.scene.to_dict(), Angle=self.angle, Velocity=self.velocity, Periods=float(self.time[-1]),
+            Period=self.period, Truth=self.how, Complete=self.complete,
+            EnergyError=f"|energy residual| over {energy_scale(self.scene, (1.0,))[1]}",
+            Method=", ".join(line.method for line in self.lines),
+        )
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the errors of every method at every time."""
+        return {"growth": columns_of(COLUMNS, (
+            (line.method, line.dt, line.evaluations, time, angle, floor, energy, line.angle.kind, line.energy.kind,
+             line.stop_reason if math.isnan(energy) else "floor" if angle <= floor else "ok")
+            for line in self.lines
+            for time, angle, floor, energy in zip(
+                self.time, line.angle_error, line.floor, line.energy_error, strict=True)))}
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return the name of the figure's file and its kind."""
+        return {"growth": "growth"}
+
+    def grid(self) -> Sequence[str]:
+        """Return the columns that number the rows."""
+        return ("method", "time_periods")
 
 
 @with_bar("growth")

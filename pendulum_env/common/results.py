@@ -1,0 +1,161 @@
+"""Results: columns with units as CSV, JSON, pandas and xarray; figures and tables as files; saved whole and loaded again.
+
+A class of results gives its origin, its tables and the names of its figures; all that can be done with them is here.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pendulum_env.common.checks import SceneError, shown
+from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.provenance import output_folder, write_csv
+from pendulum_env.common.shown import ROOM, Plotted
+
+STYLE = "pendulum_env.plots.style"
+"""Module with the function ``save_all``, which saves a figure."""
+
+
+class Column(NamedTuple):
+    """Values of one quantity, one for each row of a table, with its unit; "" for texts, counts and pure numbers."""
+
+    values: Sequence[Any]
+    unit: str = ""
+
+
+Columns = Mapping[str, Column]
+"""A table: name of each column -> its values with their unit."""
+
+
+def columns_of(units: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> Columns:
+    """Return a table of rows, whose cells have the order of ``units``: name of each column -> its unit."""
+    cells = [*zip(*rows, strict=True)] or [()] * len(units)
+    return {name: Column(values, unit) for (name, unit), values in zip(units.items(), cells, strict=True)}
+
+
+class Result(Plotted):
+    """Base of results that have tables and figures.
+
+    A class of results defines :meth:`origin` and :meth:`tables`, and :meth:`pictures` if it has figures. Its figures
+    are entries of ``pendulum_env.notebook.figures``.
+    """
+
+    def origin(self) -> Mapping[str, str]:
+        """Return what the result comes from (scene, methods, version, ...), for the head of its files."""
+        raise NotImplementedError
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the tables, by the names of their CSV files without ending; the first is the result's main table."""
+        raise NotImplementedError
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return the kind of each figure, as of :meth:`plot`, by the names of their files without ending."""
+        return {}
+
+    def grid(self) -> Sequence[str]:
+        """Return the columns of the main table whose values, in every combination, number its rows; none by default."""
+        return ()
+
+    def to_json(self, **more: Any) -> str:
+        """Return the tables as JSON text.
+
+        It has the keys "result" (the class), "provenance" (see :meth:`origin`) and "tables", for each table its "units"
+        and "columns", lists by name; ``more`` are further keys. nan is null, an infinite number the text "inf" or
+        "-inf".
+        """
+        tables = {name: {"units": {key: one.unit for key, one in table.items()},
+                         "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
+                  for name, table in self.tables().items()}
+        return json.dumps({"result": type(self).__name__, "provenance": dict(self.origin()), "tables": tables, **more},
+                          allow_nan=False)
+
+    def to_pandas(self, table: str | None = None) -> Any:
+        """Return a table as a ``pandas.DataFrame``: the main one, or that of a name.
+
+        Units and origin are in its ``attrs``. Raises SceneError for an unknown table, or if pandas is not installed.
+        """
+        pandas, columns = _library("pandas"), self._table(table)
+        frame = pandas.DataFrame({name: _cells(one) for name, one in columns.items()})
+        frame.attrs.update(units={name: one.unit for name, one in columns.items()}, provenance=dict(self.origin()))
+        return frame
+
+    def to_xarray(self, table: str | None = None) -> Any:
+        """Return a table as an ``xarray.Dataset``: the main one, or that of a name.
+
+        Its dimensions are the quantities of the grid, if the result has all combinations of their values, else "row".
+        Units and origin are in ``attrs``. Raises SceneError for an unknown table, or if xarray is not installed.
+        """
+        xarray, frame = _library("xarray"), self.to_pandas(table)
+        units, grid = frame.attrs["units"], [name for name in self.grid() if table is None and name in frame]
+        whole = grid and not frame.duplicated(grid).any() and len(frame) == math.prod(frame[name].nunique()
+                                                                                        for name in grid)
+        frame = frame.set_index(grid) if whole else frame.rename_axis("row")
+        data = xarray.Dataset.from_dataframe(frame)
+        for name, unit in units.items():
+            if unit:
+                data[name].attrs["units"] = unit
+        data.attrs.update(self.origin())
+        return data
+
+    def _table(self, name: str | None) -> Columns:
+        tables = self.tables()
+        if name is None:
+            name = next(iter(tables))
+        if name not in tables:
+            raise SceneError(f"There is no table {shown(name)}; the tables are {', '.join(tables)}.")
+        return tables[name]
+
+
+def write(result: Result, folder: str | Path, svg: bool = False, *, progress: Progress | None = None) -> list[Path]:
+    """Write the figures (PNG, with ``svg`` also SVG) and the tables (CSV) of a result into a folder; return the paths.
+
+    Every file begins with, or contains, the result's origin. Other files in the folder stay unchanged. Raises
+    SceneError for what is no result, and OutputError if a file cannot be written.
+    """
+    if not isinstance(result, Result):
+        raise SceneError(f"write takes the result of a study, such as compare or cost, not {shown(result)}.")
+    place, tell, origin, pictures = output_folder(folder), told_by(progress), result.origin(), result.pictures()
+    paths: list[Path] = []
+    for i, (name, kind) in enumerate(pictures.items()):
+        tell(i / len(pictures), f"drawing {name}")
+        figure = import_module(ROOM).figure_of(result, kind)
+        paths += import_module(STYLE).save_all(figure, place / name, origin, svg)
+    for name, table in result.tables().items():
+        paths.append(place / f"{name}.csv")
+        write_csv(paths[-1], tuple(table), zip(*(one.values for one in table.values()), strict=True), origin)
+    tell(1.0, "written")
+    return paths
+
+
+def _cells(column: Column) -> list[Any]:
+    """Return the values of a column, with nan for the empty cells of a column of numbers."""
+    values = _plain(column.values)
+    numbers = any(isinstance(value, (int, float)) for value in values)
+    return [math.nan if numbers and value in (None, "") else value for value in values]
+
+
+def _plain(values: Any) -> list[Any]:
+    return values.tolist() if hasattr(values, "tolist") else list(values)
+
+
+def _json(value: Any) -> Any:
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, (list, tuple)):
+        return [_json(part) for part in value]
+    if isinstance(value, Mapping):
+        return {str(name): _json(part) for name, part in value.items()}
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else str(value)
+    return value if value is None or isinstance(value, (bool, int, float)) else str(value)
+
+
+def _library(name: str) -> Any:
+    try:
+        return import_module(name)
+    except ImportError:
+        raise SceneError(f'This needs {name}, which is not installed: pip install "lab-pendulum[{name}]".') from None
