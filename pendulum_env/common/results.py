@@ -1,4 +1,4 @@
-"""Results: columns with units as CSV, JSON, pandas and xarray; figures and tables as files; saved whole and loaded again.
+"""Results: figures and tables of columns with units, as files, as JSON, and for pandas and xarray.
 
 A class of results gives its origin, its tables and the names of its figures; all that can be done with them is here.
 """

@@ -380,7 +380,8 @@ def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, run_he
     code, printed, _ = run_here("cost", "--scene", "vacuum", "-i", "rk4", "--growth", "200", "-o", ".")
     assert code == 0
     assert asked["periods"] == 200.0
-    assert {path.name for path in tmp_path.iterdir()} == {"cost.png", "cost_errors.png", "cost.csv", "growth.png", "growth.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "cost.png", "cost_errors.png", "cost.csv", "growth.png", "growth.csv"}
     assert "quadratic, lost at" in printed
 
 
