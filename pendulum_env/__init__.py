@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from pendulum_env.study.cost import cost
     from pendulum_env.study.growth import growth
     from pendulum_env.study.section import basins, section
+    from pendulum_env.study.study import Study
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.tasks import Task
 
@@ -71,6 +72,7 @@ _LAZY = {
     "measure": "pendulum_env.lab.sheet",
     "rollout": "pendulum_env.engine.rollout",
     "section": "pendulum_env.study.section",
+    "Study": "pendulum_env.study.study",
     "Sweep": "pendulum_env.study.sweep",
     "Task": "pendulum_env.tasks",
     "VirtualSensor": "pendulum_env.lab.sensor",
@@ -94,6 +96,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Sensor",
+    "Study",
     "Sweep",
     "Task",
     "VirtualSensor",

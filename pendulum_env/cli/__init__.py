@@ -9,6 +9,7 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from functools import cache
 from inspect import cleandoc
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -107,6 +108,19 @@ def main() -> None:
     Errors of input end with one sentence and exit code 2, or with a traceback if ``--debug`` is given before or behind
     the command; each warning is printed once, as a sentence.
     """
+    _run(app, NAME, ["--help"])
+
+
+def run_alone(command: Callable[..., None]) -> None:
+    """Run a command on its own, with the options of the command line, as :func:`main` runs those of the program."""
+    alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False,
+                        context_settings={"help_option_names": ["-h", "--help"]})
+    alone.command(help=_help(command))(command)
+    _run(alone, Path(sys.argv[0]).name, [])
+
+
+def _run(program: typer.Typer, name: str, otherwise: list[str]) -> None:
+    """Run a program with the words of the command line, or ``otherwise`` without any, and exit with its code."""
     open_streams()
     words = [word for word in sys.argv[1:] if word != DEBUG]
     try:
@@ -114,7 +128,7 @@ def main() -> None:
             print_once = cache(lambda text: say(f"Warning: {text}"))
             warnings.showwarning = lambda text, *_: print_once(str(text))
             try:
-                code = app(args=words or ["--help"], prog_name=NAME, standalone_mode=False)
+                code = program(args=words or otherwise, prog_name=name, standalone_mode=False)
             finally:
                 # Python ends with a signal, not with the app's exit code, if an interrupt passed through a text that
                 # exec ran, as in the import of a dataclass. The next exec makes it forget that.

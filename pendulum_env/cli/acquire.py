@@ -5,12 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import Field
-from inspect import Parameter, cleandoc, signature
+from inspect import Parameter, cleandoc
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
-
-import typer
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pendulum_env.bench.source import Source, settings_of
 from pendulum_env.bench.sources import SOURCES, source_at
@@ -127,24 +125,8 @@ def _said(run: Run) -> None:
 def _converted(kind: type[Source], given: Mapping[str, Any]) -> dict[str, object]:
     """Return the values of options in the types of a source's settings; others stay, and are refused by the source."""
     fields = settings_of(kind)
-    return {name: _value(name, fields[name], value) if name in fields else value for name, value in given.items()}
-
-
-def _value(name: str, setting: Field[Any], text: Any) -> object:
-    """Return the value of a setting for the text of its option; angles are in degrees."""
-    import math
-
-    if isinstance(text, str) and text.lower() == "none" and setting.metadata.get("optional"):
-        return None
-    kind = str(setting.type)
-    try:
-        if "float" in kind:
-            return math.radians(options.real(text)) if setting.metadata.get("unit") == "rad" else options.real(text)
-        if "int" in kind:
-            return options.whole(text)
-    except typer.BadParameter as error:
-        raise typer.BadParameter(str(error), param_hint=f"--{name.replace('_', '-')}") from None
-    return options.marks().get(text, text)
+    return {name: options.value_of(name, fields[name], value) if name in fields else value
+            for name, value in given.items()}
 
 
 def _by_option() -> dict[str, list[tuple[type[Source], Field[Any]]]]:
@@ -161,32 +143,9 @@ def _option(name: str, entries: list[tuple[type[Source], Field[Any]]]) -> Parame
     """Return the option of a setting that one source or several have, as a parameter of the command."""
     texts: dict[str, list[str]] = {}
     for kind, entry in entries:
-        texts.setdefault(_about(entry), []).append(kind.name)
+        texts.setdefault(options.about(entry), []).append(kind.name)
     text = " ".join(f"{', '.join(names)}: {about}." for about, names in texts.items())
-    setting = entries[0][1]
-    option = f"--{name.replace('_', '-')}"
-    if "bool" in str(setting.type):
-        return Parameter(name, Parameter.KEYWORD_ONLY, default=None,
-                         annotation=Annotated[bool | None, options.option(text, f"{option}/--no-{option[2:]}")])
-    metavar = next((f"<{word}>" for word in ("float", "int") if word in str(setting.type)), "<str>")
-    return Parameter(name, Parameter.KEYWORD_ONLY, default=None,
-                     annotation=Annotated[str | None, options.option(text, option, metavar=metavar)])
-
-
-def _about(entry: Field[Any]) -> str:
-    """Return the meaning, the words allowed, the unit and the default of a setting, for the help."""
-    import math
-
-    about, note, default = str(entry.metadata["doc"]), str(entry.metadata.get("note", "")), entry.default
-    words = [options.named(word) for word in entry.metadata.get("allowed", ()) if "bool" not in str(entry.type)]
-    unit = entry.metadata.get("unit", "1")
-    about += f": {', '.join(words)}" if words else ""
-    about = about.rstrip(",") + {"1": "", "rad": ", in degrees"}.get(unit, f", in {unit}")
-    if default is None:
-        return about + (f"; by default {note.removeprefix('None:').strip()}" if note else "")
-    if isinstance(default, float):
-        default = f"{math.degrees(default) if unit == 'rad' else default:.4g}"
-    return f"{about}; by default {default}" + (f" ({note.replace('None:', 'none:')})" if note else "")
+    return options.of_setting(name, entries[0][1], text)
 
 
 def _sources() -> str:
@@ -199,13 +158,7 @@ def _sources() -> str:
 def _complete() -> None:
     """Give the command an option for each setting of a source, and its help the list of sources."""
     acquire.__doc__ = cleandoc(acquire.__doc__ or "").replace("{sources}", _sources())
-    hints = get_type_hints(acquire, include_extras=True)
-    own = [parameter.replace(annotation=hints[name]) for name, parameter in signature(acquire).parameters.items()
-           if parameter.kind is not Parameter.VAR_KEYWORD]
-    more = [_option(name, entries) for name, entries in _by_option().items()]
-    parameters = [parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own] + more
-    acquire.__signature__ = signature(acquire).replace(parameters=parameters)  # type: ignore[attr-defined]
-    acquire.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    options.complete(acquire, [_option(name, entries) for name, entries in _by_option().items()])
 
 
 _complete()

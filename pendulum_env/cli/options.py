@@ -10,9 +10,11 @@ import math
 import os
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import Field
 from importlib import import_module
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
@@ -232,6 +234,57 @@ def given_by_user(context: typer.Context, *names: str) -> list[str]:
     typed = (one for one, source in sources.items() if source and source.name == "COMMANDLINE")
     return [max(one.secondary_opts if one.secondary_opts and context.params[one.name] is False else one.opts, key=len)
             for one in typed]
+
+
+def of_setting(name: str, entry: Field[Any], text: str) -> Parameter:
+    """Return the option of a setting, a field of a dataclass, as a parameter of a command; ``text`` is its help."""
+    kind, names = str(entry.type), f"--{name.replace('_', '-')}"
+    if "bool" in kind:
+        return Parameter(name, Parameter.KEYWORD_ONLY, default=None,
+                         annotation=Annotated[bool | None, option(text, f"{names}/--no-{names[2:]}")])
+    metavar = next((f"<{word}>" for word in ("float", "int") if word in kind), "<str>")
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=None,
+                     annotation=Annotated[str | None, option(text, names, metavar=metavar)])
+
+
+def about(entry: Field[Any]) -> str:
+    """Return the meaning, the words allowed, the unit and the default of a setting, for the help."""
+    text, note, default = str(entry.metadata["doc"]), str(entry.metadata.get("note", "")), entry.default
+    allowed = [named(word) for word in entry.metadata.get("allowed", ()) if "bool" not in str(entry.type)]
+    unit = entry.metadata.get("unit", "1")
+    text += f": {', '.join(allowed)}" if allowed else ""
+    text = text.rstrip(",") + {"1": "", "rad": ", in degrees"}.get(unit, f", in {unit}")
+    if default is None:
+        return text + (f"; by default {note.removeprefix('None:').strip()}" if note else "")
+    if isinstance(default, float):
+        default = f"{math.degrees(default) if unit == 'rad' else default:.4g}"
+    return f"{text}; by default {default}" + (f" ({note.replace('None:', 'none:')})" if note else "")
+
+
+def value_of(name: str, entry: Field[Any], text: Any) -> object:
+    """Return the value of a setting for the text of its option; angles are in degrees on the command line."""
+    if isinstance(text, str) and text.lower() == "none" and entry.metadata.get("optional"):
+        return None
+    kind = str(entry.type)
+    try:
+        if "float" in kind:
+            return math.radians(real(text)) if entry.metadata.get("unit") == "rad" else real(text)
+        if "int" in kind:
+            return whole(text)
+    except typer.BadParameter as error:
+        raise typer.BadParameter(str(error), param_hint=f"--{name.replace('_', '-')}") from None
+    return marks().get(text, text)
+
+
+def complete(command: Callable[..., None], more: Sequence[Parameter]) -> None:
+    """Give a command that takes ``**settings`` an option for each of them; typer reads the signature."""
+    hints = get_type_hints(command, include_extras=True)
+    own = [parameter.replace(annotation=hints[name], kind=Parameter.KEYWORD_ONLY)
+           for name, parameter in signature(command).parameters.items()
+           if parameter.kind is not Parameter.VAR_KEYWORD]
+    parameters = [*own, *more]
+    command.__signature__ = signature(command).replace(parameters=parameters)  # type: ignore[attr-defined]
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
 
 
 def quotient(text: str) -> float | str:

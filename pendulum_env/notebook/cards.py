@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
 from html import escape
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ def html_of(result: Any) -> str:
     name, parts = next((base.__name__, CARDS[base.__name__]) for base in type(result).__mro__
                        if base.__name__ in CARDS)
     title, *rest = parts(result)
-    drawn = figure_of(result).as_html() if name in FIGURES and not _batch(result) else ""
+    drawn = figure_of(result).as_html() if name in FIGURES and not _without_figure(result) else ""
     return html.block(title, *rest, drawn)
 
 
@@ -98,6 +99,11 @@ def settings(env: Any) -> Iterator[tuple[str, str]]:
 def _batch(result: Any) -> bool:
     """Return True for a Rollout of several runs."""
     return type(result).__name__ == "Rollout" and result.angle.ndim != 1
+
+
+def _without_figure(result: Any) -> bool:
+    """Return True for a Rollout of several runs, and for the result of a study that has no figure."""
+    return _batch(result) or (type(result).__name__ == "StudyResult" and not result.pictures())
 
 
 def rollout(run: Any) -> Iterator[str]:
@@ -212,6 +218,14 @@ def sweep(one: Any) -> Iterator[str]:
     yield table(one.table, "all are in .rows")
 
 
+def study(one: Any) -> Iterator[str]:
+    """Yield the parts of the card of a Study's result: its title, its settings, its table and its text."""
+    yield one.title
+    yield html.facts((entry.name, str(getattr(one.study, entry.name))) for entry in fields(one.study))
+    yield table(one.table, "all are in .rows")
+    yield html.words(one.text)
+
+
 def section(one: Any) -> Iterator[str]:
     """Yield the parts of a Section's card."""
     at = "whole periods of the drive" if one.event == "period" else f"the event {one.event}"
@@ -285,7 +299,7 @@ CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "Scene": scene, "LabPendulumEnv": environment, "LabPendulumVectorEnv": vector, "Rollout": rollout, "Filmed": film,
     "Comparison": comparison, "CostStudy": cost, "Growth": growth, "Audit": audit, "Simplification": simplification,
     "Simplified": simplified,
-    "Matrix": matrix, "Sweep": sweep, "Section": section, "Basins": basins, "LabSheet": sheet, "Fit": fit,
-    "DrivenFit": driven_fit, "Posterior": posterior, "Transfer": transfer, "Recording": recording,
+    "Matrix": matrix, "Sweep": sweep, "StudyResult": study, "Section": section, "Basins": basins, "LabSheet": sheet,
+    "Fit": fit, "DrivenFit": driven_fit, "Posterior": posterior, "Transfer": transfer, "Recording": recording,
 }
 """Class -> function that yields its title and the parts of its HTML, which the usual figure follows."""

@@ -48,6 +48,7 @@ FIGURES: Mapping[str, Mapping[str, Draw]] = {
     "Audit": {"changes": of("audit", "draw")},
     "Simplification": {"changes": lambda result: of("audit", "draw")(result.audit)},
     "Matrix": {"outcomes": of("hard_cases", "draw")},
+    "StudyResult": {"figure": lambda result: result.study.draw(result)},
     "Section": {"section": of("section", "draw")},
     "Basins": {"basins": of("section", "draw")},
     "Fit": {"fit": of("recorded", "recorded")},

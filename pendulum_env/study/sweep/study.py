@@ -19,13 +19,14 @@ from typing import Any
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
-from pendulum_env.common.shown import Displayed, one_line
+from pendulum_env.common.results import Columns, Result, columns_of
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.common.texts import clean
 from pendulum_env.common.version import sources
 from pendulum_env.physics.units import SceneError, boolean, file_path, function, one_of, several, shown, whole_number
 from pendulum_env.study.sweep.journal import Journal, WrittenResults, plain, text_of
-from pendulum_env.study.sweep.summary import UNITS, summary
+from pendulum_env.study.sweep.summary import SUMMARY, UNITS, summary
 from pendulum_env.truth.reference import StudyError
 
 Point = dict[str, Any]
@@ -49,7 +50,7 @@ A cluster's scheduler hands over some 400 tasks a second (``examples/benchmarks/
 
 
 @dataclass(frozen=True, repr=False)
-class Sweep(Displayed):
+class Sweep(Result):
     """Results of a sweep, with the combination of parameters (the point) that each belongs to.
 
     Attributes:
@@ -113,12 +114,35 @@ class Sweep(Displayed):
         columns = self.columns
         return Table(columns, tuple(tuple(map(_cell, self._cells(row, columns))) for row in self))
 
+    @property
+    def stem(self) -> str:
+        """Name of the file of the table, without ending."""
+        return "sweep"
+
+    def units(self) -> Mapping[str, str]:
+        """Return the units of the columns that are known: those of :func:`pendulum_env.study.sweep.summary.summary`."""
+        return SUMMARY if "Units" in self.facts else {}
+
+    def origin(self) -> Mapping[str, str]:
+        """Return what the runs have in common, and what computed them."""
+        return {**self.facts, "Complete": text_of(self.complete)}
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the table of the parameters and results of all finished runs."""
+        names, units = self.columns, self.units()
+        return {self.stem: columns_of({name: units.get(name, "") for name in names},
+                                      (self._cells(row, names) for row in self))}
+
+    def grid(self) -> Sequence[str]:
+        """Return the parameters that differ between the points."""
+        first = self.points[0]
+        return [name for name in first if any(point.get(name) != first[name] for point in self.points)]
+
     def write(self, path: str | Path) -> Path:
         """Write parameters and results of all finished runs as a CSV file; raises OutputError on failure."""
-        place = file_path(path, "path")
+        place, columns = file_path(path, "path"), self.columns
         output_folder(place.parent)
-        facts, columns = {**self.facts, "Complete": text_of(self.complete)}, self.columns
-        write_csv(place, columns, (self._cells(row, columns) for row in self), facts)
+        write_csv(place, columns, (self._cells(row, columns) for row in self), self.origin())
         return place
 
     @staticmethod

@@ -12,6 +12,12 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.truth.reference import StudyError
 
 UNITS = "times s, angles rad, velocities rad/s, energies, work and heat J"
+SUMMARY = {
+    "angle": "rad", "velocity": "rad/s", "dt": "s", "duration": "s", "end_time": "s", "end_angle": "rad",
+    "end_velocity": "rad/s", "largest_angle": "rad", "largest_velocity": "rad/s", "end_energy": "J", "work": "J",
+    "heat": "J", "largest_energy_residual": "J",
+}
+"""Units of the numbers of a summary, and of keywords of ``rollout`` that are points of a sweep."""
 
 
 def summary(point: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,59 @@
+"""A study of one's own: the largest speed of the bob against the release angle, with table, figure, files and command.
+
+    python 20_your_own_study.py --help
+    python 20_your_own_study.py --largest 170 --count 18
+
+It needs points, what is computed at each, and a figure. Progress, Ctrl-C, --resume, the CSV and JSON files, pandas and
+the notebook come from the class Study. Without losses the energy gives the speed at the bottom: 2 sqrt(g L) sin(A/2).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pendulum_env import SCENES, Study, plots, rollout
+from pendulum_env.physics.units import count, setting, si
+
+
+@dataclass(frozen=True)
+class LargestSpeed(Study):
+    """Largest speed of the bob against the release angle."""
+
+    name = "largest_speed"
+    columns: ClassVar = {"angle_rad": "rad", "speed_m_per_s": "m/s", "without_losses_m_per_s": "m/s"}
+
+    scene: str = setting("lab", "preset of the scene")
+    largest: float = si(3.0, "rad", "largest release angle", above=0.0)
+    count: int = count(12, "number of angles", 10_000)
+
+    def points(self):
+        return [{"angle_rad": float(angle)} for angle in np.linspace(0.0, self.largest, self.count + 1)[1:]]
+
+    def run(self, point):
+        scene, angle = SCENES[self.scene], point["angle_rad"]
+        swing = rollout(scene, angle=angle, velocity=0.0, duration=10.0 / scene.omega0)
+        reach = scene.body.reach
+        return {"speed_m_per_s": reach * float(np.abs(swing.velocity).max()),
+                "without_losses_m_per_s": 2.0 * reach * scene.omega0 * abs(math.sin(angle / 2.0))}
+
+    def draw(self, found):
+        figure, (axes,) = plots.figure()
+        angle = np.degrees(found.column("angle_rad"))
+        axes.plot(angle, found.column("without_losses_m_per_s"), color="0.6", label="without losses")
+        axes.plot(angle, found.column("speed_m_per_s"), "o", label=self.scene)
+        axes.set(xlabel="release angle [degrees]", ylabel="largest speed of the bob [m/s]", xlim=(0, 180), ylim=(0, None))
+        axes.legend()
+        return figure
+
+    def text(self, found):
+        lost = 1.0 - np.divide(found.column("speed_m_per_s"), found.column("without_losses_m_per_s"))
+        assert 0.0 < lost.min() < lost.max() < 0.01
+        return f"Losses take {100 * lost.min():.2g} to {100 * lost.max():.2g} % of the speed."
+
+
+if __name__ == "__main__":
+    from pendulum_env.cli.studies import run_command
+
+    run_command(LargestSpeed)

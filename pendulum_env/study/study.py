@@ -1,0 +1,129 @@
+"""The class :class:`Study`: settings, points and what is computed at each; the rest is the same for all studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, fields
+from inspect import cleandoc
+from pathlib import Path
+from typing import Any, ClassVar
+
+from pendulum_env.common.progress import Progress
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.shown import one_line
+from pendulum_env.physics.units import Checked, SceneError
+from pendulum_env.study.sweep.study import Point, Sweep, sweep
+
+
+class Study(Checked):
+    """Base of a study: a frozen dataclass whose fields are its settings, with points and what is computed at each.
+
+    A study of your own defines ``name``, ``columns``, :meth:`points` and :meth:`run`, and :meth:`draw` if it has a
+    figure. Its fields come from ``si``, ``count``, ``choice``, ``flag`` or ``setting`` of
+    :mod:`pendulum_env.physics.units`: default, unit and meaning are written once, for checks, messages and the options
+    of its command (:func:`pendulum_env.cli.studies.run_command`). ``examples/20_your_own_study.py`` is a whole one.
+
+    Calling a study runs it, and returns a :class:`StudyResult`.
+
+    Attributes:
+        name: name of the study's files and of its command.
+        columns: name of each column of the result -> its unit, "" for texts, counts and pure numbers. First come the
+            keys of a point, then those of what :meth:`run` returns.
+    """
+
+    name: ClassVar[str]
+    columns: ClassVar[Mapping[str, str]]
+
+    def points(self) -> Iterable[Mapping[str, Any]]:
+        """Return the points of the study, dicts of numbers and texts without repetition, in the order of the rows."""
+        raise NotImplementedError
+
+    def run(self, point: Point) -> Mapping[str, Any]:
+        """Return what is computed at a point: a dict of numbers and texts, with the keys that ``columns`` names."""
+        raise NotImplementedError
+
+    def work(self, point: Point) -> float:
+        """Return an estimate of the work at a point, in any unit, from which the fraction done is computed."""
+        return 1.0
+
+    def draw(self, found: StudyResult) -> Any:
+        """Return the figure of a result, such as one of ``pendulum_env.plots.figure``; SceneError if there is none."""
+        raise SceneError(f"The study {self.name} has no figure; define its method draw.")
+
+    def text(self, found: StudyResult) -> str:
+        """Return a sentence or two on a result; "" by default."""
+        return ""
+
+    def __call__(
+        self,
+        executor: Executor | None = None,
+        *,
+        file: str | Path | None = None,
+        anew: bool = False,
+        on_error: str = "raise",
+        progress: Progress | bool | None = None,
+        on_row: Callable[[Point, Point], None] | None = None,
+    ) -> StudyResult:
+        """Run the study at all its points, and return the result.
+
+        Args:
+            executor, file, anew, on_error, progress, on_row: see :func:`pendulum_env.sweep`: an executor, a journal
+                from which an interrupted study continues, what becomes of a point that fails, and the progress.
+
+        KeyboardInterrupt ends the study early: the result has the points so far, and its ``complete`` is False.
+
+        Raises StudyError as :func:`pendulum_env.sweep` does, and SceneError for a point or a result with other columns
+        than ``columns`` names.
+        """
+        made = sweep([*self.points()], executor, run=self._run, name=f"{self.name}: {self!r}", file=file, anew=anew,
+                     on_error=on_error, progress=progress, on_row=on_row, work=self.work)
+        return StudyResult(made.points, made.results, made.shared, made.facts, made.complete, made.failed, self)
+
+    def _run(self, point: Point) -> Mapping[str, Any]:
+        result = self.run(point)
+        given = [*point, *result] if isinstance(result, Mapping) else []
+        if given and {*given} != {*self.columns}:
+            raise SceneError(f"The study {self.name} has the columns {', '.join(self.columns)}, but a point and its "
+                             f"result have {', '.join(given)}; they must agree.")
+        return result
+
+
+@dataclass(frozen=True, repr=False)
+class StudyResult(Sweep):
+    """Result of a :class:`Study`: a :class:`pendulum_env.Sweep` that knows its study, with units and a figure."""
+
+    study: Study = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.study!r}, {sum(1 for _ in self)} of {len(self.points)} points")
+
+    @property
+    def title(self) -> str:
+        """First line of the study's docstring, without a full stop."""
+        return cleandoc(type(self.study).__doc__ or self.study.name).partition("\n")[0].rstrip(".")
+
+    @property
+    def text(self) -> str:
+        """What the study says of the result, and that it was interrupted, if it was."""
+        stopped = "" if self.complete else f"Interrupted: {len(self.rows)} of {len(self.points)} points are done."
+        return "\n".join(filter(None, (self.study.text(self), stopped)))
+
+    @property
+    def stem(self) -> str:
+        """Name of the study's files, without ending."""
+        return self.study.name
+
+    def units(self) -> Mapping[str, str]:
+        """Return the unit of each column."""
+        return self.study.columns
+
+    def origin(self) -> Mapping[str, str]:
+        """Return the settings of the study, and what computed it."""
+        settings = {entry.name: getattr(self.study, entry.name) for entry in fields(self.study)}  # type: ignore[arg-type]
+        held = {name: value.to_dict() if hasattr(value, "to_dict") else value for name, value in settings.items()}
+        return provenance(Study=self.title, **held, Complete=self.complete)
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return the name of the figure's file, if the study has a figure."""
+        return {self.study.name: "figure"} if type(self.study).draw is not Study.draw else {}
