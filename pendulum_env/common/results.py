@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pendulum_env.common.checks import SceneError, shown
+from pendulum_env.common.checks import SceneError, one_of, shown
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
 from pendulum_env.common.shown import ROOM, Plotted
@@ -104,11 +104,7 @@ class Result(Plotted):
 
     def _table(self, name: str | None) -> Columns:
         tables = self.tables()
-        if name is None:
-            name = next(iter(tables))
-        if name not in tables:
-            raise SceneError(f"There is no table {shown(name)}; the tables are {', '.join(tables)}.")
-        return tables[name]
+        return tables[next(iter(tables)) if name is None else one_of(name, "table", tables)]
 
 
 def write(result: Result, folder: str | Path, svg: bool = False, *, progress: Progress | None = None) -> list[Path]:

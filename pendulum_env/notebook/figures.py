@@ -63,7 +63,9 @@ FIGURES: Mapping[str, Mapping[str, Draw]] = {
 
 def figure_of(result: Any, kind: str | None = None) -> ShownFigure:
     """Return a figure of a result: of the given kind or, for None, the usual one; SceneError for an unknown kind."""
-    kinds = next(FIGURES[base.__name__] for base in type(result).__mro__ if base.__name__ in FIGURES)
+    kinds = next((FIGURES[base.__name__] for base in type(result).__mro__ if base.__name__ in FIGURES), None)
+    if kinds is None:
+        raise SceneError(f"A {type(result).__name__} has no figure; draw its columns with matplotlib.")
     name = next(iter(kinds)) if kind is None else one_of(kind, f"figure of a {type(result).__name__} called", kinds)
     made = kinds[name](result)
     return made if hasattr(made, "savefig") else made.figure  # type: ignore[no-any-return]

@@ -94,7 +94,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
     name: kind
     for kind, names in {
         "mapping": "sensor scene scenes options values parameters damping",
-        "word": "integrator language method task render_mode theme backend autoreset_mode unit on_error"
+        "word": "table integrator language method task render_mode theme backend autoreset_mode unit on_error"
                 " separator decimal y_axis time_unit states zero form event",
         "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
         "least": "observation_delay action_delay level tau friction_ratio",
@@ -132,7 +132,7 @@ OWN: Mapping[str, str] = {
     "simplify.progress": "progress", "film.progress": "progress", "section.progress": "progress",
     "basins.progress": "progress", "transfer.progress": "progress", "transfer.policy": "none of these",
     "transfer.nominal": "mapping", "transfer.real": "mapping", "transfer.episodes": "count",
-    "Recording.plot.kind": "word",
+    "Recording.plot.kind": "word", "Sweep.plot.kind": "word",
     "bench.acquire.source": "none of these", "bench.acquire.duration": "accuracy", "bench.acquire.out": "file",
     "bench.acquire.force": "flag", "bench.acquire.sign": "count or endless", "bench.acquire.zero": "flag",
     "bench.acquire.progress": "progress",
