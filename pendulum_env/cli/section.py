@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
+from pendulum_env.cli.console import bar, print_result, say
 from pendulum_env.cli.options import given, one_method, scene_of
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
@@ -40,6 +40,7 @@ def section(
     velocity: options.Velocity = None,
     svg: options.Svg = False,
     out: options.Out = Path("out/section"),
+    as_json: options.Json = False,
     settings: options.Settings = None,
 ) -> None:
     """Draw a Poincaré section of a driven scene, a bifurcation diagram (--over), or basins of attraction (--basins).
@@ -65,16 +66,16 @@ def section(
         else:
             result = room.section(place, progress=progress, **shared, **of_points)
         paths = room.write(result, out, svg)
-    print_text(f"{place.name}: {place.equation()}")
+    before, title = f"{place.name}: {place.equation()}", None
     if isinstance(result, room.Basins):
-        print_table(result.table, "attractors, at phase 0 of the drive")
+        title = "attractors, at phase 0 of the drive"
     else:
-        print(f"{len(result.angle)} points")
+        before += f"\n{len(result.angle)} points"
         if result.stopped:
             say(f"Warning: {result.stopped} runs ended early and have fewer points.")
         if result.over and result.event == "period":
-            print_table(result.table, "periods of the drive after which the motion repeats")
-    print_files(paths)
+            title = "periods of the drive after which the motion repeats"
+    print_result(result, paths, as_json, before=before, title=title)
 
 
 def _values(text: str) -> dict[str, Any]:

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.results import write
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study.audit.cases import AuditCase, bare, cases
-from pendulum_env.study.audit.files import write
 from pendulum_env.study.audit.judging import Change, change_of, corrections, moved_by, row, unjudged
 from pendulum_env.study.audit.step_cost import step_costs
 from pendulum_env.study.audit.swing import SAMPLES, Swing, swing, time_scale

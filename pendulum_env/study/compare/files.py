@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.common.provenance import output_folder, write_csv
+from pendulum_env.common import results
+from pendulum_env.common.progress import Progress, part_of, told_by
 from pendulum_env.films.look import checked_look
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus
@@ -59,9 +59,6 @@ CREEP = (
 )
 COAST = "Without a restoring torque, losses slow the bob down until it stops."
 
-FIGURES = ("angle", "velocity", "phase", "energy")
-"""Names of the figures of a comparison."""
-
 
 def write(
     comparison: Comparison,
@@ -80,39 +77,23 @@ def write(
     folder stay unchanged. Raises SceneError for an unknown theme or panel, OutputError if the folder cannot be written,
     OSError if the film cannot be written.
     """
-    from pendulum_env import plots
-
     if not isinstance(comparison, Comparison):
         raise SceneError(f"comparison must be a Comparison, the result of compare, not {shown(comparison)}.")
     tell, share = told_by(progress), 0.3 if boolean(film, "film") else 1.0
     look = checked_look(theme, panels, ("energy",), "")
-    place, facts = output_folder(folder), comparison.facts
-    paths = []
-    drawn = figures(comparison)
-    for i, (name, figure) in enumerate(drawn.items()):
-        tell(share * i / len(drawn), f"drawing {name}")
-        paths += plots.save_all(figure, place / name, {**facts, "Title": name})
-    paths.append(place / "comparison.csv")
-    write_csv(paths[-1], *motion_table(comparison), facts)
-    paths.append(place / "drift.csv")
-    write_csv(paths[-1], *drift_table(comparison), facts)
+    paths = results.write(comparison, folder, progress=part_of(tell, 0.0, share))
     if film:
         count = math.floor(min(comparison.duration, FILM_SECONDS) * FPS + 1e-9) + 1
         paths.append(write_film(
-            place / "comparison.mp4", pictures(comparison, count, look), FPS, metadata=facts, total=count,
-            progress=lambda done, total: tell(share + (1.0 - share) * done / count, "filming"),
+            paths[0].with_name("comparison.mp4"), pictures(comparison, count, look), FPS, metadata=comparison.origin(),
+            total=count, progress=lambda done, total: tell(share + (1.0 - share) * done / count, "filming"),
         ))
     tell(1.0, "written")
     return paths
 
 
-def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Return the figures of a comparison by name: "angle", "velocity", "phase" and "energy"."""
-    return {name: figure_of(comparison, name) for name in FIGURES}
-
-
 def figure_of(comparison: Comparison, name: str) -> Figure:
-    """Return one of the figures of a comparison, by its name in :data:`FIGURES`.
+    """Return one of the figures of a comparison: "angle", "velocity", "phase" or "energy".
 
     Figures of a long run have additional axes that enlarge its first and its last periods.
     """
@@ -186,31 +167,6 @@ def _losses(comparison: Comparison) -> str:
         size, part = np.abs(longest.angle), max(1, len(longest.angle) // 10)
         return RING if np.max(size[-part:]) > SOON * np.max(size[:part]) else SPIRAL
     return CREEP.replace("GAMMA", f"{gamma:.4g}").replace("LIMIT", f"{limit:.4g}")
-
-
-def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | str]]]:
-    """Return column names and rows of ``comparison.csv``: one row per time, with empty cells after a run's end."""
-    runs = comparison.runs.values()
-    time = np.unique(np.concatenate([run.time for run in runs]))
-    columns, values = ["time_s"], [time.tolist()]
-    for run in runs:
-        place = np.searchsorted(time, run.time)
-        for name, series in (("angle_rad", run.angle), ("velocity_rad_per_s", run.velocity), ("energy_J", run.energy),
-                             ("residual_J", run.energy_residual)):
-            cells: list[Any] = [""] * len(time)
-            for i, value in zip(place.tolist(), series.tolist(), strict=True):
-                cells[i] = value
-            columns.append(f"{run.method.name}_{name}")
-            values.append(cells)
-    return columns, [list(cells) for cells in zip(*values, strict=True)]
-
-
-def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
-    """Return column names and rows of ``drift.csv``: errors of energy, amplitude and phase of each run."""
-    energy = comparison.energy_name.replace(" / ", "_over_").replace(" ", "_")
-    columns = comparison.columns
-    rows = [["" if (value := getattr(row, f.name)) is None else value for f in columns] for row in comparison.drift]
-    return [f.metadata["csv"].format(energy=energy) for f in columns], rows
 
 
 def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> Iterator[Any]:
