@@ -43,10 +43,14 @@ from pendulum_env import (
     sweep,
     transfer,
 )
+from pendulum_env.auto.choice import choose
+from pendulum_env.auto.ranking import Ranking
 from pendulum_env.common import progress
+from pendulum_env.common.results import Result
 from pendulum_env.notebook import cards
 from pendulum_env.notebook.figures import FIGURES
 from pendulum_env.physics.equation import equation_mathml
+from pendulum_env.study.stability import stability
 
 EVIL = "<script>alert(1)</script> & more"
 """A name that would run as a script if HTML were not escaped."""
@@ -84,6 +88,8 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "Simplified": (lambda: simplify("lab", amplitude=0.3, tolerance=1e-2), "quadratic_drag"),
     "Solution": (lambda: integrators.solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 1.0], rtol=1e-6, method="dop853"),
                  "from 0 to 1"),
+    "Stability": (lambda: stability("rk4,pefrl"), "longest stable step"),
+    "Ranking": (lambda: Ranking(choose(SCENES["vacuum"], 1e-3, 0.02, 10)), "relative cost"),
     "Matrix": (lambda: stress(["upright for a moment"], ["rk4"]), "upright for a moment"),
     "Sweep": (lambda: sweep({"angle": [k / 100.0 for k in range(1, 21)]}, run=lambda point: {"twice": EVIL}), EVIL),
     "Section": (lambda: section(points=40, runs=2, transient=2, steps=20, backend="python"), "40, at whole periods"),
@@ -135,7 +141,9 @@ def names(quick: tuple[str, ...] = QUICK) -> list[Any]:
 
 
 def test_every_card_is_tested() -> None:
-    assert set(RESULTS) - {"Method", "Solution", "batch"} == set(cards.CARDS) - {"Filmed"}
+    """Results of studies that have no card of their own have that of their base."""
+    own = set(cards.CARDS) - {"Filmed", "Result"}
+    assert set(RESULTS) - {"Method", "Solution", "batch"} == own | {one.__name__ for one in Result.__subclasses__()}
 
 
 @pytest.mark.parametrize("name", names())
@@ -145,7 +153,7 @@ def test_a_notebook_shows_it(name: str) -> None:
     assert text in page.text
     assert "script" not in [tag for tag, _ in page.tags]
     pictures = [values["src"] for tag, values in page.tags if tag == "img"]
-    assert len(pictures) == (type(result).__name__ in (*FIGURES, "Simplified") and name != "batch")
+    assert len(pictures) == (type(result).__name__ in FIGURES and name != "batch")
     assert all(source.startswith("data:image/svg+xml;base64,") for source in pictures)
     assert any(tag in ("table", "p") for tag, _ in page.tags)
 
