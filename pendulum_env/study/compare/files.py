@@ -31,33 +31,8 @@ FILM_SECONDS = 20.0
 """Longest part of a run that the film shows [s]."""
 SHOWN = 5.0
 """Number of periods at either end of a long run that figures show enlarged."""
-ELLIPSE = (
-    "Why an ellipse? The energy is constant,\n"
-    "and at small angles that reads\n"
-    r"$\theta^2/A^2+v^2/(\omega_0{}A)^2=1$;"
-    "\n"
-    r"here $A=AMPLITUDE$ degrees and $\omega_0=OMEGA0$ rad/s."
-)
-ORBIT = (
-    "Without losses the energy is constant:\n"
-    r"$v^2/2+\omega_0^2\,(1-\cos\theta)$ keeps its value,"
-    "\n"
-    r"$\omega_0=OMEGA0$ rad/s;"
-    "\n"
-    "only at small angles is that an ellipse."
-)
-SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
-RING = "Losses make the orbit shrink: the start of a spiral towards rest."
 SOON = 0.5
 """Largest share of the amplitude left at the end of a run whose orbit looks like a spiral."""
-HELD = "Losses turn the closed orbit into a spiral\ntowards the angle at which the wind holds the bob."
-GUSTY = "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob from coming to rest."
-SHAKEN = "The drive does work, so the orbit need not close, and need not end at rest."
-CREEP = (
-    "Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
-    r"($\gamma=GAMMA$ 1/s, at least $2\,\omega_0=LIMIT$ 1/s)."
-)
-COAST = "Without a restoring torque, losses slow the bob down until it stops."
 
 
 def write(
@@ -138,16 +113,23 @@ def _trim(rows: list[Any]) -> None:
 def _note(comparison: Comparison) -> str:
     """Return the sentences below the phase portraits that explain the shape of the orbit; "" if there are none."""
     scene = comparison.scene
-    driven = any(effect.torque and not effect.controlled for effect in scene.of_kind("drive"))
-    if driven or scene.of_kind("dissipative"):
-        return SHAKEN if driven else _losses(comparison)
+    if any(effect.torque and not effect.controlled for effect in scene.of_kind("drive")):
+        return "The drive does work, so the orbit need not close, and need not end at rest."
+    if scene.of_kind("dissipative"):
+        return _losses(comparison)
     if not scene.omega0:
         return ""
     if scene.has("small_angle_gravity") or (scene.has("fibre") and not scene.has("gravity")):
         amplitude = math.degrees(math.hypot(comparison.angle, comparison.velocity / scene.omega0))
-        text = ELLIPSE.replace("at small angles", "under a fibre, at any angle,") if scene.has("fibre") else ELLIPSE
-        return text.replace("AMPLITUDE", f"{amplitude:.3g}").replace("OMEGA0", f"{scene.omega0:.4g}")
-    return ORBIT.replace("OMEGA0", f"{scene.omega0:.4g}") if scene.has("gravity") else ""
+        where = "under a fibre, at any angle," if scene.has("fibre") else "at small angles"
+        return (f"Why an ellipse? The energy is constant,\nand {where} that reads\n"
+                r"$\theta^2/A^2+v^2/(\omega_0{}A)^2=1$;"
+                f"\nhere $A={amplitude:.3g}$ degrees and $\\omega_0={scene.omega0:.4g}$ rad/s.")
+    if not scene.has("gravity"):
+        return ""
+    return ("Without losses the energy is constant:\n"
+            r"$v^2/2+\omega_0^2\,(1-\cos\theta)$ keeps its value,"
+            f"\n$\\omega_0={scene.omega0:.4g}$ rad/s;\nonly at small angles is that an ellipse.")
 
 
 def _losses(comparison: Comparison) -> str:
@@ -157,16 +139,20 @@ def _losses(comparison: Comparison) -> str:
     """
     scene = comparison.scene
     if not (scene.omega0 and scene.of_kind("conservative")):
-        return COAST
-    moving = scene.of_kind("medium")
-    if moving:
-        return GUSTY if any(effect.draws for effect in moving) else HELD
+        return "Without a restoring torque, losses slow the bob down until it stops."
+    if moving := scene.of_kind("medium"):
+        if any(effect.draws for effect in moving):
+            return "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob from coming to rest."
+        return "Losses turn the closed orbit into a spiral\ntowards the angle at which the wind holds the bob."
     gamma, limit = scene.coefficients.get("linear_drag_rate", 0.0), 2.0 * scene.omega0
-    if gamma < limit:
-        longest = max(comparison.runs.values(), key=lambda run: (len(run.time), run.method.order))
-        size, part = np.abs(longest.angle), max(1, len(longest.angle) // 10)
-        return RING if np.max(size[-part:]) > SOON * np.max(size[:part]) else SPIRAL
-    return CREEP.replace("GAMMA", f"{gamma:.4g}").replace("LIMIT", f"{limit:.4g}")
+    if gamma >= limit:
+        return ("Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
+                rf"($\gamma={gamma:.4g}$ 1/s, at least $2\,\omega_0={limit:.4g}$ 1/s).")
+    longest = max(comparison.runs.values(), key=lambda run: (len(run.time), run.method.order))
+    size, part = np.abs(longest.angle), max(1, len(longest.angle) // 10)
+    if np.max(size[-part:]) > SOON * np.max(size[:part]):
+        return "Losses make the orbit shrink: the start of a spiral towards rest."
+    return "Losses turn the closed orbit into a spiral towards rest."
 
 
 def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> Iterator[Any]:
