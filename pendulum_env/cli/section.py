@@ -54,7 +54,8 @@ def section(
     shared = given(integrator=one_method(integrators), steps=steps_per_period, transient=transient)
     of_points = given(event=event, phase=phase, points=points,
                       over=None if over is None else _values(over), angle=angle, velocity=velocity)
-    of_starts = given(velocities=None if velocities is None else _pair(velocities))
+    of_starts = given(velocities=None if velocities is None else _numbers(
+        velocities, 2, f"--velocities needs lowest:highest, as in -2:4, not {shown(velocities)}."))
     if basins is not None and of_points:
         raise SceneError(f"--{next(iter(of_points))} and --basins cannot be combined; leave one of them out.")
     if basins is None and of_starts:
@@ -85,28 +86,19 @@ def _values(text: str) -> dict[str, Any]:
     """
     import numpy as np
 
-
-    name, equals, span = text.partition("=")
-    numbers = _numbers(span)
-    if not equals or not name.strip() or len(numbers) != 3:
-        raise SceneError(f"--over needs name=first:last:count, as in drive_torque=1.06:1.087:600, not {shown(text)}.")
-    count = whole_number(int(numbers[2]) if numbers[2].is_integer() else None, "The count of --over", 1_000_000)
-    return {name.strip(): np.linspace(numbers[0], numbers[1], count)}
+    name, _, span = text.partition("=")
+    first, last, many = _numbers(span if name.strip() else "", 3, "--over needs name=first:last:count, as in "
+                                 f"drive_torque=1.06:1.087:600, not {shown(text)}.")
+    count = whole_number(int(many) if many.is_integer() else many, "The count of --over", 1_000_000)
+    return {name.strip(): np.linspace(first, last, count)}
 
 
-def _pair(text: str) -> tuple[float, float]:
-    """Return two numbers from a text of the form low:high; SceneError for a text of another form."""
-
-    numbers = _numbers(text)
-    if len(numbers) != 2:
-        raise SceneError(f"--velocities needs lowest:highest, as in -2:4, not {shown(text)}.")
-    return numbers[0], numbers[1]
-
-
-def _numbers(text: str) -> list[float]:
-    """Return finite numbers separated by colons; an empty list for any other text."""
+def _numbers(text: str, count: int, refusal: str) -> tuple[float, ...]:
+    """Return ``count`` finite numbers separated by colons; SceneError for any other text."""
     try:
-        numbers = [float(part) for part in text.split(":")]
+        numbers = tuple(float(part) for part in text.split(":"))
     except ValueError:
-        return []
-    return numbers if all(math.isfinite(value) for value in numbers) else []
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise SceneError(refusal)
+    return numbers

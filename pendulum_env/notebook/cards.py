@@ -156,7 +156,8 @@ def study(title: str, scene: Scene | None, one: Table, text: str = "", **shown: 
 
 def result(one: Result, title: str = "", text: str | None = None) -> Iterator[str]:
     """Yield the parts of the card of a study's result; title and text are its own line and text, or others."""
-    return study(title or repr(one).strip("<>"), getattr(one, "scene", None), one.table, one.text if text is None else text)
+    return study(title or repr(one).strip("<>"), getattr(one, "scene", None), one.table,
+                 one.text if text is None else text)
 
 
 def simplified(one: Any) -> Iterator[str]:

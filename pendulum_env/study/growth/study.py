@@ -20,7 +20,7 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, simulate
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, usual_start
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number
@@ -274,8 +274,7 @@ def planned(
     The start is ``angle`` [rad] and ``velocity`` [rad/s]; ``shared`` are the settings that every run has. Raises the
     errors of :func:`growth`.
     """
-    q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
-    v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
+    q, v = usual_start(place, angle, velocity)
     checked_start(place, q, v)
     if not place.omega0:
         raise StudyError(f"The scene '{place.name}' has no restoring torque and so no period; choose one with gravity.")

@@ -28,6 +28,7 @@ from pendulum_env.engine.kernels import Backend, interpreted
 from pendulum_env.engine.motion import EVENTS, drive_rate, event_function
 from pendulum_env.engine.settings import SceneLike
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
+from pendulum_env.engine.starts import usual_start
 from pendulum_env.engine.threads import MOST_THREADS, cores
 from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.damping import Damping
@@ -226,8 +227,7 @@ def section(
         if kind != "period" and number(phase, "phase", unit="rad"):
             raise SceneError(f"phase is for event 'period', but points are recorded at '{kind}'; leave one out.")
         shift, tell = _whole_steps(phase, steps) if kind == "period" else 0, told_by(progress)
-        first = number(place.run.angle if angle is None else angle, "angle", unit="rad")
-        speed = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
+        first, speed = usual_start(place, angle, velocity)
         threads = cores() if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
     length = (transient + kept - 1) * steps + shift if kind == "period" else (transient + kept) * steps
     spread = 2.0 * math.pi if place.periodic and not name else 0.0
