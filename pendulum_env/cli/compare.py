@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.console import bar, print_result
 from pendulum_env.cli.options import given_by_user, recording_of, scene_of
+from pendulum_env.common.progress import part_of
 from pendulum_env.common.provenance import checked_folder
 from pendulum_env.physics.units import SceneError
 from pendulum_env.study import PLAIN
@@ -34,6 +35,7 @@ def compare(
         bool, options.flag("Show the methods' stability regions, growth and phase error; no scene.", "--stability")
     ] = False,
     out: options.OutOrNone = None,
+    as_json: options.Json = False,
     settings: options.Settings = None,
     read: options.Reading = None,
 ) -> None:
@@ -43,8 +45,8 @@ def compare(
     curves. With --stability no scene is run. The folder is out/compare, with --stability out/stability.
     """
     if stability:
-        given = [name for name in context.params if name not in ("integrators", "stability", "out")]
-        show_stability(integrators, given_by_user(context, *given), checked_folder(out or "out/stability"))
+        given = [name for name in context.params if name not in ("integrators", "stability", "out", "as_json")]
+        show_stability(integrators, given_by_user(context, *given), checked_folder(out or "out/stability"), as_json)
         return
 
     from pendulum_env.films.look import checked_look
@@ -59,15 +61,13 @@ def compare(
     measured = recording_of(recording, read) if recording is not None or read else None
     with bar("compare") as progress:
         comparison = run(place, integrators, angle=angle, velocity=velocity, dt=dt, duration=duration, rtol=rtol,
-                    atol=atol, recording=measured, progress=lambda done, text: progress(0.3 * done, text))
+                         atol=atol, recording=measured, progress=part_of(progress, 0.0, 0.3))
         paths = write(comparison, folder, film=film, theme=look.theme, panels=look.panels,
-                      progress=lambda done, text: progress(0.3 + 0.7 * done, text))
-    print_text(comparison.text)
-    print_table(comparison.table, below=LEADING_ERROR)
-    print_files(paths)
+                      progress=part_of(progress, 0.3, 1.0))
+    print_result(comparison, paths, as_json, before=comparison.text, below=LEADING_ERROR, after="")
 
 
-def show_stability(integrators: list[str], given: list[str], out: Path) -> None:
+def show_stability(integrators: list[str], given: list[str], out: Path, as_json: bool) -> None:
     """Run ``lab-pendulum compare --stability``; raise SceneError if other options, named in ``given``, were used too.
     """
     from pendulum_env.study.stability import stability, write
@@ -77,6 +77,4 @@ def show_stability(integrators: list[str], given: list[str], out: Path) -> None:
     result = stability(integrators)
     with bar("stability") as progress:
         paths = write(result, out, progress=progress)
-    print_table(result.table, below="leading error")
-    print_text(result.notes)
-    print_files(paths)
+    print_result(result, paths, as_json, below="leading error")

@@ -18,6 +18,7 @@ from pendulum_env.common.texts import clean, in_encoding, replaced
 if TYPE_CHECKING:
     from warnings import WarningMessage
 
+    from pendulum_env.common.results import Result
 
 REPLACED = "lab-pendulum"
 """Name of the handler of characters that an output's encoding lacks."""
@@ -189,6 +190,30 @@ def _parts(columns: Sequence[Column], width: int) -> Iterator[list[Column]]:
             part = [columns[0]]
         part.append(column)
     yield part
+
+
+def print_result(
+    result: Result, paths: Sequence[Path], as_json: bool = False, *, before: str = "", title: str | None = "",
+    below: str = "", after: str | None = None, **more: Any,
+) -> None:
+    """Print a text, a result's table, another text and the names of its files; or all as JSON, and nothing else.
+
+    Args:
+        result, paths: the result of a study, and the files that were written.
+        as_json: True prints only JSON: the result's, with "text", "files" and the keys ``more``.
+        before, after: texts before and after the table; by default the result's own comes after it.
+        title, below: see :func:`print_table`; None prints no table.
+    """
+    texts = (before, result.text if after is None else after)
+    if as_json:
+        print(result.to_json(text="\n".join(filter(None, texts)), files=[str(path) for path in paths], **more))
+        return
+    print_text(before)
+    if title is not None:
+        print_table(result.table, title, below)
+    print_text(texts[1])
+    if paths:
+        print_files(paths)
 
 
 def print_files(paths: Iterable[Path]) -> None:

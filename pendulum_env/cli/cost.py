@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.console import bar, print_result
 from pendulum_env.cli.options import scene_of
 from pendulum_env.physics.units import number
 
@@ -27,6 +28,7 @@ def cost(
     ] = None,
     svg: options.Svg = False,
     out: options.Out = Path("out/cost"),
+    as_json: options.Json = False,
     settings: options.Settings = None,
 ) -> None:
     """Draw a work-precision diagram, error against time, of the methods on a scene, and recommend methods.
@@ -36,11 +38,10 @@ def cost(
     interrupted study; without it, the study starts from the beginning.
     """
     from pendulum_env.common.results import write
-    from pendulum_env.study.cost.points import recommendations
     from pendulum_env.study.cost.study import JOURNAL
     from pendulum_env.study.cost.study import cost as run
     from pendulum_env.study.growth.study import growth as run_growth
-    from pendulum_env.study.growth.study import planned, remarks, table
+    from pendulum_env.study.growth.study import planned
     from pendulum_env.study.sweep.cluster import executor_at
 
     place = scene_of(scene, damping, settings)
@@ -52,8 +53,7 @@ def cost(
                     executor=executor, file=out / JOURNAL, resume=resume, progress=progress)
     if not study.points:
         raise KeyboardInterrupt
-    paths = write(study, out, svg)
-    grown = None
+    paths, more, grown = [*write(study, out, svg), out / JOURNAL], dict[str, Any](), None
     try:
         if study.complete and periods is not None:
             with bar("growth") as progress:
@@ -61,17 +61,14 @@ def cost(
                                    progress=progress)
             if not grown.lines:
                 raise KeyboardInterrupt
-            more = write(grown, out, svg)
+            files = write(grown, out, svg)
+            more["growth"] = json.loads(grown.to_json(text=grown.text, files=[str(path) for path in files]))
     finally:  # whatever becomes of the second study, the first one's results are printed
-        print_text(f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}")
+        before = f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}"
         if not study.complete:
-            print("Interrupted: the results so far follow; --resume continues the study.")
-        print_table(recommendations(study), "for this accuracy, use")
-        print_text("\n".join(line for line in (study.sentence(), study.left_out) if line))
-        print_files((*paths, out / JOURNAL))
+            before += "\nInterrupted: the results so far follow; --resume continues the study."
+        print_result(study, paths, as_json, before=before, title="for this accuracy, use", **more)
     if not study.complete:
         raise KeyboardInterrupt
-    if grown is not None:
-        print_text(remarks(grown))
-        print_table(table(grown), "how errors grow")
-        print_files(more)
+    if grown is not None and not as_json:
+        print_result(grown, files, before=grown.text, title="how errors grow", after="")

@@ -162,6 +162,7 @@ Out = Annotated[Path, _OUT]
 OutOrNone = Annotated[Path | None, _OUT]
 OutFile = Annotated[Path, option("The file.", "--out", "-o")]
 Svg = Annotated[bool, flag("Also write figures as SVG.", "--svg")]
+Json = Annotated[bool, flag("Print the result as JSON, and nothing else.", "--json")]
 Film = Annotated[bool, option("Make the film.")]
 Theme = Annotated[str, word("Colours of the frames: light or dark.")]
 Panels = Annotated[

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text, say
+from pendulum_env.cli.console import bar, print_result, say
 from pendulum_env.cli.options import given, one_method, scene_of
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
@@ -40,6 +40,7 @@ def section(
     velocity: options.Velocity = None,
     svg: options.Svg = False,
     out: options.Out = Path("out/section"),
+    as_json: options.Json = False,
     settings: options.Settings = None,
 ) -> None:
     """Draw a Poincaré section of a driven scene, a bifurcation diagram (--over), or basins of attraction (--basins).
@@ -53,7 +54,8 @@ def section(
     shared = given(integrator=one_method(integrators), steps=steps_per_period, transient=transient)
     of_points = given(event=event, phase=phase, points=points,
                       over=None if over is None else _values(over), angle=angle, velocity=velocity)
-    of_starts = given(velocities=None if velocities is None else _pair(velocities))
+    of_starts = given(velocities=None if velocities is None else _numbers(
+        velocities, 2, f"--velocities needs lowest:highest, as in -2:4, not {shown(velocities)}."))
     if basins is not None and of_points:
         raise SceneError(f"--{next(iter(of_points))} and --basins cannot be combined; leave one of them out.")
     if basins is None and of_starts:
@@ -65,16 +67,16 @@ def section(
         else:
             result = room.section(place, progress=progress, **shared, **of_points)
         paths = room.write(result, out, svg)
-    print_text(f"{place.name}: {place.equation()}")
+    before, title = f"{place.name}: {place.equation()}", None
     if isinstance(result, room.Basins):
-        print_table(result.table, "attractors, at phase 0 of the drive")
+        title = "attractors, at phase 0 of the drive"
     else:
-        print(f"{len(result.angle)} points")
+        before += f"\n{len(result.angle)} points"
         if result.stopped:
             say(f"Warning: {result.stopped} runs ended early and have fewer points.")
         if result.over and result.event == "period":
-            print_table(result.table, "periods of the drive after which the motion repeats")
-    print_files(paths)
+            title = "periods of the drive after which the motion repeats"
+    print_result(result, paths, as_json, before=before, title=title)
 
 
 def _values(text: str) -> dict[str, Any]:
@@ -84,28 +86,19 @@ def _values(text: str) -> dict[str, Any]:
     """
     import numpy as np
 
-
-    name, equals, span = text.partition("=")
-    numbers = _numbers(span)
-    if not equals or not name.strip() or len(numbers) != 3:
-        raise SceneError(f"--over needs name=first:last:count, as in drive_torque=1.06:1.087:600, not {shown(text)}.")
-    count = whole_number(int(numbers[2]) if numbers[2].is_integer() else None, "The count of --over", 1_000_000)
-    return {name.strip(): np.linspace(numbers[0], numbers[1], count)}
+    name, _, span = text.partition("=")
+    first, last, many = _numbers(span if name.strip() else "", 3, "--over needs name=first:last:count, as in "
+                                 f"drive_torque=1.06:1.087:600, not {shown(text)}.")
+    count = whole_number(int(many) if many.is_integer() else many, "The count of --over", 1_000_000)
+    return {name.strip(): np.linspace(first, last, count)}
 
 
-def _pair(text: str) -> tuple[float, float]:
-    """Return two numbers from a text of the form low:high; SceneError for a text of another form."""
-
-    numbers = _numbers(text)
-    if len(numbers) != 2:
-        raise SceneError(f"--velocities needs lowest:highest, as in -2:4, not {shown(text)}.")
-    return numbers[0], numbers[1]
-
-
-def _numbers(text: str) -> list[float]:
-    """Return finite numbers separated by colons; an empty list for any other text."""
+def _numbers(text: str, count: int, refusal: str) -> tuple[float, ...]:
+    """Return ``count`` finite numbers separated by colons; SceneError for any other text."""
     try:
-        numbers = [float(part) for part in text.split(":")]
+        numbers = tuple(float(part) for part in text.split(":"))
     except ValueError:
-        return []
-    return numbers if all(math.isfinite(value) for value in numbers) else []
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        raise SceneError(refusal)
+    return numbers

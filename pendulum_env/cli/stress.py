@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.console import bar, print_result, print_text
 from pendulum_env.cli.options import given_by_user
 from pendulum_env.common.provenance import checked_folder
 from pendulum_env.physics.units import SceneError
@@ -25,6 +25,7 @@ def stress(
         bool, options.flag("Only list the cases: why each is hard, the true result and its source.", "--list")] = False,
     svg: options.Svg = False,
     out: options.OutOrNone = None,
+    as_json: options.Json = False,
 ) -> None:
     """Run hard cases with known true results with every method; the outcomes are a matrix, PNG and CSV.
 
@@ -39,7 +40,7 @@ def stress(
     from pendulum_env.hard_cases.run import stress as run
 
     if show:
-        if unused := given_by_user(context, "integrators", "svg", "out"):
+        if unused := given_by_user(context, "integrators", "svg", "out", "as_json"):
             raise SceneError(f"--list runs no method and writes no file; leave out {unused[0]}.")
         print_text(listing(chosen_cases(cases, scene, long)))
         return
@@ -49,9 +50,7 @@ def stress(
     if not matrix.entries:
         raise KeyboardInterrupt
     paths = write(matrix, folder, svg)
-    print_table(matrix.table, "outcome of every method in every case")
-    print_text(matrix.text)
-    print_files(paths)
+    print_result(matrix, paths, as_json, title="outcome of every method in every case")
     if not matrix.complete:
         raise KeyboardInterrupt
     if matrix.failures:

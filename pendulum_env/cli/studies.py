@@ -8,7 +8,7 @@ from inspect import cleandoc
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.console import bar, print_result
 from pendulum_env.common.provenance import checked_folder
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ def command_of(kind: type[Study]) -> Callable[..., None]:
         record: Annotated[bool, options.flag("Keep the reason of a point that fails in its row, and go on.",
                                              "--record-errors")] = False,
         svg: options.Svg = False,
+        as_json: options.Json = False,
         **given: Any,
     ) -> None:
         from pendulum_env.common.results import write
@@ -39,9 +40,7 @@ def command_of(kind: type[Study]) -> Callable[..., None]:
         if not found.rows:
             raise KeyboardInterrupt
         paths = write(found, folder, svg)
-        print_table(found.table, found.title)
-        print_text(found.text)
-        print_files(paths)
+        print_result(found, paths, as_json, title=found.title)
         if not found.complete:
             raise KeyboardInterrupt
 

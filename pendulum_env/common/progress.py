@@ -33,6 +33,11 @@ def told_by(progress: Progress | bool | None) -> Progress:
     return _ignore if progress is None else function(progress, "progress")
 
 
+def part_of(tell: Progress, begin: float, end: float) -> Progress:
+    """Return the callback of a part of the work: its fractions 0 to 1 are ``begin`` to ``end`` of the whole."""
+    return lambda done, activity: tell(begin + (end - begin) * done, activity)
+
+
 def telling_of(progress: Progress | bool | None, title: str) -> AbstractContextManager[Progress]:
     """Return a context manager that yields a progress callback.
 

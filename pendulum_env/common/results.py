@@ -16,6 +16,7 @@ from pendulum_env.common.checks import SceneError, one_of, shown
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
 from pendulum_env.common.shown import ROOM, Plotted
+from pendulum_env.common.tables import Table
 
 STYLE = "pendulum_env.plots.style"
 """Module with the function ``save_all``, which saves a figure."""
@@ -41,9 +42,29 @@ def columns_of(units: Mapping[str, str], rows: Iterable[Sequence[Any]]) -> Colum
 class Result(Plotted):
     """Base of results that have tables and figures.
 
-    A class of results defines :meth:`origin` and :meth:`tables`, and :meth:`pictures` if it has figures. Its figures
-    are entries of ``pendulum_env.notebook.figures``.
+    A class of results defines :meth:`origin` and :meth:`tables`, and :meth:`pictures` if it writes several figures. Its
+    figures are entries of ``pendulum_env.notebook.figures``. Commands print ``table`` and ``text``; a notebook shows
+    the equation of ``scene``, if there is one, ``table``, ``text`` and the usual figure.
+
+    Attributes:
+        complete: False if the study was interrupted, so that results are missing.
+        titled: True if figures are always saved as SVG, too, with their name as the origin's "Title".
     """
+
+    complete: bool = True
+    titled: bool = False
+
+    @property
+    def table(self) -> Table:
+        """Table of the result, as short texts; by default its main table."""
+        columns = self._table(None)
+        head = tuple(f"{name} [{one.unit}]" if one.unit else name for name, one in columns.items())
+        return Table(head, tuple(zip(*(map(_short, one.values) for one in columns.values()), strict=True)))
+
+    @property
+    def text(self) -> str:
+        """Sentences on the result, below its table; "" if there are none."""
+        return ""
 
     def origin(self) -> Mapping[str, str]:
         """Return what the result comes from (scene, methods, version, ...), for the head of its files."""
@@ -54,8 +75,11 @@ class Result(Plotted):
         raise NotImplementedError
 
     def pictures(self) -> Mapping[str, str]:
-        """Return the kind of each figure, as of :meth:`plot`, by the names of their files without ending."""
-        return {}
+        """Return the kind of each figure, as of :meth:`plot`, by the names of their files without ending.
+
+        By default it is the usual figure, which is named as the main table, or none for a result without figures.
+        """
+        return dict(zip(self.tables(), [*import_module(ROOM).figures(self)][:1], strict=False))
 
     def grid(self) -> Sequence[str]:
         """Return the columns of the main table whose values, in every combination, number its rows; none by default."""
@@ -64,15 +88,15 @@ class Result(Plotted):
     def to_json(self, **more: Any) -> str:
         """Return the tables as JSON text.
 
-        It has the keys "result" (the class), "provenance" (see :meth:`origin`) and "tables", for each table its "units"
-        and "columns", lists by name; ``more`` are further keys. nan is null, an infinite number the text "inf" or
-        "-inf".
+        It has the keys "result" (the class), "complete", "provenance" (see :meth:`origin`) and "tables", for each table
+        its "units" and "columns", lists by name; ``more`` are further keys. nan is null, an infinite number the text
+        "inf" or "-inf".
         """
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
                          "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
                   for name, table in self.tables().items()}
-        return json.dumps({"result": type(self).__name__, "provenance": dict(self.origin()), "tables": tables, **more},
-                          allow_nan=False)
+        return json.dumps({"result": type(self).__name__, "complete": self.complete, "provenance": dict(self.origin()),
+                           "tables": tables, **more}, allow_nan=False)
 
     def to_pandas(self, table: str | None = None) -> Any:
         """Return a table as a ``pandas.DataFrame``: the main one, or that of a name.
@@ -120,7 +144,8 @@ def write(result: Result, folder: str | Path, svg: bool = False, *, progress: Pr
     for i, (name, kind) in enumerate(pictures.items()):
         tell(i / len(pictures), f"drawing {name}")
         figure = import_module(ROOM).figure_of(result, kind)
-        paths += import_module(STYLE).save_all(figure, place / name, origin, svg)
+        facts = {**origin, "Title": name} if result.titled else origin
+        paths += import_module(STYLE).save_all(figure, place / name, facts, svg or result.titled)
     for name, table in result.tables().items():
         paths.append(place / f"{name}.csv")
         write_csv(paths[-1], tuple(table), zip(*(one.values for one in table.values()), strict=True), origin)
@@ -133,6 +158,12 @@ def _cells(column: Column) -> list[Any]:
     values = _plain(column.values)
     numbers = any(isinstance(value, (int, float)) for value in values)
     return [math.nan if numbers and value in (None, "") else value for value in values]
+
+
+def _short(value: Any) -> str:
+    """Return a cell of a table as short text, "-" for a missing one."""
+    missing = value is None or value == "" or value != value  # nan
+    return "-" if missing else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _plain(values: Any) -> list[Any]:

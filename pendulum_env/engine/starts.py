@@ -66,6 +66,15 @@ def checked_control(control: Any, name: str = "control") -> float:
     return share
 
 
+def usual_start(scene: Scene, angle: float | None, velocity: float | None) -> tuple[float, float]:
+    """Return the initial angle [rad] and velocity [rad/s] of one run; None is that of the scene's usual run.
+
+    Raises SceneError for values that are not finite numbers.
+    """
+    return (number(scene.run.angle if angle is None else angle, "angle", unit="rad"),
+            number(scene.run.velocity if velocity is None else velocity, "velocity", unit="rad/s"))
+
+
 def checked_start(scene: Scene, angle: ArrayLike, velocity: ArrayLike) -> tuple[Array, Array]:
     """Return the initial angles [rad] and velocities [rad/s] as two arrays of one shape; ``()`` for two numbers.
 

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from integrators import Method
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Columns, Result, columns_of
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.hard_cases.case import OUTCOMES, Case, Finding
+
+COLUMNS = {
+    "group": "", "case": "", "scene": "", "method": "", "outcome": "", "as_expected": "", "error": "", "tolerance": "",
+    "stop_time_s": "s", "note": "", "known_failure": "",
+}
+"""Columns of ``stress.csv`` with their units; each case has units of its own for error and tolerance."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +40,7 @@ class MatrixEntry:
 
 
 @dataclass(frozen=True, repr=False)
-class Matrix(Plotted):
+class Matrix(Result):
     """Matrix of results of methods in hard cases.
 
     Attributes:
@@ -46,6 +56,23 @@ class Matrix(Plotted):
 
     def __repr__(self) -> str:
         return one_line(self, f"{len(self.cases)} cases, {len(self.methods)} methods, {len(self.failures)} failures")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return the numbers of cases, methods and combinations, with what ran them."""
+        return provenance(Cases=len(self.cases), Methods=len(self.methods), Combinations=len(self.entries),
+                          Complete=self.complete)
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the outcome of every method in every case."""
+        return {"stress": columns_of(COLUMNS, (
+            (e.case.group, e.case.name, e.case.scene.name, e.method.name, e.finding.outcome, int(e.expected),
+             *(None if math.isnan(x) else x for x in (e.finding.error, e.finding.tolerance, e.finding.stop_time)),
+             e.finding.note, e.known)
+            for e in self.entries))}
+
+    def grid(self) -> Sequence[str]:
+        """Return the columns that number the rows."""
+        return ("case", "method")
 
     @property
     def failures(self) -> tuple[MatrixEntry, ...]:

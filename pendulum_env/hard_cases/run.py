@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
 from itertools import groupby
 
 import integrators as registry
 from integrators import Method
-from pendulum_env.common.progress import Progress, telling_of
+from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.results import write
 from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.hard_cases.case import Case
 from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
-from pendulum_env.hard_cases.files import write
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.physics.units import SceneError, boolean, one_of, several
 
@@ -45,6 +46,7 @@ def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: boo
     return chosen
 
 
+@with_bar("stress")
 def stress(
     cases: str | Sequence[str] | None = None,
     integrators: Iterable[str | Method] | None = None,
@@ -72,23 +74,14 @@ def stress(
     chosen = chosen_cases(cases, scene, long)
     methods = [*registry.METHODS.values()] if integrators is None else none_twice(
         name if isinstance(name, Method) else registry.get(name) for name in listed_methods(integrators))
-    with telling_of(progress, "stress") as tell:
-        return _tried(chosen, methods, tell)
-
-
-def _tried(cases: tuple[Case, ...], methods: Sequence[Method], tell: Progress) -> Matrix:
-    """Run every method in every case and return the matrix; it is incomplete after a KeyboardInterrupt."""
-    entries: list[MatrixEntry] = []
-    total = len(cases) * len(methods)
-    try:
-        for case in cases:
-            for method in methods:
-                tell(len(entries) / total, f"{case.name}: {method.name}")
-                entries.append(entry(case, method))
+    pairs = [(case, method) for case in chosen for method in methods]
+    tell, entries = told_by(progress), list[MatrixEntry]()
+    with suppress(KeyboardInterrupt):
+        for i, (case, method) in enumerate(pairs):
+            tell(i / len(pairs), f"{case.name}: {method.name}")
+            entries.append(entry(case, method))
         tell(1.0, "done")
-    except KeyboardInterrupt:
-        return Matrix(cases, tuple(methods), tuple(entries), False)
-    return Matrix(cases, tuple(methods), tuple(entries))
+    return Matrix(chosen, tuple(methods), tuple(entries), len(entries) == len(pairs))
 
 
 def listing(cases: Iterable[Case]) -> str:

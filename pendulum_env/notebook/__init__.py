@@ -5,6 +5,6 @@ Results declare no more than a line of text (:mod:`pendulum_env.common.shown`); 
 """
 
 from pendulum_env.notebook.cards import html_of
-from pendulum_env.notebook.figures import figure_of
+from pendulum_env.notebook.figures import figure_of, figures
 
-__all__ = ["figure_of", "html_of"]
+__all__ = ["figure_of", "figures", "html_of"]

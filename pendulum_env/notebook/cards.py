@@ -13,11 +13,12 @@ import numpy as np
 
 from integrators import html
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY
-from pendulum_env.notebook.figures import FIGURES, figure_of
+from pendulum_env.notebook.figures import figure_of, figures
 from pendulum_env.physics.equation import equation_mathml
 from pendulum_env.physics.scene import Scene
 
 if TYPE_CHECKING:
+    from pendulum_env.common.results import Result
     from pendulum_env.common.tables import Table
 
 LARGEST = 5e6
@@ -28,21 +29,15 @@ TYPES = {".mp4": "video/mp4", ".gif": "image/gif"}
 
 def html_of(result: Any) -> str:
     """Return the HTML of a result, an environment or a film."""
-    name, parts = next((base.__name__, CARDS[base.__name__]) for base in type(result).__mro__
-                       if base.__name__ in CARDS)
+    parts = next(CARDS[base.__name__] for base in type(result).__mro__ if base.__name__ in CARDS)
     title, *rest = parts(result)
-    drawn = figure_of(result).as_html() if name in FIGURES and not _without_figure(result) else ""
+    drawn = figure_of(result).as_html() if figures(result) and not _batch(result) else ""
     return html.block(title, *rest, drawn)
 
 
 def equation(scene: Scene) -> str:
     """Return a scene's equation of motion as MathML, at the left."""
     return f'<div style="display: inline-block; margin: 0.3em 0">{equation_mathml(scene.equation())}</div>'
-
-
-def table(one: Table, rest: str = "") -> str:
-    """Return a table of a study as HTML; ``rest`` says where the rows are that do not fit."""
-    return html.table(one.head, one.rows, rest=rest)
 
 
 def start(angle: float, velocity: float) -> str:
@@ -101,11 +96,6 @@ def _batch(result: Any) -> bool:
     return type(result).__name__ == "Rollout" and result.angle.ndim != 1
 
 
-def _without_figure(result: Any) -> bool:
-    """Return True for a Rollout of several runs, and for the result of a study that has no figure."""
-    return _batch(result) or (type(result).__name__ == "StudyResult" and not result.pictures())
-
-
 def rollout(run: Any) -> Iterator[str]:
     """Yield the parts of a Rollout's card."""
     limits = ", ".join(f"{name} = {value:g}" for name, value in run.tolerance.items())
@@ -151,79 +141,38 @@ def film(filmed: Any) -> Iterator[str]:
     yield html.facts((name, why) for name, why in filmed.stopped.items())
 
 
-# --- studies ----------------------------------------------------------------------------------------------------------
+# --- studies and the lab ----------------------------------------------------------------------------------------------
 
 
-def comparison(one: Any) -> Iterator[str]:
-    """Yield the parts of a Comparison's card."""
-    yield f"Comparison in {one.scene.name}: {', '.join(one.runs)}"
-    yield equation(one.scene)
-    yield table(one.table)
-    yield html.words("\n".join(one.text.splitlines()[1:]))
+def study(title: str, scene: Scene | None, one: Table, text: str = "", **shown: Any) -> Iterator[str]:
+    """Yield the parts of a study's card: a title, a scene's equation, a table, a text of one or more lines.
+
+    ``shown`` says how much of the table is shown, see :func:`integrators.html.table`.
+    """
+    yield title
+    yield "" if scene is None else equation(scene)
+    yield html.table(one.head, one.rows, **({"rest": "all are in .table"} | shown))
+    yield html.words(text)
 
 
-def cost(study: Any) -> Iterator[str]:
-    """Yield the parts of a CostStudy's card."""
-    from pendulum_env.study.cost.points import recommendations
-
-    yield f"Cost of accuracy in {study.scene.name}, {study.duration:g} s"
-    yield table(recommendations(study))
-    yield html.words("\n".join(filter(None, (study.sentence(), study.left_out))))
-
-
-def growth(study: Any) -> Iterator[str]:
-    """Yield the parts of a Growth's card."""
-    from pendulum_env.study.growth.study import remarks
-    from pendulum_env.study.growth.study import table as errors
-
-    yield f"Growth of errors in {study.scene.name}"
-    yield table(errors(study))
-    yield html.words(remarks(study))
-
-
-def audit(one: Any) -> Iterator[str]:
-    """Yield the parts of an Audit's card."""
-    from pendulum_env.study.audit.verdicts import verdicts
-
-    yield (f"Effects in {one.scene.name}, released at {math.degrees(one.amplitude):.4g}°, tolerance "
-           f"{one.tolerance:g}")
-    yield table(verdicts(one), "all are in .rows")
-
-
-def simplification(one: Any) -> Iterator[str]:
-    """Yield the parts of what a notebook shows for a Simplification, the result of ``simplify``."""
-    yield f"{one.audit.scene.name} without its negligible effects"
-    yield html.words(one.text)
+def result(one: Result, title: str = "", text: str | None = None) -> Iterator[str]:
+    """Yield the parts of the card of a study's result; title and text are its own line and text, or others."""
+    return study(title or repr(one).strip("<>"), getattr(one, "scene", None), one.table,
+                 one.text if text is None else text)
 
 
 def simplified(one: Any) -> Iterator[str]:
     """Yield the parts of what a notebook shows for the pair of scene and report that ``simplify`` returns."""
-    title, *rest = simplification(one.report)
+    title, _, *rest = CARDS["Simplification"](one.report)
+    yield from (title, equation(one.scene), *rest)
+
+
+def own_study(one: Any) -> Iterator[str]:
+    """Yield the parts of the card of a Study's result, with its settings below its title."""
+    title, *rest = result(one, one.title)
     yield title
-    yield equation(one.scene)
-    yield from rest
-    yield figure_of(one.report).as_html()
-
-
-def matrix(one: Any) -> Iterator[str]:
-    """Yield the parts of the card of a matrix of hard cases."""
-    yield f"Hard cases: {len(one.cases)} cases, {len(one.methods)} methods"
-    yield table(one.table, "all are in .table")
-    yield html.words(one.text)
-
-
-def sweep(one: Any) -> Iterator[str]:
-    """Yield the parts of a Sweep's card."""
-    yield f"Sweep: {len(one.rows)} of {len(one.points)} points done"
-    yield table(one.table, "all are in .rows")
-
-
-def study(one: Any) -> Iterator[str]:
-    """Yield the parts of the card of a Study's result: its title, its settings, its table and its text."""
-    yield one.title
     yield html.facts((entry.name, str(getattr(one.study, entry.name))) for entry in fields(one.study))
-    yield table(one.table, "all are in .rows")
-    yield html.words(one.text)
+    yield from rest
 
 
 def section(one: Any) -> Iterator[str]:
@@ -238,54 +187,13 @@ def section(one: Any) -> Iterator[str]:
     ))
 
 
-def basins(one: Any) -> Iterator[str]:
-    """Yield the parts of the card of basins of attraction."""
-    yield f"Basins of attraction of {one.scene.name}"
-    yield equation(one.scene)
-    yield table(one.table)
-
-
-# --- the lab ----------------------------------------------------------------------------------------------------------
-
-
-def sheet(one: Any) -> Iterator[str]:
-    """Yield the parts of a LabSheet's card."""
-    yield f"Measured on {one.recording.source}"
-    yield html.table(one.table.head, one.table.rows, most=None)
-    yield html.words(one.text)
-
-
 def fit(one: Any) -> Iterator[str]:
     """Yield the parts of a Fit's card."""
     from pendulum_env.study.fit_report import goodness, parameter_table
 
-    yield f"Fit of {one.recording.source}, {one.damping} damping"
-    yield equation(one.scene)
-    yield html.table((found := parameter_table(one)).head, found.rows, most=None)
-    yield html.words(goodness(one) if one.comparison is None else f"{goodness(one)}\n{one.comparison.text}")
-
-
-def driven_fit(one: Any) -> Iterator[str]:
-    """Yield the parts of a DrivenFit's card."""
-    yield f"Fit of {one.source}, driven by the {one.kind}"
-    yield equation(one.scene)
-    yield html.table(one.table.head, one.table.rows, most=None)
-    yield html.words(one.summary)
-
-
-def posterior(one: Any) -> Iterator[str]:
-    """Yield the parts of a Posterior's card."""
-    yield f"Posterior of {one.fit.recording.source}, {one.fit.model.title} damping"
-    yield equation(one.fit.scene)
-    yield html.table(one.table.head, one.table.rows, most=None)
-    yield html.words(one.text)
-
-
-def transfer(one: Any) -> Iterator[str]:
-    """Yield the parts of a Transfer's card: the differences, the returns and what could not be tried."""
-    yield "Transfer of a policy"
-    yield table(one.table, "all are in .table")
-    yield html.words(one.text)
+    text = goodness(one) if one.comparison is None else f"{goodness(one)}\n{one.comparison.text}"
+    return study(f"Fit of {one.recording.source}, {one.damping} damping", one.scene, parameter_table(one), text,
+                 most=None)
 
 
 def recording(one: Any) -> Iterator[str]:
@@ -297,9 +205,27 @@ def recording(one: Any) -> Iterator[str]:
 
 CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "Scene": scene, "LabPendulumEnv": environment, "LabPendulumVectorEnv": vector, "Rollout": rollout, "Filmed": film,
-    "Comparison": comparison, "CostStudy": cost, "Growth": growth, "Audit": audit, "Simplification": simplification,
-    "Simplified": simplified,
-    "Matrix": matrix, "Sweep": sweep, "StudyResult": study, "Section": section, "Basins": basins, "LabSheet": sheet,
-    "Fit": fit, "DrivenFit": driven_fit, "Posterior": posterior, "Transfer": transfer, "Recording": recording,
+    "Result": result, "Simplified": simplified, "Section": section, "Fit": fit, "Recording": recording,
+    "Comparison": lambda one: result(one, f"Comparison in {one.scene.name}: {', '.join(one.runs)}",
+                                     one.text.partition("\n")[2]),  # its first line has the equation
+    "CostStudy": lambda one: result(one, f"Cost of accuracy in {one.scene.name}, {one.duration:g} s"),
+    "Growth": lambda one: result(one, f"Growth of errors in {one.scene.name}"),
+    "Audit": lambda one: result(one, f"Effects in {one.scene.name}, released at {math.degrees(one.amplitude):.4g}°, "
+                                f"tolerance {one.tolerance:g}"),
+    "Simplification": lambda one: result(one, f"{one.audit.scene.name} without its negligible effects"),
+    "Matrix": lambda one: result(one, f"Hard cases: {len(one.cases)} cases, {len(one.methods)} methods"),
+    "Basins": lambda one: result(one, f"Basins of attraction of {one.scene.name}"),
+    "StudyResult": own_study,
+    "Sweep": lambda one: study(
+        f"Sweep: {len(one.rows)} of {len(one.points)} points done", None, one.table, rest="all are in .rows"),
+    "LabSheet": lambda one: study(f"Measured on {one.recording.source}", None, one.table, one.text, most=None),
+    "DrivenFit": lambda one: study(
+        f"Fit of {one.source}, driven by the {one.kind}", one.scene, one.table, one.summary, most=None),
+    "Posterior": lambda one: study(f"Posterior of {one.fit.recording.source}, {one.fit.model.title} damping",
+                                   one.fit.scene, one.table, one.text, most=None),
+    "Transfer": lambda one: study("Transfer of a policy", None, one.table, one.text),
 }
-"""Class -> function that yields its title and the parts of its HTML, which the usual figure follows."""
+"""Class -> function that yields its title and the parts of its HTML, which the usual figure follows.
+
+The results of studies have the card of their base, :class:`pendulum_env.common.results.Result`, unless they are here.
+"""

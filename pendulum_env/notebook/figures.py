@@ -40,15 +40,25 @@ def compared(kind: str) -> Draw:
     return lambda result: import_module("pendulum_env.study.compare.files").figure_of(result, kind)
 
 
-FIGURES: Mapping[str, Mapping[str, Draw]] = {
+def stability(result: Any) -> Mapping[str, Draw]:
+    """Return the figures of the stability of methods, each of some of the result's methods."""
+    def draw(name: str, methods: Any) -> Draw:
+        return lambda _: of("stability", name)(methods)
+
+    return {kind: draw(*drawn) for kind, drawn in result.figures.items()}
+
+
+FIGURES: Mapping[str, Mapping[str, Draw] | Callable[[Any], Mapping[str, Draw]]] = {
     "Rollout": {kind: run(kind) for kind in ("angle", "velocity", "phase", "energy", "energy_residual")},
     "Comparison": {kind: compared(kind) for kind in ("angle", "velocity", "phase", "energy")},
     "CostStudy": {"time": of("cost", "draw"), "errors": of("cost", "draw_errors")},
     "Growth": {"growth": of("growth", "draw")},
     "Audit": {"changes": of("audit", "draw")},
     "Simplification": {"changes": lambda result: of("audit", "draw")(result.audit)},
+    "Simplified": {"changes": lambda result: of("audit", "draw")(result.report.audit)},
+    "Stability": stability,
     "Matrix": {"outcomes": of("hard_cases", "draw")},
-    "StudyResult": {"figure": lambda result: result.study.draw(result)},
+    "StudyResult": lambda result: {"figure": result.study.draw} if result.study.has_figure() else {},
     "Section": {"section": of("section", "draw")},
     "Basins": {"basins": of("section", "draw")},
     "Fit": {"fit": of("recorded", "recorded")},
@@ -58,14 +68,19 @@ FIGURES: Mapping[str, Mapping[str, Draw]] = {
     "LabSheet": {"swing": of("swing", "measured")},
     "Recording": {"angle": of("swing", "readings")},
 }
-"""Class of result -> kind of figure -> function that draws it."""
+"""Class of result -> kind of figure -> function that draws it; or a function that returns its kinds."""
+
+
+def figures(result: Any) -> Mapping[str, Draw]:
+    """Return the kinds of a result's figures, each with the function that draws it; none for a result without."""
+    kinds = next((FIGURES[base.__name__] for base in type(result).__mro__ if base.__name__ in FIGURES), {})
+    return kinds(result) if callable(kinds) else kinds
 
 
 def figure_of(result: Any, kind: str | None = None) -> ShownFigure:
     """Return a figure of a result: of the given kind or, for None, the usual one; SceneError for an unknown kind."""
-    kinds = next((FIGURES[base.__name__] for base in type(result).__mro__ if base.__name__ in FIGURES), None)
-    if kinds is None:
-        raise SceneError(f"A {type(result).__name__} has no figure; draw its columns with matplotlib.")
+    if not (kinds := figures(result)):
+        raise SceneError(f"There is no figure of a {type(result).__name__}; its numbers are in its table.")
     name = next(iter(kinds)) if kind is None else one_of(kind, f"figure of a {type(result).__name__} called", kinds)
     made = kinds[name](result)
     return made if hasattr(made, "savefig") else made.figure  # type: ignore[no-any-return]

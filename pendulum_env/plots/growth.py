@@ -18,7 +18,7 @@ from pendulum_env.plots.titles import footnote, for_figure, headline, setting, s
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
 from pendulum_env.study.cost.runs import energy_scale
 from pendulum_env.study.growth.laws import LOST, rounding_of
-from pendulum_env.study.growth.study import Growth, GrowthLine, remarks
+from pendulum_env.study.growth.study import Growth, GrowthLine
 
 Kind = Literal["angle", "energy"]
 
@@ -177,7 +177,7 @@ def _note(study: Growth) -> str:
     """Return the note below a figure of error growth: remarks on the study, and the meaning of the shaded areas."""
     shaded = ("Shaded: angle errors below ten times the reference solution's own error, and energy errors below random "
               "rounding errors.")
-    return for_figure(f"{remarks(study)} {shaded}")
+    return for_figure(f"{study.text} {shaded}")
 
 
 def _title(study: Growth) -> str:

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import integrators as registry
 from integrators import Method, MethodError
 from integrators.analysis import leading_error, stability_function
-from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.common.provenance import output_folder, provenance, write_csv
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Columns, Result, columns_of, write
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.study.lists.methods import SOFT, entry, shown
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+__all__ = ["Stability", "split_evenly", "stability", "write"]
 
 MOST_CURVES, MOST_MAPS = 12, 23
 """Largest number of methods in one figure of curves and in one figure of maps; more are spread over several."""
@@ -29,26 +28,41 @@ COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
-class Stability:
+@dataclass(frozen=True, repr=False)
+class Stability(Result):
     """Stability limits of a list of integrators: as rows of numbers, as a table of text, and as figures."""
 
     methods: tuple[Method, ...]
+    titled = True
+
+    def __repr__(self) -> str:
+        return one_line(self, ", ".join(method.name for method in self.methods))
+
+    def origin(self) -> Mapping[str, str]:
+        """Return the methods, with what computed their limits."""
+        return provenance(integrators=[method.name for method in self.methods])
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the table of stability limits."""
+        return {"stability": columns_of(dict.fromkeys(COLUMNS, ""), self.rows)}
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return the kind of each figure, by the name of its file."""
+        return {name: name for name in self.figures}
 
     @property
     def rows(self) -> list[list[Any]]:
         """Rows of the table of stability limits: method, order, force evaluations, limits and leading error.
 
-        An unknown limit is "". Limits per force evaluation are given for explicit methods only.
+        An unknown limit is None. Limits per force evaluation are given for explicit methods only.
         """
         rows = []
         for method in self.methods:
             about = entry(method)
-            row: list[Any] = [method.name, method.order, method.evaluations]
-            for limit in (about.oscillation_limit, about.damping_limit):
-                row.append("" if limit is None else limit)
-                row.append("" if limit is None or method.implicit else limit / method.evaluations)
-            rows.append([*row, leading_error(method).text])
+            limits = [(limit, None if limit is None or method.implicit else limit / method.evaluations)
+                      for limit in (about.oscillation_limit, about.damping_limit)]
+            rows.append([method.name, method.order, method.evaluations, *limits[0], *limits[1],
+                         leading_error(method).text])
         return rows
 
     @property
@@ -58,19 +72,19 @@ class Stability:
         return Table(head, tuple(tuple(_cell(value) for value in row) for row in self.rows))
 
     @property
-    def notes(self) -> str:
+    def text(self) -> str:
         """Text that defines the limits in the table and lists the methods that some figures leave out."""
         lines = ["omega0 h: the longest stable step h on the undamped oscillator of frequency omega0; gamma h: the "
                  "longest stable step under linear drag of rate gamma alone (for methods with backward sub-steps, at "
                  f"omega0 h = {SOFT:g})."]
-        for drawn, heading in ((self.tables, "Not in the stability regions, because they have no stability function"),
+        for drawn, heading in ((self.drawable, "Not in the stability regions, because they have no stability function"),
                                (self.dragged, "Not in the maps of damping, because they cannot integrate drag")):
             rest = [method.name for method in self.methods if method not in drawn]
             lines += [f"{heading}: {', '.join(rest)}."] if rest else []
         return "\n".join(lines)
 
     @property
-    def tables(self) -> list[Method]:
+    def drawable(self) -> list[Method]:
         """Methods in the figures of stability regions: those with a stability function, as Runge-Kutta methods."""
         return [method for method in self.methods if _has_function(method)]
 
@@ -79,20 +93,19 @@ class Stability:
         """Methods that the maps of damping show: those for forces that depend on the velocity, such as drag."""
         return [method for method in self.methods if "velocity_free" not in method.needs]
 
-    def figures(self) -> Iterator[tuple[str, Callable[[], Figure]]]:
-        """Yield the name of each stability figure, and the function that draws it.
+    @property
+    def figures(self) -> dict[str, tuple[str, Sequence[Method]]]:
+        """Methods in each figure: name of the figure -> function of ``pendulum_env.plots.stability``, and methods.
 
         Names are "regions", "oscillation" and "damping", with a number appended where there are several of a kind.
         """
-        from pendulum_env.plots import stability as plots
-
-        kinds = (("regions", plots.regions, self.tables, MOST_CURVES),
-                 ("oscillation", plots.oscillation, self.methods, MOST_CURVES),
-                 ("damping", plots.damped, self.dragged, MOST_MAPS))
-        for name, draw, methods, most in kinds:
+        drawn: dict[str, tuple[str, Sequence[Method]]] = {}
+        for name, draw, methods, most in (("regions", "regions", self.drawable, MOST_CURVES),
+                                          ("oscillation", "oscillation", self.methods, MOST_CURVES),
+                                          ("damping", "damped", self.dragged, MOST_MAPS)):
             parts = split_evenly(methods, most)
-            for i, part in enumerate(parts, start=1):
-                yield (f"{name}_{i}" if len(parts) > 1 else name), lambda draw=draw, part=part: draw(part)  # type: ignore[misc]
+            drawn |= {f"{name}_{i}" if len(parts) > 1 else name: (draw, part) for i, part in enumerate(parts, start=1)}
+        return drawn
 
 
 def _has_function(method: Method) -> bool:
@@ -104,9 +117,7 @@ def _has_function(method: Method) -> bool:
 
 
 def _cell(value: Any) -> str:
-    if value == "":
-        return "-"
-    return shown(value) if isinstance(value, float) else str(value)
+    return shown(value) if value is None or isinstance(value, float) else str(value) or "-"
 
 
 def split_evenly(methods: Sequence[Method], most: int) -> list[Sequence[Method]]:
@@ -126,22 +137,3 @@ def stability(integrators: str | Iterable[str | Method]) -> Stability:
     """
     names = listed_methods(integrators)
     return Stability(tuple(none_twice(m if isinstance(m, Method) else registry.get(m) for m in names)))
-
-
-def write(found: Stability, folder: str | Path, progress: Progress | None = None) -> list[Path]:
-    """Write the stability figures (PNG and SVG) and ``stability.csv`` into a folder, and return their paths.
-
-    Raises OutputError if a file cannot be written.
-    """
-    from pendulum_env.plots import save_all
-
-    place, tell = output_folder(folder), told_by(progress)
-    facts = provenance(integrators=[method.name for method in found.methods])
-    figures = list(found.figures())
-    paths = []
-    for i, (name, draw) in enumerate(figures):
-        tell(i / len(figures), f"drawing {name}")
-        paths += save_all(draw(), place / name, {**facts, "Title": name})
-    paths.append(place / "stability.csv")
-    write_csv(paths[-1], COLUMNS, found.rows, facts)
-    return paths

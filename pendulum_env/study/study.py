@@ -51,6 +51,11 @@ class Study(Checked):
         """Return the figure of a result, such as one of ``pendulum_env.plots.figure``; SceneError if there is none."""
         raise SceneError(f"The study {self.name} has no figure; define its method draw.")
 
+    @classmethod
+    def has_figure(cls) -> bool:
+        """Return True if the study draws a figure."""
+        return cls.draw is not Study.draw
+
     def text(self, found: StudyResult) -> str:
         """Return a sentence or two on a result; "" by default."""
         return ""
@@ -123,7 +128,3 @@ class StudyResult(Sweep):
         settings = {entry.name: getattr(self.study, entry.name) for entry in fields(self.study)}  # type: ignore[arg-type]
         held = {name: value.to_dict() if hasattr(value, "to_dict") else value for name, value in settings.items()}
         return provenance(Study=self.title, **held, Complete=self.complete)
-
-    def pictures(self) -> Mapping[str, str]:
-        """Return the name of the figure's file, if the study has a figure."""
-        return {self.study.name: "figure"} if type(self.study).draw is not Study.draw else {}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,10 @@ from folder_contents import contents
 from pendulum_env import SCENES, cli
 from pendulum_env.cli import console
 from pendulum_env.common import version
+from pendulum_env.common.progress import Progress
+from pendulum_env.common.texts import for_csv
 from pendulum_env.envs.limits import IDS
-from pendulum_env.study.compare import files
+from pendulum_env.study.compare import Comparison
 from pendulum_env.study.lists.tables import TABLES, find_table
 
 
@@ -55,7 +58,7 @@ def test_compare_does_the_exercise(tmp_path: Path) -> None:
 def test_compare_takes_a_scene_file_and_numbers_of_damping(
     tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(files, "figures", lambda comparison: {})
+    monkeypatch.setattr(Comparison, "pictures", lambda comparison: {})
     SCENES["exercise_large"].save(tmp_path / "mine.json")
     code, _, said = run_here("compare", "--scene", "mine.json", "--damping", "linear:gamma=0.3", "--integrators", "rk4",
                              "--angle", "20", "--duration", "3", "--set", "length=0.5", "--no-film", "--out", "x")
@@ -69,8 +72,7 @@ def test_compare_takes_a_scene_file_and_numbers_of_damping(
 def test_compare_lays_a_recording_over_the_curves(
     tmp_path: Path, run_here: Here, recordings: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    draw = files.figures
-    monkeypatch.setattr(files, "figures", lambda comparison: {"angle": draw(comparison)["angle"]})
+    monkeypatch.setattr(Comparison, "pictures", lambda comparison: {"angle": "angle"})
     code, printed, said = run_here(
         "compare", "--scene", "exercise_large", "--set", "length=0.663", "--set", "mass=0.0415", "--integrators", "rk4",
         "--duration", "20", "--no-film", "--recording", str(recordings / "video_decay_65cm.txt"), "--out", "x")
@@ -417,3 +419,105 @@ def test_a_list_is_one_screen_and_all_of_it_more(what: str, run_here: Here, monk
     if what != "scenes --scene lab":
         assert len(run_here("list", *what.split(), "--all")[1]) > len(printed)
         assert "--all" in lines[-1]
+
+
+# --- results as JSON --------------------------------------------------------------------------------------------------
+
+JSON: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "compare": ("--scene exercise --integrators forward_euler,rk4 --dt 0.05 --duration 4 --no-film --out out",
+                ("comparison", "drift")),
+    "compare --stability": ("--integrators rk4,velocity_verlet --out out", ("stability",)),
+    "cost": ("--scene vacuum --integrators heun --duration 0.1 --repeats 1 --growth 1 --out out", ("cost",)),
+    "effects": ("--scene textbook --angle 30 --tolerance 1e-2 --out out", ("effects",)),
+    "section": ("--points 50 --transient 2 --steps-per-period 20 --out out", ("section",)),
+    "section --over drive_torque=1:1.1:3": ("--points 120 --transient 2 --steps-per-period 20 --out out",
+                                            ("bifurcation",)),
+    "section --basins 5": ("--transient 2 --steps-per-period 20 --out out", ("basins",)),
+    "stress": ("--cases upright_for_a_moment --integrators rk4,heun --out out", ("stress",)),
+    "auto": ("--scene vacuum --accuracy 1e-3 --duration 0.2", ()),
+}
+"""Commands of studies -> options of a short run, and the tables that it writes."""
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replace the drawing of figures, which takes seconds."""
+    monkeypatch.setattr("pendulum_env.notebook.figure_of", lambda *_: None)
+    monkeypatch.setattr("pendulum_env.plots.style.save_all", lambda *_: [])
+
+
+def numbers(cells: Iterable[Any]) -> list[Any]:
+    """Return cells of a CSV file, or values of JSON, as numbers where they are numbers; None for a missing one."""
+    def one(cell: Any) -> Any:
+        try:
+            value = float(cell)
+        except (TypeError, ValueError):
+            return cell or None
+        return None if math.isnan(value) else value
+
+    return [one(cell if not isinstance(cell, bool) else str(cell)) for cell in cells]
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("name", JSON)
+def test_json_is_all_that_is_printed_and_has_the_numbers_of_the_files(
+    name: str, tmp_path: Path, run_here: Here
+) -> None:
+    words = [*name.split(), *(word.replace("upright_for_a_moment", "upright for a moment")
+                              for word in JSON[name][0].split())]
+    code, printed, _ = run_here(*words, "--json")
+    assert code == 0
+    result = json.loads(printed)
+    assert printed.count("\n") == 1
+    assert result["complete"] is True
+    assert result["provenance"]["Software"].startswith("lab-pendulum ")
+    assert all((tmp_path / path).is_file() for path in result["files"])
+    assert {Path(path).stem for path in result["files"] if path.endswith(".csv")} == set(JSON[name][1])
+    for stem in JSON[name][1]:
+        facts, rows = table(tmp_path / "out" / f"{stem}.csv")
+        columns = result["tables"][stem]["columns"]
+        assert list(columns) == list(rows[0])
+        assert list(result["tables"][stem]["units"]) == list(columns)
+        for column, values in columns.items():
+            written = [for_csv(value) if isinstance(value, str) else value for value in values]
+            assert numbers(written) == numbers(row[column] for row in rows), column
+        assert {key: facts[key] for key in result["provenance"]} == result["provenance"]
+    if "growth" in result:
+        _, rows = table(tmp_path / "out" / "growth.csv")
+        errors = result["growth"]["tables"]["growth"]["columns"]["angle_error_rad"]
+        assert numbers(errors) == [float(row["angle_error_rad"]) for row in rows]
+    if name.split()[0] in ("compare", "effects", "stress", "auto"):  # others take long, or print times
+        code, plain, _ = run_here(*words)
+        assert code == 0
+        assert all(" ".join(line.split()) in " ".join(plain.split()) for line in result["text"].splitlines())
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("command", "options", "column"), [
+    ("stress", "--cases upright_for_a_moment --integrators rk4,heun", "outcome"),
+    ("cost", "--scene vacuum --integrators rk4,heun --duration 1 --repeats 1", "angle_error_rad"),
+])
+def test_after_an_interrupt_json_is_that_of_the_results_so_far(
+    command: str, options: str, column: str, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def bar(_title: str) -> Iterator[Progress]:
+        def tell(done: float, _activity: str) -> None:
+            if done > 0.4:
+                raise KeyboardInterrupt
+        yield tell
+
+    monkeypatch.setattr(console, "progress_bar", bar)
+    words = [word.replace("upright_for_a_moment", "upright for a moment") for word in options.split()]
+    code, printed, _ = run_here(command, *words, "--json", "--out", "out")
+    assert code == 130
+    result = json.loads(printed)
+    assert result["complete"] is False
+    assert result["provenance"]["Complete"] == "false"
+    assert 0 < len(result["tables"][command]["columns"][column]) < (2 if command == "stress" else 60)
+
+
+def test_a_list_of_cases_is_no_result(run_here: Here) -> None:
+    code, printed, said = run_here("stress", "--list", "--json")
+    assert (code, printed) == (2, "")
+    assert "leave out --json" in said

@@ -37,7 +37,7 @@ from pendulum_env.physics.medium import air
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots import recorded as figure
 from pendulum_env.study import fit_report as report
-from pendulum_env.study.compare import compare, files
+from pendulum_env.study.compare import Comparison, compare
 from pendulum_env.study.fit_report import against_told, goodness, parameter_table, to_lay_over, write
 
 LENGTH, GAMMA, START, ZERO, NOISE = 0.1, 0.2, 0.6, 0.03, 2e-3
@@ -246,7 +246,7 @@ def test_the_scene_is_what_gym_takes_and_compare_lays_on_the_recording(
     assert (again.angle, again.velocity, again.duration) == (START, 0.0, pytest.approx(5.0))
     assert again.drift[0].recording == pytest.approx(NOISE, rel=0.1)
     assert np.abs(np.interp(again.recording.time, *motion(again)) - again.recording.angle).max() < 5.0 * NOISE
-    monkeypatch.setattr(files, "figures", lambda comparison: {})
+    monkeypatch.setattr(Comparison, "pictures", lambda comparison: {})
     code, printed, said = run_here("compare", "--scene", "scene.json", "--integrators", "rk4", "--no-film",
                                    "--recording", "swing.txt", "--read", "scale=-1", "--angle",
                                    str(-math.degrees(START)), "--out", "y")
@@ -483,7 +483,7 @@ def test_the_film_from_the_command_line(
     rest = np.array([float(row["residual_rad"]) for row in rows])
     assert len(rest) == 2330
     assert math.degrees(math.sqrt(np.mean(rest**2))) < 0.48
-    monkeypatch.setattr(files, "figures", lambda comparison: {})
+    monkeypatch.setattr(Comparison, "pictures", lambda comparison: {})
     laid = compare(scene, "dop853", recording=Recording.read(recordings / "video_decay_65cm.txt"))
     assert laid.drift[0].recording is not None
     assert math.degrees(laid.drift[0].recording) < 0.5

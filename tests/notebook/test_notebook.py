@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 import subprocess
 import sys
@@ -43,10 +44,16 @@ from pendulum_env import (
     sweep,
     transfer,
 )
+from pendulum_env.auto.choice import choose
+from pendulum_env.auto.ranking import Ranking
+from pendulum_env.cli import console
 from pendulum_env.common import progress
+from pendulum_env.common.results import Result, columns_of
+from pendulum_env.common.tables import Table
 from pendulum_env.notebook import cards
 from pendulum_env.notebook.figures import FIGURES
 from pendulum_env.physics.equation import equation_mathml
+from pendulum_env.study.stability import stability
 
 EVIL = "<script>alert(1)</script> & more"
 """A name that would run as a script if HTML were not escaped."""
@@ -84,6 +91,8 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "Simplified": (lambda: simplify("lab", amplitude=0.3, tolerance=1e-2), "quadratic_drag"),
     "Solution": (lambda: integrators.solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 1.0], rtol=1e-6, method="dop853"),
                  "from 0 to 1"),
+    "Stability": (lambda: stability("rk4,pefrl"), "longest stable step"),
+    "Ranking": (lambda: Ranking(choose(SCENES["vacuum"], 1e-3, 0.02, 10)), "relative cost"),
     "Matrix": (lambda: stress(["upright for a moment"], ["rk4"]), "upright for a moment"),
     "Sweep": (lambda: sweep({"angle": [k / 100.0 for k in range(1, 21)]}, run=lambda point: {"twice": EVIL}), EVIL),
     "Section": (lambda: section(points=40, runs=2, transient=2, steps=20, backend="python"), "40, at whole periods"),
@@ -135,7 +144,10 @@ def names(quick: tuple[str, ...] = QUICK) -> list[Any]:
 
 
 def test_every_card_is_tested() -> None:
-    assert set(RESULTS) - {"Method", "Solution", "batch"} == set(cards.CARDS) - {"Filmed"}
+    """Results of studies that have no card of their own have that of their base."""
+    own = set(cards.CARDS) - {"Filmed", "Result"}
+    assert set(RESULTS) - {"Method", "Solution", "batch"} == own | {
+        one.__name__ for one in Result.__subclasses__() if one.__module__.startswith("pendulum_env.")}
 
 
 @pytest.mark.parametrize("name", names())
@@ -145,7 +157,7 @@ def test_a_notebook_shows_it(name: str) -> None:
     assert text in page.text
     assert "script" not in [tag for tag, _ in page.tags]
     pictures = [values["src"] for tag, values in page.tags if tag == "img"]
-    assert len(pictures) == (type(result).__name__ in (*FIGURES, "Simplified") and name != "batch")
+    assert len(pictures) == (type(result).__name__ in FIGURES and name != "batch")
     assert all(source.startswith("data:image/svg+xml;base64,") for source in pictures)
     assert any(tag in ("table", "p") for tag, _ in page.tags)
 
@@ -195,6 +207,29 @@ def test_a_long_table_says_how_much_of_it_is_shown() -> None:
     page = Page(made("Sweep")._repr_html_())
     assert [tag for tag, _ in page.tags].count("tr") == 13
     assert "The first 12 of 20 rows; all are in .rows." in page.text
+
+
+def test_a_new_study_has_a_table_a_card_and_a_command_without_an_entry(capsys: pytest.CaptureFixture[str]) -> None:
+    """Its results need their tables only; a figure would be an entry of FIGURES."""
+    class Speeds(Result):
+        def origin(self) -> Mapping[str, str]:
+            return {"Software": "mine"}
+
+        def tables(self) -> Mapping[str, Any]:
+            return {"speeds": columns_of({"angle_rad": "rad", "speed": "m/s", "note": ""},
+                                         [(0.5, 1.23456789, EVIL), (1.0, math.nan, None), (2.0, 3, "")])}
+
+    found = Speeds()
+    assert found.table == Table(("angle_rad [rad]", "speed [m/s]", "note"),
+                                (("0.5", "1.235", EVIL), ("1", "-", "-"), ("2", "3", "-")))
+    assert not found.pictures()
+    with pytest.raises(SceneError, match="There is no figure of a Speeds; its numbers are in its table"):
+        found.plot()
+    page = Page(found._repr_html_())
+    assert "1.235" in page.text
+    assert "script" not in [tag for tag, _ in page.tags]
+    console.print_result(found, [])
+    assert "1.235" in capsys.readouterr().out
 
 
 # --- equations and methods --------------------------------------------------------------------------------------------

@@ -124,7 +124,7 @@ def test_any_number_of_methods(count: int) -> None:
 
 def test_many_methods_are_several_figures() -> None:
     found = study.stability(METHODS.values())
-    names = [name for name, _ in found.figures()]
+    names = list(found.pictures())
     assert len(names) == len(set(names))
     assert {name.split("_")[0] for name in names} == {"regions", "oscillation", "damping"}
     parts = study.split_evenly(list(METHODS.values()), 12)
@@ -134,13 +134,13 @@ def test_many_methods_are_several_figures() -> None:
 
 
 def test_the_table_says_limits_and_what_is_left_out() -> None:
-    assert [m.name for m in study.stability("rk4,pefrl,discrete_gradient").tables] == ["rk4", "discrete_gradient"]
+    assert [m.name for m in study.stability("rk4,pefrl,discrete_gradient").drawable] == ["rk4", "discrete_gradient"]
     found = study.stability("rk4, okunbor_skeel6,gauss4")
     assert found.rows[0][:5] == ["rk4", 4, 4, pytest.approx(8**0.5), pytest.approx(8**0.5 / 4)]
     assert found.table.rows[1][5:7] == ("-", "-")
     assert found.table.rows[2][3:5] == ("any", "-")
-    assert "Not in the maps of damping, because they cannot integrate drag: okunbor_skeel6." in found.notes
-    assert "because they have no stability function: okunbor_skeel6." in found.notes
+    assert "Not in the maps of damping, because they cannot integrate drag: okunbor_skeel6." in found.text
+    assert "because they have no stability function: okunbor_skeel6." in found.text
     for bad, said in (("rk5", "did you mean"), ("rk4,rk4", "named twice"), ([], "At least one")):
         with pytest.raises(MethodError, match=said):
             study.stability(bad)
@@ -152,9 +152,7 @@ def test_the_command_writes_figures_and_a_table_with_their_origin(
 ) -> None:
     """Quick tests draw only one of the three figures, because drawing takes seconds."""
     if not whole:
-        every = study.Stability.figures
-        monkeypatch.setattr(
-            study.Stability, "figures", lambda found: [x for x in every(found) if x[0] == "oscillation"])
+        monkeypatch.setattr(study.Stability, "pictures", lambda found: {"oscillation": "oscillation"})
     done = CliRunner().invoke(
         cli.app, ["compare", "--stability", "-i", "rk4", "-i", "velocity_verlet", "--out", str(tmp_path / "s")])
     assert done.exit_code == 0, done.exception

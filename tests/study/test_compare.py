@@ -28,7 +28,7 @@ from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import FrameStyle, colour
-from pendulum_env.study.compare import amplitude_and_phase, compare, files, true_motion, write
+from pendulum_env.study.compare import Comparison, amplitude_and_phase, compare, files, true_motion, write
 from pendulum_env.study.compare import comparison as comparing
 from pendulum_env.study.compare import drift as drifting
 from pendulum_env.truth import reference as truths
@@ -228,11 +228,11 @@ def test_runs_that_diverge_or_hardly_start_still_make_a_table():
     assert [entry.phase for entry in short.drift] == [None, None]
     for case in (wild, short):
         assert all(all(cells) for cells in case.table.rows)
-        assert set(files.figures(case)) == set(FIGURES)
+        assert {name for name in case.pictures() if case.plot(name)} == set(FIGURES)
     loose = compare("exercise_large", "rk4", angle=2.2)
     assert loose.drift[0].stop.startswith("slack at ")
     assert loose.drift[0].amplitude is None
-    assert set(files.figures(loose)) == set(FIGURES)
+    assert {name for name in loose.pictures() if loose.plot(name)} == set(FIGURES)
 
 
 def test_long_runs_are_thinned(monkeypatch):
@@ -318,7 +318,7 @@ def test_a_start_that_is_likely_in_degrees_is_warned_of(angle, tmp_path):
 @pytest.fixture
 def no_figures(monkeypatch):
     """Replace the drawing of figures, which takes seconds, in tests of something else."""
-    monkeypatch.setattr(files, "figures", lambda comparison: {})
+    monkeypatch.setattr(Comparison, "pictures", lambda comparison: {})
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -442,14 +442,12 @@ def test_files_carry_the_data_and_where_they_come_from(exercise, tmp_path):
 def test_cells_after_a_runs_end_are_empty():
     stopped = compare("exercise_large", "forward_euler,rk4", dt=0.05, duration=4.0)
     end = len(stopped.runs["forward_euler"].time)
-    columns, rows = files.motion_table(stopped)
-    at = columns.index("forward_euler_angle_rad")
-    assert rows[end - 1][at] == stopped.runs["forward_euler"].angle[-1]
-    assert rows[end][at] == ""
-    assert rows[-1][columns.index("rk4_angle_rad")] == stopped.runs["rk4"].angle[-1]
-    header, table = files.drift_table(stopped)
-    assert header[1] == "ledger_residual_over_E0_end"
-    assert table[1][header.index("stop")] == ""
+    motions, drifts = stopped.tables().values()
+    assert motions["forward_euler_angle_rad"].values[end - 1] == stopped.runs["forward_euler"].angle[-1]
+    assert motions["forward_euler_angle_rad"].values[end] is None
+    assert motions["rk4_angle_rad"].values[-1] == stopped.runs["rk4"].angle[-1]
+    assert list(drifts)[1] == "ledger_residual_over_E0_end"
+    assert drifts["stop"].values[1] == ""
 
 
 def test_the_film_has_the_colours_of_the_figures(monkeypatch):
@@ -459,7 +457,7 @@ def test_the_film_has_the_colours_of_the_figures(monkeypatch):
     small = compare("exercise", shown, duration=0.1)
     list(files.pictures(small, 1))
     film = {view.caption: view.accent for _, view in seen[0]}
-    for figure in files.figures(small).values():
+    for figure in map(small.plot, FIGURES):
         lines = {line.get_label(): to_hex(line.get_color()).upper() for axes in figure.axes for line in axes.lines}
         assert {name: lines[name] for name in shown} == film
 

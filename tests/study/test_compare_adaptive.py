@@ -21,7 +21,7 @@ from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine
 from pendulum_env.engine.shape import ADAPTED
 from pendulum_env.physics import exact
-from pendulum_env.study.compare import compare, files
+from pendulum_env.study.compare import Comparison, compare, files
 from pendulum_env.study.compare.drift import evaluations, ns_per_step
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
@@ -92,13 +92,13 @@ def test_titles_and_facts_give_the_tolerance_and_no_step(pairs):
     assert "rtol = 1e-07, recorded every 0.1 s" in title
     assert "dt =" not in title
     assert "rtol = 1e-07, atol = 1e-09, steps that end at every 0.1 s" in pairs.text
-    assert (json.loads(pairs.facts["rtol"]), json.loads(pairs.facts["atol"])) == (1e-7, 1e-9)
+    assert (json.loads(pairs.origin()["rtol"]), json.loads(pairs.origin()["atol"])) == (1e-7, 1e-9)
     mixed = {**pairs.runs, "rk4": rollout("vacuum", **RUN)}
     assert "every" not in plots.describe(mixed)
     assert "dt" not in plots.describe(mixed)
     fixed = compare("vacuum", "rk4", **RUN)
     assert "dt = 0.1 s" in fixed.text
-    assert "rtol" not in fixed.facts
+    assert "rtol" not in fixed.origin()
 
 
 def test_the_film_says_so(pairs, monkeypatch):
@@ -132,7 +132,7 @@ def test_the_commands(tmp_path: Path) -> None:
 
 
 def test_compare_writes_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "figures", lambda comparison: {})
+    monkeypatch.setattr(Comparison, "pictures", lambda comparison: {})
     done = CliRunner().invoke(cli.app, [
         "compare", "--scene", "vacuum", "-i", "bs3", "-i", "dop853", "--rtol", "1e-7", "--duration", "2", "--no-film",
         "--out", str(tmp_path)])

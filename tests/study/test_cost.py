@@ -28,7 +28,7 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.cost import draw
 from pendulum_env.study.cost import study as cost_plan
 from pendulum_env.study.cost import write
-from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto, recommendations
+from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto
 from pendulum_env.study.cost.runs import SPARSE, Setting
 from pendulum_env.study.cost.study import RECORDS, cost
 from pendulum_env.truth.answer import Truth
@@ -352,7 +352,7 @@ def test_steps_with_a_tolerance_are_named_by_it():
     found = study(point("a", 5.0, 1e-8), *adapted)
     assert found.series == ("a", "b, adaptive")
     assert found.best(1e-4).setting == "rtol = 1e-06"
-    assert ("1e-05", "b", "rtol = 1e-07", "1.0e-06", "3") in recommendations(found).rows
+    assert ("1e-05", "b", "rtol = 1e-07", "1.0e-06", "3") in found.table.rows
     with pytest.raises(StudyError, match=r"b with rtol = 1e-07"):
         study(*adapted).best(1e-9)
 

@@ -23,7 +23,7 @@ from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import CostPoint, CostStudy
 from pendulum_env.study.growth import write
 from pendulum_env.study.growth.laws import EPSILON, KINDS, Law, law_of, rounding_of
-from pendulum_env.study.growth.study import ROWS, Growth, remarks, table
+from pendulum_env.study.growth.study import ROWS, Growth
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.long_runs import Pair, cut_at_turns, followers, long_truth
 from pendulum_env.truth.reference import StudyError, reference
@@ -256,7 +256,7 @@ def test_chaos_has_a_horizon():
     assert 10.0 < found.horizon < 100.0
     assert all(line.angle.kind == "exponential" for line in found.lines)
     assert all(np.all(np.isnan(line.angle_error[found.time > found.horizon])) for line in found.lines)
-    assert "errors of the angle end there" in remarks(found)
+    assert "errors of the angle end there" in found.text
     assert "not known" in [text.get_text() for text in draw_growth(found).axes[0].texts]
 
 
@@ -266,7 +266,7 @@ def test_a_damped_motion_dies_out_and_its_errors_with_it():
     assert 1e3 < found.died < 1e4
     assert found.time[-1] == found.died
     assert {laws_of(line) for line in found.lines} == {("decaying", "bounded")}
-    assert "died out" in remarks(found)
+    assert "died out" in found.text
 
 
 # --- running --------------------------------------------------------------------------------------------------------
@@ -346,7 +346,7 @@ def test_bad_input_gives_one_clear_error(arguments, error, message):
 
 
 def test_the_table_and_the_files(few, tmp_path):
-    shown = table(few)
+    shown = few.table
     assert [row[:3] for row in shown.rows] == [
         (line.label, line.angle.text(), line.energy.text()) for line in few.lines]
     assert shown.head[3:] == ("angle [rad] at 10", "energy at 10")

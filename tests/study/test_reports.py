@@ -22,7 +22,6 @@ from pendulum_env.study.audit.verdicts import (
     Audit,
     AuditRow,
     Simplification,
-    verdicts,
 )
 from pendulum_env.study.compare import files
 
@@ -36,11 +35,11 @@ def audit_of(scene: str, *rows: AuditRow) -> Audit:
 def test_sizes_have_no_sign_and_formulas_stand_beside_what_they_predict() -> None:
     pushed = AuditRow("vertical_drive", True, "", 2.0, angle_change=0.5, verdict=CALLED_FOR)
     known = AuditRow("wire_flexure", False, "", 0.2, period_predicted=-0.1, verdict=NOT_SIMULATED)
-    table = verdicts(audit_of("kapitza", pushed, known))
+    table = audit_of("kapitza", pushed, known).table
     assert table.head == ("effect", "number", "angle", "ns/step", "verdict")
     assert table.rows[0][2] == "5.0e-1"
     swinging = AuditRow("gravity", True, "", 0.1, period_change=0.01, verdict=CALLED_FOR)
-    assert verdicts(audit_of("kapitza", swinging, known)).head[2:4] == ("period", "formula")
+    assert audit_of("kapitza", swinging, known).table.head[2:4] == ("period", "formula")
 
 
 def test_models_of_one_thing_are_named_together() -> None:
@@ -86,8 +85,8 @@ def test_film_of_a_comparison_shows_the_work_of_a_drive(monkeypatch: pytest.Monk
 
 
 def test_figures_of_driven_scenes_promise_no_rest() -> None:
-    said = {scene: " ".join(text.get_text() for text in files.figures(
-        compare(scene, "rk4", duration=0.1))["phase"].axes[0].texts) for scene in ("driven", "windy")}
+    said = {scene: " ".join(text.get_text() for text in compare(
+        scene, "rk4", duration=0.1).plot("phase").axes[0].texts) for scene in ("driven", "windy")}
     assert "The drive does work" in said["driven"]
     assert "spiral" not in said["driven"]
     assert "gusts keep the bob from coming to rest" in said["windy"]

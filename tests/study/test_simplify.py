@@ -17,7 +17,7 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.audit import draw
 from pendulum_env.study.audit.simplification import simplify
 from pendulum_env.study.audit.study import audit, write
-from pendulum_env.study.audit.verdicts import NOT_JUDGED, Audit, AuditRow, remarks, verdicts
+from pendulum_env.study.audit.verdicts import NOT_JUDGED, Audit, AuditRow
 
 # --- simplified scenes ----------------------------------------------------------------------------------------------
 
@@ -130,13 +130,13 @@ def test_the_chart_has_the_bars_the_formulas_and_the_tolerance(bearing):
 
 
 def test_the_table_has_all_and_fits(bearing, capsys, monkeypatch):
-    table = verdicts(bearing)
+    table = bearing.table
     names = [row.effect if row.present else f"({row.effect})" for row in bearing.rows]
     assert [row[0] for row in table.rows] == names
     assert "angle" not in table.head
     monkeypatch.setenv("COLUMNS", "120")
     print_table(table)
-    print_text(remarks(bearing))
+    print_text(bearing.text)
     printed = capsys.readouterr().out.splitlines()
     assert max(map(len, (line.rstrip() for line in printed))) <= 120
     for row, name in zip(bearing.rows, names, strict=True):

@@ -122,19 +122,16 @@ def _trial(scene: Scene, kind: type[Effect]) -> Effect | None:
 
 
 def _absent(scene: Scene, kind: type[Effect]) -> AuditCase:
-    reason = ""
-    effect = None if kind.needs_medium and scene.medium.empty else _trial(scene, kind)
-    if effect is not None:
-        try:
-            place, same = with_effect(scene, effect), replaced_by(scene, effect)
-            return AuditCase(kind.name, False, effect, place, scene, same, control=float(effect.controlled))
-        except (SceneError, ArithmeticError) as error:
-            reason = str(error)
-    elif kind.needs_medium and scene.medium.empty:
-        reason = f"needs a medium, and the scene is in {scene.medium.name}"
-    else:
-        reason = _numbers(kind)
-    return AuditCase(kind.name, False, None, scene, scene, reason=reason)
+    empty = kind.needs_medium and scene.medium.empty
+    effect = None if empty else _trial(scene, kind)
+    if effect is None:
+        reason = f"needs a medium, and the scene is in {scene.medium.name}" if empty else _numbers(kind)
+        return AuditCase(kind.name, False, None, scene, scene, reason=reason)
+    try:
+        return AuditCase(kind.name, False, effect, with_effect(scene, effect), scene, replaced_by(scene, effect),
+                         control=float(effect.controlled))
+    except (SceneError, ArithmeticError) as error:
+        return AuditCase(kind.name, False, None, scene, scene, reason=str(error))
 
 
 def _numbers(kind: type[Effect]) -> str:

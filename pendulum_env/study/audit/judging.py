@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
@@ -14,6 +16,9 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.cases import AuditCase
 from pendulum_env.study.audit.swing import METHOD, Swing
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_JUDGED, NOT_SIMULATED, OUTSIDE, AuditRow
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
 
 NAN = math.nan
 STEEL = 2.0e11
@@ -34,9 +39,14 @@ class Change:
     lack: Swing
 
     @property
+    def values(self) -> Array:
+        """The relative changes of period, amplitude and angle; nan where one is not known."""
+        return np.array([self.period, self.amplitude, self.angle])
+
+    @property
     def size(self) -> float:
         """Largest relative change, in absolute value, of period, amplitude or angle that the effect causes."""
-        return max(abs(value) for value in (self.period, self.amplitude, self.angle) if not math.isnan(value))
+        return float(np.nanmax(np.abs(self.values)))
 
     @property
     def diverged(self) -> bool:
@@ -62,8 +72,7 @@ def moved_by(before: Change, after: Change) -> float:
     """
     if math.isnan(before.angle) != math.isnan(after.angle) or after.diverged:
         return math.inf
-    pairs = ((before.period, after.period), (before.amplitude, after.amplitude), (before.angle, after.angle))
-    return max(abs(a - b) for a, b in pairs if not math.isnan(a))
+    return float(np.nanmax(np.abs(before.values - after.values)))
 
 
 def row(case: AuditCase, change: Change, cost: float, amplitude: float, tolerance: float) -> AuditRow:
@@ -74,7 +83,7 @@ def row(case: AuditCase, change: Change, cost: float, amplitude: float, toleranc
     effect, plain = case.effect, case.scene is case.without
     period, size, angle = (NAN, NAN, NAN) if plain else (change.period, change.amplitude, change.angle)
     expected = _predicted(case, amplitude) if math.isnan(angle) and not plain else (NAN, NAN)
-    value = _or_nan(lambda: effect.number(case.scene, amplitude))
+    value = _or(NAN, effect.number, case.scene, amplitude)
     return AuditRow(
         case.name, case.present, effect.number_name, value, period, size, angle, *expected, cost, verdict, note
     )
@@ -128,54 +137,23 @@ def _predicted(case: AuditCase, amplitude: float) -> tuple[float, float]:
 
     If the effect replaces other models of the same phenomenon, the changes predicted for these are subtracted.
     """
-    own = _or_nans(case.effect, case.scene, amplitude)
+    assert case.effect is not None
+    own = _or((NAN, NAN), case.effect.predicted, case.scene, amplitude)
     for other in case.replaced:
-        less = _or_nans(other, case.without, amplitude)
+        less = _or((NAN, NAN), other.predicted, case.without, amplitude)
         own = (1.0 + own[0]) / (1.0 + less[0]) - 1.0, own[1] - less[1]
     return own
 
 
-def _or_nans(effect: Effect | None, scene: Scene, amplitude: float) -> tuple[float, float]:
+def _or(otherwise: T, formula: Callable[[Scene, float], T], scene: Scene, amplitude: float) -> T:
+    """Return the value of a formula for a scene and an amplitude, or another one where it cannot be computed."""
     try:
-        return effect.predicted(scene, amplitude) if effect else (NAN, NAN)
+        return formula(scene, amplitude)
     except ArithmeticError:
-        return NAN, NAN
-
-
-def _or_nan(function: Callable[[], float]) -> float:
-    try:
-        return function()
-    except ArithmeticError:
-        return NAN
-
-
-def unjudged(case: AuditCase) -> AuditRow:
-    """Return the row in the table of verdicts of an effect that cannot be simulated in the scene, with the reason."""
-    return AuditRow(case.name, case.present, verdict=NOT_JUDGED, note=case.reason)
+        return otherwise
 
 
 # --- corrections known only as a formula ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Correction:
-    """Correction of a pendulum's period that is known only as a formula and not simulated.
-
-    Attributes:
-        name: name of the correction in the audit.
-        number_name: dimensionless number that indicates when the correction matters.
-        number: function that returns this number for a scene; nan where it is not known.
-        period: function that returns the relative change of the period of small swings; nan where it is not known.
-        note: function that returns a remark for a scene and a tolerance.
-        source: source of the formula.
-    """
-
-    name: str
-    number_name: str
-    number: Callable[[Scene], float]
-    period: Callable[[Scene], float]
-    note: Callable[[Scene, float], str]
-    source: str
 
 
 def weight(scene: Scene) -> float:
@@ -198,35 +176,24 @@ def _compliance(scene: Scene, tolerance: float) -> str:
     return f"lengthens the period by m g/(2 K L): it matters if the support is softer than K = {stiffness:.3g} N/m"
 
 
-def _flexure(scene: Scene, tolerance: float) -> str:
+def _flexure(scene: Scene, tolerance: float, change: float) -> str:
     if scene.body.suspension != "wire":
         return "a rod that turns with its shaft does not bend at the pivot"
-    change = bending_length(scene) / (2.0 * scene.body.reach)
     verdict = "matters" if change > tolerance else "is negligible at this tolerance"
     return f"bending of a steel wire of {1e3 * scene.body.diameter:.3g} mm at its clamp: by the formula it {verdict}"
 
 
-CORRECTIONS: tuple[Correction, ...] = (
-    Correction(
-        "support_compliance", "m g/(K L)", lambda scene: math.nan, lambda scene: math.nan, _compliance,
-        "Nelson & Olsson 1986, Am. J. Phys. 54, 112",
-    ),
-    Correction(
-        "wire_flexure", "bent length/L",
-        lambda scene: bending_length(scene) / scene.body.reach,
-        lambda scene: -bending_length(scene) / (2.0 * scene.body.reach), _flexure,
-        "Nelson & Olsson 1986, Am. J. Phys. 54, 112",
-    ),
-)
-"""Corrections that every audit lists after the effects."""
-
-
 def corrections(scene: Scene, tolerance: float) -> list[AuditRow]:
-    """Return the rows of the table of verdicts for corrections that are known only as a formula and not simulated."""
+    """Return the last rows of every audit: corrections of the period that are known only as formulas, not simulated.
+
+    They are the compliance of the support, ``m g/(2 K L)`` of the period with its stiffness K, which is not known, and
+    the flexure of a wire, of which a length bends at its clamp: minus half of that length over L.
+
+    Source: Nelson & Olsson 1986, Am. J. Phys. 54, 112.
+    """
+    bent = bending_length(scene) / scene.body.reach
     return [
-        AuditRow(
-            correction.name, False, correction.number_name, correction.number(scene),
-            period_predicted=correction.period(scene), verdict=NOT_SIMULATED, note=correction.note(scene, tolerance),
-        )
-        for correction in CORRECTIONS
+        AuditRow("support_compliance", False, "m g/(K L)", verdict=NOT_SIMULATED, note=_compliance(scene, tolerance)),
+        AuditRow("wire_flexure", False, "bent length/L", bent, period_predicted=-0.5 * bent, verdict=NOT_SIMULATED,
+                 note=_flexure(scene, tolerance, 0.5 * bent)),
     ]

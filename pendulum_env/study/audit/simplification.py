@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
@@ -55,7 +55,7 @@ def simplify(
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     tell, wanted = told_by(progress), boolean(complete, "complete")
     verdict = audit(place, amplitude=amplitude, tolerance=tolerance, backend=backend,
-                  progress=lambda done, text: tell(0.9 * done, text))
+                    progress=part_of(tell, 0.0, 0.9))
     full, added = _completed(verdict) if wanted else (place, ())
     present = {effect.name for effect in full.effects}
     removed = tuple(name for name in verdict.negligible if name in present)

@@ -7,14 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.results import write
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study.audit.cases import AuditCase, bare, cases
-from pendulum_env.study.audit.files import write
-from pendulum_env.study.audit.judging import Change, change_of, corrections, moved_by, row, unjudged
+from pendulum_env.study.audit.judging import Change, change_of, corrections, moved_by, row
 from pendulum_env.study.audit.step_cost import step_costs
 from pendulum_env.study.audit.swing import SAMPLES, Swing, swing, time_scale
 from pendulum_env.study.audit.verdicts import Audit, AuditRow
@@ -87,7 +87,7 @@ def audit(
     costs = step_costs(pairs, size, period, backend, lambda done: tell(0.7 + 0.3 * done, "timing each effect"))
     row_of = {case.name: row(case, change, cost, size, limit)
                for case, change, cost in zip(judged, changes, costs, strict=True)}
-    rows = [row_of.get(case.name) or unjudged(case) for case in listed]
+    rows = [row_of.get(case.name) or AuditRow(case.name, case.present, note=case.reason) for case in listed]
     rows += [] if effects is not None else corrections(place, limit)
     tell(1.0, "done")
     return Audit(place, size, limit, tuple(rows), moved, steps, (OSCILLATIONS + 1) * period)

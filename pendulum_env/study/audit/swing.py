@@ -13,7 +13,6 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics import exact
-from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
 
@@ -62,21 +61,14 @@ def time_scale(scene: Scene, amplitude: float) -> float:
 
 
 def free(scene: Scene, control: float) -> bool:
-    """Return True if no force in a scene depends on time, random numbers or a control, so that swings have a period."""
-    return not any(_by_time(effect) or _remembers(effect, control) for effect in scene.effects)
+    """Return True if no force in a scene depends on time, random numbers or a control, so that swings have a period.
 
-
-def _by_time(effect: Effect) -> bool:
-    functions = (effect.torque, effect.wind_x, effect.wind_y, effect.radial)
-    return any("time" in arguments(function) for function in functions if function)
-
-
-def _remembers(effect: Effect, control: float) -> bool:
-    """Return True if an effect has state variables of its own that change during the run of an audit.
-
-    They change if the effect draws random numbers, as gusts do, or if it has a control signal that is not 0.
+    State variables of an effect's own change if it draws random numbers, as gusts do, or has a control that is not 0.
     """
-    return bool(effect.memory) and (effect.draws > 0 or control != 0.0)
+    functions = (function for effect in scene.effects
+                 for function in (effect.torque, effect.wind_x, effect.wind_y, effect.radial) if function)
+    remembers = any(effect.memory and (effect.draws > 0 or control != 0.0) for effect in scene.effects)
+    return not (remembers or any("time" in arguments(function) for function in functions))
 
 
 def held_for(scene: Scene, steps: int) -> dict[str, Any]:

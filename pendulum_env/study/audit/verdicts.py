@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass, fields
 from typing import Any, NamedTuple
 
-from pendulum_env.common.shown import Plotted, html_of, one_line
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Columns, Result, columns_of
+from pendulum_env.common.shown import html_of, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.cases import cases
+from pendulum_env.study.audit.swing import METHOD
 
 CALLED_FOR, NEGLIGIBLE, OUTSIDE = "matters", "negligible", "outside its validity"
 """Verdicts on effects that were simulated with and without."""
@@ -58,8 +62,12 @@ class AuditRow:
     note: str = ""
 
 
+UNITS = {field.name: "ns" if field.name == "ns_per_step" else "" for field in fields(AuditRow)}
+"""Columns of ``effects.csv`` with their units."""
+
+
 @dataclass(frozen=True, repr=False)
-class Audit(Plotted):
+class Audit(Result):
     """Audit of a scene: which effects matter at a release angle and a tolerance.
 
     Attributes:
@@ -84,6 +92,15 @@ class Audit(Plotted):
     def __repr__(self) -> str:
         return one_line(self, f"{self.scene.name}: {len(self.called_for)} of {len(self.rows)} effects matter")
 
+    def origin(self) -> Mapping[str, str]:
+        """Return scene, method, release angle and tolerance, with what computed the audit."""
+        return provenance(Scene=self.scene.to_dict(), Method=METHOD, Amplitude=self.amplitude, Tolerance=self.tolerance,
+                          StepsPerPeriod=self.steps, IntegrationError=self.integration_error)
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the audit of every effect."""
+        return {"effects": columns_of(UNITS, map(astuple, self.rows))}
+
     @property
     def called_for(self) -> tuple[str, ...]:
         """Names of all effects that matter, whether or not the audited scene contains them."""
@@ -99,16 +116,49 @@ class Audit(Plotted):
         """Names of the effects that matter but are not in the audited scene."""
         return tuple(row.effect for row in self.rows if not row.present and row.verdict == CALLED_FOR)
 
-
     @property
     def loss(self) -> float:
         """Share of the amplitude that the scene's losses take in a half swing by textbook formulas."""
         losses = {effect.name for effect in self.scene.of_kind("dissipative")}
         return sum(max(0.0, -row.amplitude_predicted) for row in self.rows if row.effect in losses)
 
+    @property
+    def table(self) -> Table:
+        """Table of the effects: their changes by simulation and by formula, their cost and the verdict.
+
+        Names of effects that are not in the scene are in brackets. Empty columns are left out.
+        """
+        filled = {name for _, name in CHANGES if any(math.isfinite(getattr(row, name)) for row in self.rows)}
+        shown = [(head, name) for head, name in CHANGES if name.replace("predicted", "change") in filled]
+        rows = tuple(
+            (row.effect if row.present else f"({row.effect})", _number(row.number, ".2g"),
+             *(_number(getattr(row, name), ".1e" if name == "angle_change" else "+.1e") for _, name in shown),
+             _number(row.ns_per_step, ".1f"), row.verdict)
+            for row in self.rows
+        )
+        return Table(("effect", "number", *(head for head, _ in shown), "ns/step", "verdict"), rows)
+
+    @property
+    def text(self) -> str:
+        """Sentences that explain the columns of the table, and the note on each effect."""
+        by_angle = any(math.isfinite(row.angle_change) for row in self.rows)
+        texts = ("Effects in brackets are not in the scene. The columns give the relative changes that an effect "
+                 "causes in the mean period and in the amplitude of the first half swing, as simulated and by a "
+                 "textbook formula.",
+                 f"Where an effect leaves no free swings with a period, the column 'angle' gives the largest change of "
+                 f"the angle within {self.duration:.3g} s, divided by the release angle." if by_angle else "",
+                 strong_damping(self),
+                 "ns/step: measured time that the effect adds to a step of rk4, less terms shared with other effects.")
+        notes = [(row, "; ".join(filter(None, (f"number {row.number_name}" if math.isfinite(row.number) else "",
+                                               row.note)))) for row in self.rows]
+        left = "; ".join(f"{row.effect} ({row.note})" for row in self.rows if row.verdict == NOT_JUDGED)
+        return "\n".join([" ".join(filter(None, texts)),
+                          *(f"{row.effect}: {note}." for row, note in notes if note and row.verdict != NOT_JUDGED),
+                          *([f"Not judged: {left}."] if left else [])])
+
 
 @dataclass(frozen=True, repr=False)
-class Simplification(Plotted):
+class Simplification(Result):
     """Result of leaving negligible effects out of a scene, with the error over a run.
 
     Attributes:
@@ -137,6 +187,19 @@ class Simplification(Plotted):
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.audit.scene.name} without {', '.join(self.removed) or 'nothing'}")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return the origin of the audit."""
+        return self.audit.origin()
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the audit of every effect."""
+        return self.audit.tables()
+
+    @property
+    def table(self) -> Table:
+        """Table of the effects and their verdicts."""
+        return self.audit.table
 
     def _left_out(self) -> list[str]:
         """Return the effects that matter but are neither in the audited scene nor added by the simplification.
@@ -194,7 +257,6 @@ class Simplified(NamedTuple):
         return self.report.plot(kind)
 
 
-
 def off_by(audit: Audit, row: AuditRow, name: str) -> float:
     """Return how many times a textbook formula is too large or too small for the change of "period" or "amplitude".
 
@@ -214,44 +276,6 @@ def strong_damping(audit: Audit) -> str:
         return ""
     return (f"Textbook formulas assume weak damping, but here they give a loss of {100.0 * audit.loss:.0f} % of the "
             f"amplitude in each half swing; some of them are up to {max(factors):.0f} times too large or too small.")
-
-
-def verdicts(audit: Audit) -> Table:
-    """Return a table of the effects: their changes by simulation and by formula, their cost and the verdict.
-
-    Names of effects that are not in the scene are in brackets. Empty columns are left out.
-    """
-    filled = {name for _, name in CHANGES if any(math.isfinite(getattr(row, name)) for row in audit.rows)}
-    shown = [(head, name) for head, name in CHANGES if name.replace("predicted", "change") in filled]
-    rows = tuple(
-        (row.effect if row.present else f"({row.effect})", _number(row.number, ".2g"),
-         *(_number(getattr(row, name), ".1e" if name == "angle_change" else "+.1e") for _, name in shown),
-         _number(row.ns_per_step, ".1f"), row.verdict)
-        for row in audit.rows
-    )
-    return Table(("effect", "number", *(head for head, _ in shown), "ns/step", "verdict"), rows)
-
-
-def remarks(audit: Audit) -> str:
-    """Return sentences that explain the columns of the table of verdicts, and the note on each effect."""
-    texts = ["Effects in brackets are not in the scene. The columns give the relative changes that an effect causes in "
-             "the mean period and in the amplitude of the first half swing, as simulated and by a textbook formula."]
-    if any(math.isfinite(row.angle_change) for row in audit.rows):
-        texts.append(f"Where an effect leaves no free swings with a period, the column 'angle' gives the largest "
-                     f"change of the angle within {audit.duration:.3g} s, divided by the release angle.")
-    if sentence := strong_damping(audit):
-        texts.append(sentence)
-    texts.append("ns/step: measured time that the effect adds to a step of rk4, less terms shared with other effects.")
-    lines = [" ".join(texts)]
-    for row in audit.rows:
-        number = f"number {row.number_name}" if math.isfinite(row.number) else ""
-        note = "; ".join(text for text in (number, row.note) if text)
-        if note and row.verdict != NOT_JUDGED:
-            lines.append(f"{row.effect}: {note}.")
-    left = [f"{row.effect} ({row.note})" for row in audit.rows if row.verdict == NOT_JUDGED]
-    if left:
-        lines.append(f"Not judged: {'; '.join(left)}.")
-    return "\n".join(lines)
 
 
 def _number(value: float, form: str) -> str:

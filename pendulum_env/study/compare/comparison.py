@@ -13,7 +13,8 @@ import numpy as np
 from integrators import Method
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.results import Column, Columns, Result
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.engine.rollout import run as run_of
@@ -36,10 +37,12 @@ LARGE = 0.4
 """Amplitude A [rad] from which the period with small-angle gravity is 1 % too short (A²/16)."""
 CLEARLY = 0.2
 """Part of a run's mean angle that a recording must have before its side of the bottom is judged."""
+FIGURES = ("angle", "velocity", "phase", "energy")
+"""Names of the figures of a comparison."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Plotted):
+class Comparison(Result):
     """Runs of several integrators from one start, with their errors.
 
     Attributes:
@@ -65,9 +68,38 @@ class Comparison(Plotted):
     duration: float
     tolerance: Mapping[str, float] = dataclasses.field(default_factory=dict)
     estimates: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    titled = True
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.scene.name}, {self.duration:g} s: {', '.join(self.runs)}")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return scene, methods, step, start and reference solution, with what computed them."""
+        source = {} if self.recording is None else {"recording": self.recording.source}
+        return provenance(
+            scene=self.scene.to_dict(), integrators=[run.method.name for run in self.runs.values()], dt=self.dt,
+            duration=self.duration, angle=self.angle, velocity=self.velocity, truth=self.truth.how, **self.tolerance,
+            **source,
+        )
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the motions, one row for each time, with empty cells after a run's end; and the drift table."""
+        time = np.unique(np.concatenate([run.time for run in self.runs.values()]))
+        motions = {"time_s": Column(time.tolist(), "s")}
+        for run in self.runs.values():
+            for name, unit, series in (("angle_rad", "rad", run.angle), ("velocity_rad_per_s", "rad/s", run.velocity),
+                                       ("energy_J", "J", run.energy), ("residual_J", "J", run.energy_residual)):
+                cells = np.full(len(time), None)
+                cells[np.searchsorted(time, run.time)] = series.tolist()
+                motions[f"{run.method.name}_{name}"] = Column(cells.tolist(), unit)
+        energy = self.energy_name.replace(" / ", "_over_").replace(" ", "_")
+        drifts = {f.metadata["csv"].format(energy=energy): Column([getattr(row, f.name) for row in self.drift],
+                                                                  f.metadata["unit"]) for f in self.columns}
+        return {"comparison": motions, "drift": drifts}
+
+    def pictures(self) -> Mapping[str, str]:
+        """Return the kind of each figure, by the name of its file."""
+        return {name: name for name in FIGURES}
 
     @property
     def energy_name(self) -> str:
@@ -78,9 +110,10 @@ class Comparison(Plotted):
     @property
     def table(self) -> Table:
         """Drift table: one row for each run, with its errors of energy, amplitude and phase and the time of a step."""
-        form = [(f.name, f.metadata["form"]) for f in self.columns]
         head = tuple(f.metadata["title"].format(energy=self.energy_name) for f in self.columns)
-        return Table(head, tuple(tuple(text(getattr(entry, name)) for name, text in form) for entry in self.drift))
+        return Table(head, tuple(
+            tuple("-" if (value := getattr(entry, f.name)) in (None, "") else format(value, f.metadata["form"])
+                  for f in self.columns) for entry in self.drift))
 
     @property
     def columns(self) -> list[Any]:
@@ -166,16 +199,6 @@ class Comparison(Plotted):
         if self.recording is not None:
             lines += [f"Recording {self.recording.source}: {'; '.join(self.recording.notes)}.", self.opposite]
         return "\n".join(line for line in lines if line)
-
-    @property
-    def facts(self) -> dict[str, str]:
-        """Origin of the results (scene, methods, step, start, reference), written into the head of output files."""
-        source = {} if self.recording is None else {"recording": self.recording.source}
-        return provenance(
-            scene=self.scene.to_dict(), integrators=[run.method.name for run in self.runs.values()], dt=self.dt,
-            duration=self.duration, angle=self.angle, velocity=self.velocity, truth=self.truth.how, **self.tolerance,
-            **source,
-        )
 
 
 @with_bar("compare")

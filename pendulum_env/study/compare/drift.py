@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,24 +27,9 @@ LEADING_ERROR = "leading error (small angles)"
 """Title of the table column of the methods' leading error terms."""
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:+.3g}"
-
-
-def _size(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
-
-
-def _count(value: int | None) -> str:
-    return "-" if value is None else f"{value:d}"
-
-
-def _text(value: str) -> str:
-    return value or "-"
-
-
-def _column(csv: str, title: str, form: Callable[[Any], str]) -> Any:
-    return field(metadata={"csv": csv, "title": title, "form": form})
+def _column(csv: str, title: str, form: str = "", unit: str = "") -> Any:
+    """Return a field of the drift table: its name in files, its title, the format of its numbers, and its unit."""
+    return field(metadata={"csv": csv, "title": title, "form": form, "unit": unit})
 
 
 @dataclass(frozen=True)
@@ -67,18 +51,18 @@ class Drift:
         stop: why and when the run stopped, "" if it ran to its end.
     """
 
-    method: str = _column("method", "method", _text)
-    energy_end: float | None = _column("{energy}_end", "{energy}, end", _number)
-    energy_most: float | None = _column("{energy}_most", "at most", _size)
-    amplitude: float | None = _column("amplitude_error", "amplitude error", _number)
-    phase: float | None = _column("phase_error_rad", "phase error [rad]", _number)
-    recording: float | None = _column("recording_rms_rad", "from recording, rms [rad]", _size)
-    leading_error: str = _column("leading_error", LEADING_ERROR, _text)
-    steps: int | None = _column("steps", "steps", _count)
-    rejected: int | None = _column("rejected_steps", "rejected", _count)
-    evaluations: int | None = _column("force_evaluations", "evaluations", _count)
-    ns_per_step: float | None = _column("ns_per_step", "ns/step", lambda x: "-" if x is None else f"{x:.0f}")
-    stop: str = _column("stop", "stopped", _text)
+    method: str = _column("method", "method")
+    energy_end: float | None = _column("{energy}_end", "{energy}, end", "+.3g")
+    energy_most: float | None = _column("{energy}_most", "at most", ".3g")
+    amplitude: float | None = _column("amplitude_error", "amplitude error", "+.3g")
+    phase: float | None = _column("phase_error_rad", "phase error [rad]", "+.3g", "rad")
+    recording: float | None = _column("recording_rms_rad", "from recording, rms [rad]", ".3g", "rad")
+    leading_error: str = _column("leading_error", LEADING_ERROR)
+    steps: int | None = _column("steps", "steps")
+    rejected: int | None = _column("rejected_steps", "rejected")
+    evaluations: int | None = _column("force_evaluations", "evaluations")
+    ns_per_step: float | None = _column("ns_per_step", "ns/step", ".0f", "ns")
+    stop: str = _column("stop", "stopped")
 
 
 ADAPTIVE = ("steps", "rejected", "evaluations")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.common.provenance import output_folder, write_csv
+from pendulum_env.common import results
+from pendulum_env.common.progress import Progress, part_of, told_by
 from pendulum_env.films.look import checked_look
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus
@@ -31,36 +31,8 @@ FILM_SECONDS = 20.0
 """Longest part of a run that the film shows [s]."""
 SHOWN = 5.0
 """Number of periods at either end of a long run that figures show enlarged."""
-ELLIPSE = (
-    "Why an ellipse? The energy is constant,\n"
-    "and at small angles that reads\n"
-    r"$\theta^2/A^2+v^2/(\omega_0{}A)^2=1$;"
-    "\n"
-    r"here $A=AMPLITUDE$ degrees and $\omega_0=OMEGA0$ rad/s."
-)
-ORBIT = (
-    "Without losses the energy is constant:\n"
-    r"$v^2/2+\omega_0^2\,(1-\cos\theta)$ keeps its value,"
-    "\n"
-    r"$\omega_0=OMEGA0$ rad/s;"
-    "\n"
-    "only at small angles is that an ellipse."
-)
-SPIRAL = "Losses turn the closed orbit into a spiral towards rest."
-RING = "Losses make the orbit shrink: the start of a spiral towards rest."
 SOON = 0.5
 """Largest share of the amplitude left at the end of a run whose orbit looks like a spiral."""
-HELD = "Losses turn the closed orbit into a spiral\ntowards the angle at which the wind holds the bob."
-GUSTY = "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob from coming to rest."
-SHAKEN = "The drive does work, so the orbit need not close, and need not end at rest."
-CREEP = (
-    "Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
-    r"($\gamma=GAMMA$ 1/s, at least $2\,\omega_0=LIMIT$ 1/s)."
-)
-COAST = "Without a restoring torque, losses slow the bob down until it stops."
-
-FIGURES = ("angle", "velocity", "phase", "energy")
-"""Names of the figures of a comparison."""
 
 
 def write(
@@ -80,39 +52,23 @@ def write(
     folder stay unchanged. Raises SceneError for an unknown theme or panel, OutputError if the folder cannot be written,
     OSError if the film cannot be written.
     """
-    from pendulum_env import plots
-
     if not isinstance(comparison, Comparison):
         raise SceneError(f"comparison must be a Comparison, the result of compare, not {shown(comparison)}.")
     tell, share = told_by(progress), 0.3 if boolean(film, "film") else 1.0
     look = checked_look(theme, panels, ("energy",), "")
-    place, facts = output_folder(folder), comparison.facts
-    paths = []
-    drawn = figures(comparison)
-    for i, (name, figure) in enumerate(drawn.items()):
-        tell(share * i / len(drawn), f"drawing {name}")
-        paths += plots.save_all(figure, place / name, {**facts, "Title": name})
-    paths.append(place / "comparison.csv")
-    write_csv(paths[-1], *motion_table(comparison), facts)
-    paths.append(place / "drift.csv")
-    write_csv(paths[-1], *drift_table(comparison), facts)
+    paths = results.write(comparison, folder, progress=part_of(tell, 0.0, share))
     if film:
         count = math.floor(min(comparison.duration, FILM_SECONDS) * FPS + 1e-9) + 1
         paths.append(write_film(
-            place / "comparison.mp4", pictures(comparison, count, look), FPS, metadata=facts, total=count,
-            progress=lambda done, total: tell(share + (1.0 - share) * done / count, "filming"),
+            paths[0].with_name("comparison.mp4"), pictures(comparison, count, look), FPS, metadata=comparison.origin(),
+            total=count, progress=lambda done, total: tell(share + (1.0 - share) * done / count, "filming"),
         ))
     tell(1.0, "written")
     return paths
 
 
-def figures(comparison: Comparison) -> dict[str, Figure]:
-    """Return the figures of a comparison by name: "angle", "velocity", "phase" and "energy"."""
-    return {name: figure_of(comparison, name) for name in FIGURES}
-
-
 def figure_of(comparison: Comparison, name: str) -> Figure:
-    """Return one of the figures of a comparison, by its name in :data:`FIGURES`.
+    """Return one of the figures of a comparison: "angle", "velocity", "phase" or "energy".
 
     Figures of a long run have additional axes that enlarge its first and its last periods.
     """
@@ -157,16 +113,23 @@ def _trim(rows: list[Any]) -> None:
 def _note(comparison: Comparison) -> str:
     """Return the sentences below the phase portraits that explain the shape of the orbit; "" if there are none."""
     scene = comparison.scene
-    driven = any(effect.torque and not effect.controlled for effect in scene.of_kind("drive"))
-    if driven or scene.of_kind("dissipative"):
-        return SHAKEN if driven else _losses(comparison)
+    if any(effect.torque and not effect.controlled for effect in scene.of_kind("drive")):
+        return "The drive does work, so the orbit need not close, and need not end at rest."
+    if scene.of_kind("dissipative"):
+        return _losses(comparison)
     if not scene.omega0:
         return ""
     if scene.has("small_angle_gravity") or (scene.has("fibre") and not scene.has("gravity")):
         amplitude = math.degrees(math.hypot(comparison.angle, comparison.velocity / scene.omega0))
-        text = ELLIPSE.replace("at small angles", "under a fibre, at any angle,") if scene.has("fibre") else ELLIPSE
-        return text.replace("AMPLITUDE", f"{amplitude:.3g}").replace("OMEGA0", f"{scene.omega0:.4g}")
-    return ORBIT.replace("OMEGA0", f"{scene.omega0:.4g}") if scene.has("gravity") else ""
+        where = "under a fibre, at any angle," if scene.has("fibre") else "at small angles"
+        return (f"Why an ellipse? The energy is constant,\nand {where} that reads\n"
+                r"$\theta^2/A^2+v^2/(\omega_0{}A)^2=1$;"
+                f"\nhere $A={amplitude:.3g}$ degrees and $\\omega_0={scene.omega0:.4g}$ rad/s.")
+    if not scene.has("gravity"):
+        return ""
+    return ("Without losses the energy is constant:\n"
+            r"$v^2/2+\omega_0^2\,(1-\cos\theta)$ keeps its value,"
+            f"\n$\\omega_0={scene.omega0:.4g}$ rad/s;\nonly at small angles is that an ellipse.")
 
 
 def _losses(comparison: Comparison) -> str:
@@ -176,41 +139,20 @@ def _losses(comparison: Comparison) -> str:
     """
     scene = comparison.scene
     if not (scene.omega0 and scene.of_kind("conservative")):
-        return COAST
-    moving = scene.of_kind("medium")
-    if moving:
-        return GUSTY if any(effect.draws for effect in moving) else HELD
+        return "Without a restoring torque, losses slow the bob down until it stops."
+    if moving := scene.of_kind("medium"):
+        if any(effect.draws for effect in moving):
+            return "Losses turn the closed orbit into a spiral,\nbut gusts keep the bob from coming to rest."
+        return "Losses turn the closed orbit into a spiral\ntowards the angle at which the wind holds the bob."
     gamma, limit = scene.coefficients.get("linear_drag_rate", 0.0), 2.0 * scene.omega0
-    if gamma < limit:
-        longest = max(comparison.runs.values(), key=lambda run: (len(run.time), run.method.order))
-        size, part = np.abs(longest.angle), max(1, len(longest.angle) // 10)
-        return RING if np.max(size[-part:]) > SOON * np.max(size[:part]) else SPIRAL
-    return CREEP.replace("GAMMA", f"{gamma:.4g}").replace("LIMIT", f"{limit:.4g}")
-
-
-def motion_table(comparison: Comparison) -> tuple[list[str], list[list[float | str]]]:
-    """Return column names and rows of ``comparison.csv``: one row per time, with empty cells after a run's end."""
-    runs = comparison.runs.values()
-    time = np.unique(np.concatenate([run.time for run in runs]))
-    columns, values = ["time_s"], [time.tolist()]
-    for run in runs:
-        place = np.searchsorted(time, run.time)
-        for name, series in (("angle_rad", run.angle), ("velocity_rad_per_s", run.velocity), ("energy_J", run.energy),
-                             ("residual_J", run.energy_residual)):
-            cells: list[Any] = [""] * len(time)
-            for i, value in zip(place.tolist(), series.tolist(), strict=True):
-                cells[i] = value
-            columns.append(f"{run.method.name}_{name}")
-            values.append(cells)
-    return columns, [list(cells) for cells in zip(*values, strict=True)]
-
-
-def drift_table(comparison: Comparison) -> tuple[list[str], list[list[Any]]]:
-    """Return column names and rows of ``drift.csv``: errors of energy, amplitude and phase of each run."""
-    energy = comparison.energy_name.replace(" / ", "_over_").replace(" ", "_")
-    columns = comparison.columns
-    rows = [["" if (value := getattr(row, f.name)) is None else value for f in columns] for row in comparison.drift]
-    return [f.metadata["csv"].format(energy=energy) for f in columns], rows
+    if gamma >= limit:
+        return ("Overdamped: the drag is so strong that the bob does not swing, but creeps back to rest\n"
+                rf"($\gamma={gamma:.4g}$ 1/s, at least $2\,\omega_0={limit:.4g}$ 1/s).")
+    longest = max(comparison.runs.values(), key=lambda run: (len(run.time), run.method.order))
+    size, part = np.abs(longest.angle), max(1, len(longest.angle) // 10)
+    if np.max(size[-part:]) > SOON * np.max(size[:part]):
+        return "Losses make the orbit shrink: the start of a spiral towards rest."
+    return "Losses turn the closed orbit into a spiral towards rest."
 
 
 def pictures(comparison: Comparison, count: int, look: FrameStyle = PLAIN) -> Iterator[Any]:

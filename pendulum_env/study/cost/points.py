@@ -34,7 +34,7 @@ COLUMNS = {
 }
 """Columns of ``cost.csv`` with their units."""
 ACCURACIES = tuple(10.0**-k for k in range(1, 13))
-"""Angle errors for which :func:`recommendations` names a method [rad]."""
+"""Angle errors for which the table names a method [rad]."""
 
 
 @dataclass(frozen=True)
@@ -160,6 +160,25 @@ class CostStudy(Result):
         return {"cost": "time", "cost_errors": "errors"}
 
     @property
+    def table(self) -> Table:
+        """Table of the fastest method, its step or tolerance and its time for each accuracy reached."""
+        rows = []
+        for accuracy in ACCURACIES:
+            try:
+                best = self.best(accuracy)
+            except StudyError:
+                break
+            error, price = f"{best.angle_error:.1e}", f"{best.ns_per_second:,.0f}"
+            rows.append((f"{accuracy:.0e}", best.method, best.setting, error, price))
+        head = ("angle error below [rad]", "cheapest method", "with", "its error [rad]", "ns per simulated second")
+        return Table(head, tuple(rows))
+
+    @property
+    def text(self) -> str:
+        """Sentences on the cost of each further digit, and on steps that were left out."""
+        return "\n".join(filter(None, (self.sentence(), self.left_out)))
+
+    @property
     def methods(self) -> tuple[str, ...]:
         """Names of the methods measured in the study, in the order in which they were given."""
         return tuple(dict.fromkeys(point.method for point in self.points))
@@ -247,20 +266,6 @@ class CostStudy(Result):
                 f"{near.method} with {near.setting}."
             )
         return min(good, key=lambda point: point.time)
-
-
-def recommendations(study: CostStudy) -> Table:
-    """Return a table with the fastest method, its step or tolerance and its time for each accuracy reached."""
-    rows = []
-    for accuracy in ACCURACIES:
-        try:
-            best = study.best(accuracy)
-        except StudyError:
-            break
-        error, price = f"{best.angle_error:.1e}", f"{best.ns_per_second:,.0f}"
-        rows.append((f"{accuracy:.0e}", best.method, best.setting, error, price))
-    head = ("angle error below [rad]", "cheapest method", "with", "its error [rad]", "ns per simulated second")
-    return Table(head, tuple(rows))
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from pendulum_env.common.progress import Progress, told_by, with_bar
+from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.common.provenance import provenance
 from pendulum_env.common.results import Columns, Result, columns_of
 from pendulum_env.common.shown import one_line
@@ -20,7 +20,7 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, simulate
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, usual_start
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number
@@ -138,13 +138,36 @@ class Growth(Result):
             for time, angle, floor, energy in zip(
                 self.time, line.angle_error, line.floor, line.energy_error, strict=True)))}
 
-    def pictures(self) -> Mapping[str, str]:
-        """Return the name of the figure's file and its kind."""
-        return {"growth": "growth"}
-
     def grid(self) -> Sequence[str]:
         """Return the columns that number the rows."""
         return ("method", "time_periods")
+
+    @property
+    def table(self) -> Table:
+        """Table of how the errors of each method grow, and of the errors after 10, 1000 and 1e5 periods."""
+        places = [int(np.argmin(np.abs(np.log(self.time / at)))) for at in AT if at <= 1.01 * self.time[-1]]
+        head = ["method", "angle error grows", "energy error grows"]
+        head += [f"{name} at {self.time[i]:.3g}" for name in ("angle [rad]", "energy") for i in places]
+        return Table(tuple(head), tuple(
+            (line.label, line.angle.text(), line.energy.text(),
+             *(_cell(line.angle_error[i], line.floor[i]) for i in places),
+             *(_cell(line.energy_error[i], 0.0) for i in places))
+            for line in self.lines))
+
+    @property
+    def text(self) -> str:
+        """Sentences on the reference solution, the period, and the time until which the true motion is known."""
+        sentences = [f"Reference solution: {self.how}. Times are in periods of small swings, {self.period:.4g} s; "
+                     "'lost' means that the error is half as large as the motion."]
+        if math.isfinite(self.died):
+            sentences.append(f"The motion has died out at {self.died:.3g} periods, where the study ends.")
+        if math.isfinite(self.horizon):
+            sentences.append(f"After {self.horizon:.3g} periods the true angle is not known, because the reference "
+                             "solutions differ by over a hundredth of the motion's size; errors of the angle end "
+                             "there.")
+        if not self.complete:
+            sentences.append("The study was interrupted; the results measured until then are shown.")
+        return " ".join(sentences)
 
 
 @with_bar("growth")
@@ -205,7 +228,7 @@ def growth(
     for spec, run in zip(specs, runs, strict=True):
         replace(spec, h=run.h).tell()
     reach = max(run.reach for run in runs)
-    truth = long_truth(place, q, v, time * period, reach, backend, lambda done, what: tell(TRUTH * done, what))
+    truth = long_truth(place, q, v, time * period, reach, backend, part_of(tell, 0.0, TRUTH))
     study = Growth(place, q, v, period, time[: truth.died], (), truth.how, *_known(truth, time * period, period),
                    died=float(time[truth.died - 1]) if truth.died < len(time) else math.inf)
     total, done = sum(run.work for run in runs) * study.time[-1], 0.0
@@ -251,8 +274,7 @@ def planned(
     The start is ``angle`` [rad] and ``velocity`` [rad/s]; ``shared`` are the settings that every run has. Raises the
     errors of :func:`growth`.
     """
-    q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
-    v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
+    q, v = usual_start(place, angle, velocity)
     checked_start(place, q, v)
     if not place.omega0:
         raise StudyError(f"The scene '{place.name}' has no restoring torque and so no period; choose one with gravity.")
@@ -442,38 +464,7 @@ def step_for(machine: Machine, angle: float, velocity: float, period: float, eva
     return period * per_step / evaluations
 
 
-# --- the result as text ----------------------------------------------------------------------------------------------
-
-
-def table(study: Growth) -> Table:
-    """Return a table of how the errors of each method grow, and of the errors after 10, 1000 and 1e5 periods."""
-    places = [int(np.argmin(np.abs(np.log(study.time / at)))) for at in AT if at <= 1.01 * study.time[-1]]
-    head = ["method", "angle error grows", "energy error grows"]
-    head += [f"{name} at {study.time[i]:.3g}" for name in ("angle [rad]", "energy") for i in places]
-    rows = tuple(
-        (line.label, line.angle.text(), line.energy.text(),
-         *(_cell(values[i], floor[i]) for values, floor in (
-             (line.angle_error, line.floor), (line.energy_error, np.zeros_like(study.time))) for i in places))
-        for line in study.lines
-    )
-    return Table(tuple(head), rows)
-
-
 def _cell(value: float, floor: float) -> str:
     if not math.isfinite(value):
         return "-"
     return f"{value:.1e}" if value > floor else f"<{floor:.0e}"
-
-
-def remarks(study: Growth) -> str:
-    """Return sentences on the reference solution, the period, and the time until which the true motion is known."""
-    sentences = [f"Reference solution: {study.how}. Times are in periods of small swings, {study.period:.4g} s; 'lost' "
-                 "means that the error is half as large as the motion."]
-    if math.isfinite(study.died):
-        sentences.append(f"The motion has died out at {study.died:.3g} periods, where the study ends.")
-    if math.isfinite(study.horizon):
-        sentences.append(f"After {study.horizon:.3g} periods the true angle is not known, because the reference "
-                         "solutions differ by over a hundredth of the motion's size; errors of the angle end there.")
-    if not study.complete:
-        sentences.append("The study was interrupted; the results measured until then are shown.")
-    return " ".join(sentences)

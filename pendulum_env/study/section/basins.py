@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 from integrators import Method
 from pendulum_env.common.checks import shown
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Column, Columns, Result
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.motion import drive_rate
@@ -47,8 +50,8 @@ UNSETTLED, STOPPED = 0, -1
 """Numbers in ``which`` of a motion that does not repeat, and of a run that ended early."""
 
 
-@dataclass(frozen=True)
-class Basins(Plotted):
+@dataclass(frozen=True, repr=False)
+class Basins(Result):
     """The attractor of each start of a grid.
 
     Attributes:
@@ -74,6 +77,23 @@ class Basins(Plotted):
     def __repr__(self) -> str:
         size = f"{len(self.velocity)} x {len(self.angle)} starts"
         return one_line(self, f"{self.scene.name}, {self.method}, {size}, {len(self.attractors)} attractors")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return scene, method, steps and transient, and the states of every attractor."""
+        return provenance(
+            Scene=self.scene.to_dict(), Method=self.method, StepsPerPeriod=self.steps, TransientPeriods=self.transient,
+            Attractors=[states.tolist() for states in self.attractors])
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the number of the attractor of every start, as of ``which``."""
+        angle, velocity = np.meshgrid(self.angle, self.velocity)
+        return {"basins": {"angle_rad": Column(angle.ravel().tolist(), "rad"),
+                           "velocity_rad_per_s": Column(velocity.ravel().tolist(), "rad/s"),
+                           "attractor": Column(self.which.ravel().tolist())}}
+
+    def grid(self) -> Sequence[str]:
+        """Return the columns that number the starts."""
+        return ("angle_rad", "velocity_rad_per_s")
 
     def share(self, number: int) -> float:
         """Return the share of the starts that end in an attractor, 0 to 1; see ``which`` for its number."""

@@ -18,14 +18,17 @@ from numpy.typing import ArrayLike, NDArray
 import integrators
 from integrators import Method
 from pendulum_env.common.checks import one_of, shown
-from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Column, Columns, Result
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted
 from pendulum_env.engine.motion import EVENTS, drive_rate, event_function
 from pendulum_env.engine.settings import SceneLike
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
+from pendulum_env.engine.starts import usual_start
 from pendulum_env.engine.threads import MOST_THREADS, cores
 from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.damping import Damping
@@ -52,8 +55,8 @@ HALVINGS = 55
 """Number of times the interval of a passage, one step, is halved."""
 
 
-@dataclass(frozen=True)
-class Section(Plotted):
+@dataclass(frozen=True, repr=False)
+class Section(Result):
     """Points of a Poincaré section. All arrays have one entry per point, grouped by run, in the order of time.
 
     Attributes:
@@ -89,6 +92,21 @@ class Section(Plotted):
     def __repr__(self) -> str:
         over = f" over {self.over}" if self.over else ""
         return one_line(self, f"{self.scene.name}, {self.method}, {len(self.angle)} points at {self.event}{over}")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return scene, method, steps and transient, and at which event and phase the points were recorded."""
+        return provenance(
+            Scene=self.scene.to_dict(), Method=self.method, StepsPerPeriod=self.steps, TransientPeriods=self.transient,
+            Event=self.event, Phase=None if math.isnan(self.phase) else self.phase, RunsEndedEarly=self.stopped)
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the points; those of a section over a parameter with its values, as the table "bifurcation"."""
+        columns = {"run": (self.run, ""), "time_s": (self.time, "s"), "drive_phase_rad": (self.drive, "rad"),
+                   "angle_rad": (self.angle, "rad"), "velocity_rad_per_s": (self.velocity, "rad/s")}
+        if self.over:
+            columns = {self.over: (self.value, ""), **columns}
+        return {"bifurcation" if self.over else "section": {
+            name: Column(values.tolist(), unit) for name, (values, unit) in columns.items()}}
 
     def repetitions(self) -> dict[float, int]:
         """Return, for each value of ``over``, the number of drive periods after which the motion repeats.
@@ -209,8 +227,7 @@ def section(
         if kind != "period" and number(phase, "phase", unit="rad"):
             raise SceneError(f"phase is for event 'period', but points are recorded at '{kind}'; leave one out.")
         shift, tell = _whole_steps(phase, steps) if kind == "period" else 0, told_by(progress)
-        first = number(place.run.angle if angle is None else angle, "angle", unit="rad")
-        speed = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
+        first, speed = usual_start(place, angle, velocity)
         threads = cores() if num_threads is None else whole_number(num_threads, "num_threads", MOST_THREADS)
     length = (transient + kept - 1) * steps + shift if kind == "period" else (transient + kept) * steps
     spread = 2.0 * math.pi if place.periodic and not name else 0.0
@@ -236,12 +253,9 @@ def section(
         if i == 0:
             batch.tell()
         simulated = batch.runs(threads)
-
-        def report(done: float, word: str, before: int = i) -> None:
-            tell((before + done) / len(parts), word)
-
-        found = _strobed(simulated.rows(report), batch, steps, transient, shift) if kind == "period" else _passed(
-            simulated.rows(report), batch, steps, transient, kind)
+        rows = simulated.rows(part_of(tell, i / len(parts), (i + 1) / len(parts)))
+        found = _strobed(rows, batch, steps, transient, shift) if kind == "period" else _passed(
+            rows, batch, steps, transient, kind)
         columns += [(np.arange(count)[part][which], *rest) for which, *rest in found]
         stopped += sum(reason != "" for reason in simulated.reasons)
     run, time, q, v = (np.concatenate(column) for column in zip(*columns, strict=True))
