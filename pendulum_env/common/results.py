@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from pendulum_env.common.checks import SceneError, shown
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
+from pendulum_env.common.saved import origin_of
 from pendulum_env.common.shown import ROOM, Plotted
 
 STYLE = "pendulum_env.plots.style"
@@ -71,7 +72,7 @@ class Result(Plotted):
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
                          "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
                   for name, table in self.tables().items()}
-        return json.dumps({"result": type(self).__name__, "provenance": dict(self.origin()), "tables": tables, **more},
+        return json.dumps({"result": type(self).__name__, "provenance": origin_of(self), "tables": tables, **more},
                           allow_nan=False)
 
     def to_pandas(self, table: str | None = None) -> Any:
@@ -81,7 +82,7 @@ class Result(Plotted):
         """
         pandas, columns = _library("pandas"), self._table(table)
         frame = pandas.DataFrame({name: _cells(one) for name, one in columns.items()})
-        frame.attrs.update(units={name: one.unit for name, one in columns.items()}, provenance=dict(self.origin()))
+        frame.attrs.update(units={name: one.unit for name, one in columns.items()}, provenance=origin_of(self))
         return frame
 
     def to_xarray(self, table: str | None = None) -> Any:
@@ -99,7 +100,7 @@ class Result(Plotted):
         for name, unit in units.items():
             if unit:
                 data[name].attrs["units"] = unit
-        data.attrs.update(self.origin())
+        data.attrs.update(origin_of(self))
         return data
 
     def _table(self, name: str | None) -> Columns:
@@ -119,7 +120,7 @@ def write(result: Result, folder: str | Path, svg: bool = False, *, progress: Pr
     """
     if not isinstance(result, Result):
         raise SceneError(f"write takes the result of a study, such as compare or cost, not {shown(result)}.")
-    place, tell, origin, pictures = output_folder(folder), told_by(progress), result.origin(), result.pictures()
+    place, tell, origin, pictures = output_folder(folder), told_by(progress), origin_of(result), result.pictures()
     paths: list[Path] = []
     for i, (name, kind) in enumerate(pictures.items()):
         tell(i / len(pictures), f"drawing {name}")

@@ -19,6 +19,7 @@ from typing import Any
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
+from pendulum_env.common.saved import Savable
 from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.common.texts import clean
@@ -49,7 +50,7 @@ A cluster's scheduler hands over some 400 tasks a second (``examples/benchmarks/
 
 
 @dataclass(frozen=True, repr=False)
-class Sweep(Displayed):
+class Sweep(Savable, Displayed):
     """Results of a sweep, with the combination of parameters (the point) that each belongs to.
 
     Attributes:
