@@ -232,7 +232,7 @@ def _field_names(name: str) -> dict[str, bool]:
     return {f.name: f.default is MISSING and f.default_factory is MISSING for f in fields(kind) if f.init}
 
 
-def _fingerprint(method: Any) -> str:
+def fingerprint(method: Any) -> str:
     """Return a digest of a method's numbers, without the texts that describe it."""
     bare = replace(method, source="", summary="", aliases=())
     return sha256(bare.fingerprint.encode()).hexdigest()[:16]
@@ -314,8 +314,8 @@ class _Writer:
         name = type(one).__name__
         if isinstance(one, self._method):
             of_package = _of_package(one.name)
-            own = of_package is None or _fingerprint(of_package) != _fingerprint(one)
-            written = {"$method": one.name, "fingerprint": _fingerprint(one), **({"own": True} if own else {})}
+            own = of_package is None or fingerprint(of_package) != fingerprint(one)
+            written = {"$method": one.name, "fingerprint": fingerprint(one), **({"own": True} if own else {})}
         elif name == "Scene":
             written = {"$scene": _scene_data(one)}
         elif type(one) is not _class_of(name):
@@ -485,7 +485,7 @@ class _Reader:
     def _method(self, one: Any, place: str) -> Any:
         name, own = one["$method"], bool(one.get("own"))
         given = self._methods.get(name)
-        if given is not None and _fingerprint(given) == one["fingerprint"]:
+        if given is not None and fingerprint(given) == one["fingerprint"]:
             found = given
         elif own:
             remedy = "the one in methods= has other numbers" if given is not None else (
@@ -495,7 +495,7 @@ class _Reader:
             found = _of_package(name)
             if found is None:
                 raise FileError(f"there is no method {shown(name)} in this version of the package")
-            if _fingerprint(found) != one["fingerprint"] and name not in self.changed:
+            if fingerprint(found) != one["fingerprint"] and name not in self.changed:
                 self.changed.append(name)
         self._met[place] = found
         return found
