@@ -12,7 +12,7 @@ whose keys are texts that do not begin with "$". Every other value is an object 
 | `$objects` | an array of other values, as a list; "shape" |
 | `$dict` | a dict with other keys, as a list of pairs |
 | `$float` | "nan", "-nan", "inf", "-inf", or another nan as the 16 hexadecimal digits of its bits |
-| `$number` | a number of NumPy; "dtype" |
+| `$number` | a number or a text of NumPy; "dtype" |
 | `$scene` | a scene, as `Scene.to_dict` returns it |
 | `$method` | a method's name; "fingerprint" of its numbers; "own": true for one that is not of the package |
 | `$same` | the object that stands further up, at a place such as `cases.3` |
@@ -133,7 +133,9 @@ def save(result: Any, path: str | Path) -> Path:
         whole = {"format": FORMAT, "version": VERSION, "provenance": dict(origin_of(result)),
                  "result": writer.value(result, "")}
         text = json.dumps(whole, allow_nan=False).encode()
-    except RecursionError as error:
+    except SceneError:
+        raise
+    except (RecursionError, ValueError) as error:  # a list in itself, an integer of several thousand digits
         raise SceneError(f"A file cannot keep the {type(result).__name__}: {error}.") from None
     output_folder(place.parent)
     with replacing(place) as temporary:
@@ -204,13 +206,13 @@ def _within(place: str, part: str) -> str:
 
 def _parts(keys: Iterable[Any]) -> list[str]:
     """Return the parts of places that stand for a dict's keys, none twice."""
-    parts: list[str] = []
+    parts: dict[str, None] = {}
     for key in keys:
         part = re.sub(r"[^A-Za-z0-9_+-]", "_", str(key)) or "_"
         while part in parts:
             part += "_"
-        parts.append(part)
-    return parts
+        parts[part] = None
+    return [*parts]
 
 
 def _bomb(size: int, packed: int) -> bool:
@@ -272,8 +274,9 @@ class _Writer:
             return self._all(one, place)
         if kind is tuple:
             return {"$tuple": self._all(one, place)}
-        if isinstance(one, np.generic) and one.dtype.kind in "biuf" and one.dtype.itemsize <= 8:
-            return {"$number": self.value(one.item(), place), "dtype": one.dtype.str}
+        if isinstance(one, np.generic) and one.dtype.kind in "biufU" and kind is not np.longdouble:
+            bare = one.item() if one == one else np.array(one)  # a nan's bits change on the way to another type
+            return {"$number": self.value(bare, place), "dtype": one.dtype.str}
         if isinstance(one, self._method) or kind.__name__ in MODULES or kind.__name__ == "Scene":
             return self._object(one, place)
         if kind is frozenset:
@@ -458,7 +461,8 @@ class _Reader:
         return float(text) if len(text) < 5 else float(struct.unpack(">d", bytes.fromhex(text))[0])
 
     def _number(self, one: Any, place: str) -> Any:
-        return np.dtype(one["dtype"]).type(self.value(one["$number"], place))
+        number = self.value(one["$number"], place)
+        return number[()] if isinstance(number, np.ndarray) else np.dtype(one["dtype"]).type(number)
 
     def _objects(self, one: Any, place: str) -> Any:
         array = np.empty(len(one["$objects"]), dtype=object)
