@@ -22,6 +22,7 @@ if _fault := import_fault():
 
 if TYPE_CHECKING:
     from pendulum_env import adapters, controllers, tasks, testing
+    from pendulum_env.common.saved import load
     from pendulum_env.engine.code import code
     from pendulum_env.engine.result import Rollout
     from pendulum_env.engine.rollout import rollout
@@ -69,6 +70,7 @@ _LAZY = {
     "film": "pendulum_env.films.record",
     "fit": "pendulum_env.lab.fitting.fit",
     "growth": "pendulum_env.study.growth",
+    "load": "pendulum_env.common.saved",
     "measure": "pendulum_env.lab.sheet",
     "rollout": "pendulum_env.engine.rollout",
     "section": "pendulum_env.study.section",
@@ -110,6 +112,7 @@ __all__ = [
     "film",
     "fit",
     "growth",
+    "load",
     "measure",
     "rollout",
     "section",

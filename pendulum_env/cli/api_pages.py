@@ -39,6 +39,7 @@ PAGES = (
     "pendulum_env.physics.presets",
     "pendulum_env.physics.units",
     "pendulum_env.auto.choice",
+    "pendulum_env.common.saved",
     "pendulum_env.engine.certificate",
     "pendulum_env.engine.code",
     "pendulum_env.engine.result",

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from pendulum_env.common.checks import SceneError, one_of, shown
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
+from pendulum_env.common.saved import origin_of
 from pendulum_env.common.shown import ROOM, Plotted
 from pendulum_env.common.tables import Table
 
@@ -95,35 +96,40 @@ class Result(Plotted):
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
                          "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
                   for name, table in self.tables().items()}
-        return json.dumps({"result": type(self).__name__, "complete": self.complete, "provenance": dict(self.origin()),
-                           "tables": tables, **more}, allow_nan=False)
+        return json.dumps({"result": type(self).__name__, "complete": self.complete, "provenance": origin_of(self),
+                           "tables": tables, **_json(more)}, allow_nan=False)
 
     def to_pandas(self, table: str | None = None) -> Any:
         """Return a table as a ``pandas.DataFrame``: the main one, or that of a name.
 
-        Units and origin are in its ``attrs``. Raises SceneError for an unknown table, or if pandas is not installed.
+        Empty cells are nan in columns of numbers and "" in those of texts. Units and origin are in its ``attrs``.
+        Raises SceneError for an unknown table, or if pandas is not installed.
         """
         pandas, columns = _library("pandas"), self._table(table)
         frame = pandas.DataFrame({name: _cells(one) for name, one in columns.items()})
-        frame.attrs.update(units={name: one.unit for name, one in columns.items()}, provenance=dict(self.origin()))
+        frame.attrs.update(units={name: one.unit for name, one in columns.items()}, provenance=origin_of(self))
         return frame
 
     def to_xarray(self, table: str | None = None) -> Any:
         """Return a table as an ``xarray.Dataset``: the main one, or that of a name.
 
-        Its dimensions are the quantities of the grid, if the result has all combinations of their values, else "row".
+        Its dimensions are the quantities of :meth:`grid`, if the table is the main one and has every combination of
+        their values once, as in ``data.sel({"method": "rk4"})``; else there is one, "row".
         Units and origin are in ``attrs``. Raises SceneError for an unknown table, or if xarray is not installed.
         """
         xarray, frame = _library("xarray"), self.to_pandas(table)
-        units, grid = frame.attrs["units"], [name for name in self.grid() if table is None and name in frame]
-        whole = grid and not frame.duplicated(grid).any() and len(frame) == math.prod(frame[name].nunique()
-                                                                                        for name in grid)
-        frame = frame.set_index(grid) if whole else frame.rename_axis("row")
-        data = xarray.Dataset.from_dataframe(frame)
+        units, main = frame.attrs["units"], table in (None, next(iter(self.tables())))
+        ends = {name: frame[name].unique() for name in (self.grid() if main else ()) if name in frame}
+        whole = (ends and not frame.duplicated([*ends]).any() and bool(frame[[*ends]].notna().all(axis=None))
+                 and len(frame) == math.prod(map(len, ends.values())))
+        if whole:
+            data = xarray.Dataset.from_dataframe(frame.set_index([*ends])).sel(ends)  # in the order of the rows
+        else:
+            data = xarray.Dataset.from_dataframe(frame.rename_axis("row" if "row" not in frame else "row number"))
         for name, unit in units.items():
             if unit:
                 data[name].attrs["units"] = unit
-        data.attrs.update(self.origin())
+        data.attrs.update(origin_of(self))
         return data
 
     def _table(self, name: str | None) -> Columns:
@@ -139,7 +145,7 @@ def write(result: Result, folder: str | Path, svg: bool = False, *, progress: Pr
     """
     if not isinstance(result, Result):
         raise SceneError(f"write takes the result of a study, such as compare or cost, not {shown(result)}.")
-    place, tell, origin, pictures = output_folder(folder), told_by(progress), result.origin(), result.pictures()
+    place, tell, origin, pictures = output_folder(folder), told_by(progress), origin_of(result), result.pictures()
     paths: list[Path] = []
     for i, (name, kind) in enumerate(pictures.items()):
         tell(i / len(pictures), f"drawing {name}")
@@ -154,24 +160,34 @@ def write(result: Result, folder: str | Path, svg: bool = False, *, progress: Pr
 
 
 def _cells(column: Column) -> list[Any]:
-    """Return the values of a column, with nan for the empty cells of a column of numbers."""
-    values = _plain(column.values)
-    numbers = any(isinstance(value, (int, float)) for value in values)
-    return [math.nan if numbers and value in (None, "") else value for value in values]
+    """Return the values of a column, with its empty cells, None or "", alike: nan in a column with a number or without
+    any value, "" beside texts, else None.
+    """
+    values = [_plain(value) for value in _plain(column.values)]
+    there = [value for value in values if not _is_empty(value)]
+    numbers = any(isinstance(value, (int, float)) and not isinstance(value, bool) for value in there)
+    texts = any(isinstance(value, str) for value in there or values)
+    empty = math.nan if numbers or not (there or texts) else "" if texts else None
+    return [empty if _is_empty(value) else value for value in values]
 
 
 def _short(value: Any) -> str:
     """Return a cell of a table as short text, "-" for a missing one."""
-    missing = value is None or value == "" or value != value  # nan
+    missing = _is_empty(value) or value != value  # nan
     return "-" if missing else f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _plain(values: Any) -> list[Any]:
-    return values.tolist() if hasattr(values, "tolist") else list(values)
+def _is_empty(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and not value)
+
+
+def _plain(values: Any) -> Any:
+    """Return an array or a number of NumPy as Python's lists and numbers; others as they are."""
+    return values.tolist() if hasattr(values, "tolist") else values
 
 
 def _json(value: Any) -> Any:
-    value = value.tolist() if hasattr(value, "tolist") else value
+    value = _plain(value)
     if isinstance(value, (list, tuple)):
         return [_json(part) for part in value]
     if isinstance(value, Mapping):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from pendulum_env.common.saved import Savable
 from pendulum_env.common.texts import clean
 
 ROOM = "pendulum_env.notebook"
@@ -30,8 +31,8 @@ class Displayed:
         return html_of(self)
 
 
-class Plotted(Displayed):
-    """Base of results that can be drawn."""
+class Plotted(Savable, Displayed):
+    """Base of results that can be drawn and saved."""
 
     def plot(self, kind: str | None = None) -> Any:
         """Draw the result; return a ``matplotlib.figure.Figure``, which a notebook shows when it ends a cell.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.saved import Savable
 from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
@@ -41,7 +42,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GateSheet(Displayed):
+class GateSheet(Savable, Displayed):
     """Periods measured with a photogate, and what follows from them; :func:`measure_gate` returns it.
 
     Attributes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields
@@ -11,6 +12,7 @@ from typing import Any, ClassVar
 
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.provenance import provenance
+from pendulum_env.common.saved import save
 from pendulum_env.common.shown import one_line
 from pendulum_env.physics.units import Checked, SceneError
 from pendulum_env.study.sweep.study import Point, Sweep, sweep
@@ -128,3 +130,12 @@ class StudyResult(Sweep):
         settings = {entry.name: getattr(self.study, entry.name) for entry in fields(self.study)}  # type: ignore[arg-type]
         held = {name: value.to_dict() if hasattr(value, "to_dict") else value for name, value in settings.items()}
         return provenance(Study=self.title, **held, Complete=self.complete)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the rows, their units and the study's settings as a file; ``pendulum_env.load`` returns them as a Sweep.
+
+        The class of a study of one's own is not kept. See :meth:`pendulum_env.common.saved.Savable.save`.
+        """
+        units = {"Units": json.dumps(dict(self.units()))}
+        return save(Sweep(self.points, self.results, self.shared, {**self.origin(), **units}, self.complete,
+                          self.failed), path)

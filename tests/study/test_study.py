@@ -63,6 +63,16 @@ def test_a_study_has_rows_table_files_and_figure(tmp_path: Path) -> None:
     assert data.largest.attrs["units"] == "rad/s"
 
 
+def test_it_is_saved_as_a_sweep(tmp_path: Path) -> None:
+    """With its rows, units and settings; the class of a study of one's own is code, and no file has that."""
+    found = Speeds(number=2)()
+    kept = pendulum_env.load(found.save(tmp_path / "speeds.zip"))
+    assert type(kept) is pendulum_env.Sweep
+    assert kept.rows == found.rows
+    assert dict(kept.units()) == dict(found.units())
+    assert json.loads(kept.to_json())["provenance"]["number"] == "2"
+
+
 def test_it_shows_itself() -> None:
     found = Speeds(number=2)()
     assert repr(found) == "<StudyResult: Speeds(number=2), 2 of 2 points>"
@@ -84,7 +94,7 @@ def test_a_study_without_a_figure(tmp_path: Path) -> None:
     assert [path.name for path in write(found, tmp_path)] == ["speeds.csv"]
     assert "<img" not in found._repr_html_()
     assert found.text == ""
-    with pytest.raises(SceneError, match="The study speeds has no figure; define its method draw"):
+    with pytest.raises(SceneError, match="There is no figure of a StudyResult; its numbers are in its table"):
         found.plot()
 
 

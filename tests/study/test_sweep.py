@@ -591,7 +591,7 @@ def test_a_scheduler_without_dask_is_said(monkeypatch):
     from pendulum_env.study.sweep.cluster import executor_at
 
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(StudyError, match="pip install distributed"), executor_at("tcp://127.0.0.1:8786"):
+    with pytest.raises(StudyError, match=r"pip install \"lab-pendulum\[dask\]\""), executor_at("tcp://127.0.0.1:8786"):
         pass
 
 

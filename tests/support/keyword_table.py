@@ -140,7 +140,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "LabPendulumEnv.set_wrapper_attr": {"name": "mine", "value": 1.0},
     "LabPendulumVectorEnv.set_attr": {"name": "mine", "values": 1.0},
     "LabPendulumVectorEnv.set_state": {"saved": vector().get_state()},
-    "Scene.save": {"path": "scene.json"},
+    "Scene.save": {"path": "scene.json"}, "load": {"path": "swing.zip"},
     "audit": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "effects": ["gravity"]},
     "simplify": {"scene": "vacuum", "amplitude": 0.1, "tolerance": 0.1, "duration": 1.0},
     "compare": {"scene": "vacuum", "integrators": "rk4", "duration": 0.05},

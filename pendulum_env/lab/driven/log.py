@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pendulum_env.common.saved import Savable
 from pendulum_env.common.shown import one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
@@ -67,7 +68,7 @@ _CLEAR = 2.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DrivenLog:
+class DrivenLog(Savable):
     """A log of a driven pendulum: angles and the drive at the same times.
 
     Attributes:

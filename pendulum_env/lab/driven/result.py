@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.saved import Savable
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.common.texts import LONGEST, listed
@@ -48,7 +49,7 @@ TRIALS = 100
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DrivenPrediction:
+class DrivenPrediction(Savable):
     """Open-loop prediction of a log: the fitted pendulum, simulated from one start under the drive of the log.
 
     Attributes:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, telling_of
+from pendulum_env.common.saved import Savable
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.errors import Errors
@@ -209,7 +210,7 @@ def _end(
 
 
 @dataclass(frozen=True, eq=False)
-class Bootstrap:
+class Bootstrap(Savable):
     """Parameters fitted to simulated recordings: the fitted motion plus residuals in a new random order.
 
     Attributes:

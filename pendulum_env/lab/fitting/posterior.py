@@ -260,18 +260,21 @@ class Posterior(Plotted):
         return keywords_of(self.fit, self.samples[drawn], start)
 
     def save(self, path: str | Path) -> Path:
-        """Write the sample with its origin as ``.npz`` or as ``.csv``, depending on the file's ending; return the path.
+        """Write the sample with its origin, depending on the file's ending; return the path.
 
+        The ``.zip`` file, which ``pendulum_env.load`` reads, has the posterior with its fit and its recording.
         The ``.npz`` file, which :meth:`load` reads, has the whole chain: "chain", "log_density", "acceptance", "names",
         "units", "discarded", "asked", "warm", "seed", the fitted values as "fit", the priors as "kinds" and "priors"
         (low, high, mean and error of each), and "origin", a JSON text. The ``.csv`` file has the samples that are not
         discarded, one in every autocorrelation time, with a column for every parameter and the logarithm of the
         density.
 
-        Raises SceneError for another ending, OutputError if the file cannot be written.
+        Raises SceneError for another ending, and for a fit that no ``.zip`` file can keep, OutputError if the file
+        cannot be written.
         """
         place = file_path(path, "path")
-        one_of(place.suffix, "format of a posterior with the ending", (".npz", ".csv"))
+        if one_of(place.suffix, "format of a posterior with the ending", (".npz", ".csv", ".zip")) == ".zip":
+            return super().save(place)
         output_folder(place.parent)
         origin = provenance(recording=self.fit.recording.source, scene=self.fit.scene.to_dict(), seed=self.seed,
                             walkers=self.chain.shape[1], steps=len(self.chain), steps_asked=self.asked,

@@ -16,7 +16,7 @@ PATIENCE = 10
 def executor_at(address: str | None) -> Iterator[Executor | None]:
     """Yield the executor of the Dask scheduler at an address such as ``tcp://HOST:PORT``; None without an address.
 
-    Raises StudyError if ``distributed`` is not installed, no scheduler answers, or it has no workers. The workers need
+    Raises StudyError if Dask is not installed, no scheduler answers, or it has no workers. The workers need
     this package, too, with the same sources.
     """
     if address is None:
@@ -26,7 +26,7 @@ def executor_at(address: str | None) -> Iterator[Executor | None]:
         from distributed import Client
         from distributed.comm.addressing import get_address_host_port
     except ImportError:
-        raise StudyError("A scheduler needs Dask, which is missing; install it by: pip install distributed.") from None
+        raise StudyError('A scheduler needs Dask, which is missing: pip install "lab-pendulum[dask]".') from None
     try:
         get_address_host_port(address)
         client = Client(address, timeout=PATIENCE, set_as_default=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import pickle
 import platform
@@ -120,8 +121,10 @@ class Sweep(Result):
         return "sweep"
 
     def units(self) -> Mapping[str, str]:
-        """Return the units of the columns that are known: those of :func:`pendulum_env.study.sweep.summary.summary`."""
-        return SUMMARY if "Units" in self.facts else {}
+        """Return the units of the columns that are known: those of :func:`pendulum_env.study.sweep.summary.summary`, and
+        those of a saved Study."""
+        given = self.facts.get("Units", "{}")
+        return SUMMARY if given == UNITS else json.loads(given)  # type: ignore[no-any-return]
 
     def origin(self) -> Mapping[str, str]:
         """Return what the runs have in common, and what computed them."""
