@@ -127,6 +127,13 @@ def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: 
         return drawing, list(drawing.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
 
 
+@contextmanager
+def panel(axes: Axes | None, size: tuple[float, float] | None = None) -> Iterator[Axes]:
+    """Yield axes to draw into in the package's style: the given ones or, for None, those of a new figure."""
+    with styled():
+        yield axes if axes is not None else figure(size=size)[1][0]
+
+
 class ShownFigure(Figure):
     """A figure that notebooks show, as SVG, without pyplot, which would show it a second time.
 

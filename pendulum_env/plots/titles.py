@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib import rcParams
@@ -16,7 +17,8 @@ from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.textpath import TextPath
 
 from pendulum_env.physics.scene import Scene
-from pendulum_env.plots.style import styled
+from pendulum_env.plots.series import Span, check, whole
+from pendulum_env.plots.style import blank, panel, styled
 from pendulum_env.render.palette import FAINT_INK
 
 if TYPE_CHECKING:
@@ -28,6 +30,40 @@ SCREEN = 100.0
 """Resolution at which widths of texts are measured [dots per inch], because letters are fitted to dots."""
 EDGES = 24.0
 """Free width at the edges of a figure beside its title and note [points]."""
+
+
+@contextmanager
+def page(
+    size: tuple[float, float], given: Figure | None, title: str = "", note: str = "",
+    layout: Literal["constrained"] | None = "constrained",
+) -> Iterator[Figure]:
+    """Yield a figure to draw in the package's style; at the end it gets a title and a note.
+
+    The arguments ``size``, ``given`` and ``layout`` are those of :func:`pendulum_env.plots.style.blank`.
+    """
+    with styled():
+        drawing = blank(size, given, layout)
+        yield drawing
+        if title:
+            headline(drawing, title)
+        if note:
+            footnote(drawing, note)
+
+
+@contextmanager
+def over_time(
+    runs: Mapping[str, Rollout], span: Span | None, axes: Axes | None
+) -> Iterator[tuple[Axes, Span]]:
+    """Yield axes to draw runs into over time [s], and the span of time to show, by default all of it.
+
+    At the end the axes get a title and a legend. Raises ValueError for runs that cannot be drawn.
+    """
+    check(runs)
+    shown = span or whole(runs)
+    with panel(axes) as at:
+        yield at, shown
+        at.set(xlabel="time [s]", xlim=shown, title=describe(runs))
+        legend(at)
 
 
 @lru_cache(maxsize=4096)
