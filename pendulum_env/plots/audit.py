@@ -52,6 +52,7 @@ def draw(audit: Audit, figure: Figure | None = None) -> Figure:
     return drawing
 
 
+@styled()
 def changes(audit: Audit, axes: Axes | None = None) -> Axes:
     """Draw bars for the changes of the motion due to every effect, on a logarithmic axis; pale if they do not matter.
 
@@ -62,39 +63,38 @@ def changes(audit: Audit, axes: Axes | None = None) -> Axes:
     if axes is None:
         return draw(audit).axes[0]
     rows, note = [row for row in audit.rows if row.verdict != NOT_JUDGED], _note(audit)
-    with styled():
-        axes.set(xscale="log", xlim=_span(audit))
-        for i, row in enumerate(rows):
-            _bars(axes, row, i, audit)
-            bold = row.verdict == CALLED_FOR
-            cost = "" if math.isnan(row.ns_per_step) else (
-                f", {row.ns_per_step:+.1f} ns" if row.ns_per_step else ", no cost")
-            axes.annotate(f"{row.verdict}{cost}", (1.015, i), xycoords=("axes fraction", "data"), va="center",
-                          fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
-        limit = axes.axvline(audit.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)),
-                             label=f"tolerance {audit.tolerance:g}")
-        names = [row.effect if row.present else f"({row.effect})" for row in rows]
-        axes.set_yticks(range(len(rows)), list(map(for_figure, names)))
-        for label, row in zip(axes.get_yticklabels(), rows, strict=True):
-            label.set_color(INK if row.present else FAINT_INK)
-        here = sum(row.present for row in rows)
-        if here < len(rows):
-            axes.axhline(here - 0.5, color=HAIRLINE, linewidth=1.0)
-        axes.grid(axis="y", visible=False)
-        axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="size of the relative change",
-                 title=f"Effects that matter for {for_figure(audit.scene.name)}, {start(audit.amplitude)} · {METHOD}, "
-                       f"{audit.steps} steps per period")
-        bars: list[Any] = [Patch(color=tone, label=text) for name, text, tone in QUANTITIES
-                           if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
-        if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
-            bars.append(Line2D([], [], label="textbook formula", **FORMULA))
-        if any(off_by(audit, row, name) > OFF for row in rows for name, _, _ in QUANTITIES):
-            bars.append(Line2D([], [], label=f"textbook formula, off by more than a factor of {OFF:g}", **FAR))
-        below = axes.transAxes + ScaledTranslation(0.0, -BELOW, axes.figure.dpi_scale_trans)
-        key = axes.legend(handles=[*bars, limit], loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=below,
-                          ncols=2, fontsize=9.5, title=note or None, title_fontsize=9.5, alignment="left",
-                          borderpad=0.0, borderaxespad=0.0)
-        key.get_title().set_color(FAINT_INK)
+    axes.set(xscale="log", xlim=_span(audit))
+    for i, row in enumerate(rows):
+        _bars(axes, row, i, audit)
+        bold = row.verdict == CALLED_FOR
+        cost = "" if math.isnan(row.ns_per_step) else (
+            f", {row.ns_per_step:+.1f} ns" if row.ns_per_step else ", no cost")
+        axes.annotate(f"{row.verdict}{cost}", (1.015, i), xycoords=("axes fraction", "data"), va="center",
+                      fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
+    limit = axes.axvline(audit.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)),
+                         label=f"tolerance {audit.tolerance:g}")
+    names = [row.effect if row.present else f"({row.effect})" for row in rows]
+    axes.set_yticks(range(len(rows)), list(map(for_figure, names)))
+    for label, row in zip(axes.get_yticklabels(), rows, strict=True):
+        label.set_color(INK if row.present else FAINT_INK)
+    here = sum(row.present for row in rows)
+    if here < len(rows):
+        axes.axhline(here - 0.5, color=HAIRLINE, linewidth=1.0)
+    axes.grid(axis="y", visible=False)
+    axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="size of the relative change",
+             title=f"Effects that matter for {for_figure(audit.scene.name)}, {start(audit.amplitude)} · {METHOD}, "
+                   f"{audit.steps} steps per period")
+    bars: list[Any] = [Patch(color=tone, label=text) for name, text, tone in QUANTITIES
+                       if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
+    if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
+        bars.append(Line2D([], [], label="textbook formula", **FORMULA))
+    if any(off_by(audit, row, name) > OFF for row in rows for name, _, _ in QUANTITIES):
+        bars.append(Line2D([], [], label=f"textbook formula, off by more than a factor of {OFF:g}", **FAR))
+    below = axes.transAxes + ScaledTranslation(0.0, -BELOW, axes.figure.dpi_scale_trans)
+    key = axes.legend(handles=[*bars, limit], loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=below,
+                      ncols=2, fontsize=9.5, title=note or None, title_fontsize=9.5, alignment="left",
+                      borderpad=0.0, borderaxespad=0.0)
+    key.get_title().set_color(FAINT_INK)
     return axes
 
 

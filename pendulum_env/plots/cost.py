@@ -183,29 +183,30 @@ def _legend(drawing: Figure, study: CostStudy) -> None:
 def _label(study: CostStudy, name: str) -> str:
     """Return a legend entry of a work-precision diagram: a line's name, its method's order and the measured order."""
     slope = study.slope(name)
-    method = next(point.method for point in study.points if point.series == name)
-    order = integrators.METHODS[method].order if method in integrators.METHODS else None
-    orders = [f"order {order}"] if order and math.isfinite(order) else []
+    methods = {integrators.METHODS.get(point.method) for point in study.points if point.series == name}
+    orders = [f"order {method.order}" for method in methods if method is not None and math.isfinite(method.order)]
     orders += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
     return f"{for_figure(name)}\n({', '.join(orders)})" if orders else for_figure(name)
 
 
 def _note(study: CostStudy) -> str:
     """Return the note below work-precision diagrams: reference solution, shaded area, timing, methods not in colour."""
-    text = (f"Reference solution: {study.reference.how}. Shaded: errors below {FLOOR:g} times its own error, "
-            f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats} timings, without "
-            "compilation.")
     rest = [name for name in dict.fromkeys(point.series for point in study.front) if name not in leading(study)]
-    text += f" Also on the Pareto front: {', '.join(map(short, rest))}." if rest else ""
-    if any(not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points):
-        text += " Methods that use a series or a closed form have no force evaluations to count."
-    if any(effect.dry for effect in study.scene.effects):
-        text += " Force evaluations for locating turning points are not counted."
-    return for_figure(text)
+    sentences = {
+        f"Reference solution: {study.reference.how}. Shaded: errors below {FLOOR:g} times its own error, "
+        f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats} timings, without "
+        "compilation.": True,
+        f"Also on the Pareto front: {', '.join(map(short, rest))}.": bool(rest),
+        "Methods that use a series or a closed form have no force evaluations to count.": any(
+            not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points),
+        "Force evaluations for locating turning points are not counted.": any(
+            effect.dry for effect in study.scene.effects),
+    }
+    return for_figure(" ".join(sentence for sentence, holds in sentences.items() if holds))
 
 
 def _title(study: CostStudy) -> str:
     """Return the title of a figure of work-precision diagrams: scene, start and duration of the runs."""
-    parts = [*setting(study.scene), start(study.angle, study.velocity)]
-    parts += [f"{study.duration:g} s"] + ([] if study.complete else ["interrupted: not all runs are shown"])
-    return "What accuracy costs: " + " · ".join(parts)
+    ended = [] if study.complete else ["interrupted: not all runs are shown"]
+    return "What accuracy costs: " + " · ".join(
+        [*setting(study.scene), start(study.angle, study.velocity), f"{study.duration:g} s", *ended])

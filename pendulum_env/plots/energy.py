@@ -71,8 +71,8 @@ def energy_residual(runs: Mapping[str, Rollout], *, span: Span | None = None, ax
     runs that cannot be drawn.
     """
     sizes = []
-    moving = any(float(run.energy[0]) for run in runs.values())
     with over_time(runs, span, axes) as (at, shown):
+        moving = any(float(run.energy[0]) for run in runs.values())
         for key, look in looks(runs).items():
             run = runs[key]
             part = within(run.time, shown)
@@ -95,9 +95,9 @@ def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes:
     initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for runs that cannot be
     drawn.
     """
-    moving = any(float(run.energy[0]) for run in runs.values())
     with over_time(runs, span, axes) as (at, shown):
         many = shown[1] - shown[0] > 2.0 * swing(runs)
+        moving = any(float(run.energy[0]) for run in runs.values())
         for key, look in looks(runs).items():
             run = runs[key]
             part = within(run.time, shown)

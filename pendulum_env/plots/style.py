@@ -9,7 +9,6 @@ import os
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -28,7 +27,8 @@ from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, co
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
 
-SHEET = Path(__file__).with_name("figures.mplstyle")
+STYLE: Any = rc_params_from_file(Path(__file__).with_name("figures.mplstyle"), use_default_template=False)
+"""Settings of the package's style sheet."""
 HEAVY = 1_000_000
 """Size of an SVG [bytes] beyond which a notebook shows the figure as PNG."""
 WIDE = (8.0, 4.5)
@@ -107,24 +107,18 @@ def styled() -> Iterator[None]:
 
     The sheet stands on Matplotlib's defaults, whatever style the caller has chosen, as "dark_background".
     """
-    with style.context(["default", _sheet()]):
+    with style.context(["default", STYLE]):
         yield
 
 
-@lru_cache(maxsize=1)
-def _sheet() -> Any:
-    """Return the settings of the package's style sheet."""
-    return rc_params_from_file(SHEET, use_default_template=False)
-
-
+@styled()
 def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: Any) -> tuple[Figure, list[Axes]]:
     """Return an off-screen figure of ``size`` [inch] and its axes, one below the other.
 
     ``ratios`` are keyword arguments of ``Figure.subplots``, such as ``height_ratios``.
     """
     drawing = blank(size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))))
-    with styled():
-        return drawing, list(drawing.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
+    return drawing, list(drawing.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
 
 
 @contextmanager
@@ -140,15 +134,15 @@ class ShownFigure(Figure):
     It is drawn and saved in the package's style, because Matplotlib makes ticks and their labels only then.
     """
 
+    @styled()
     def draw(self, renderer: Any) -> None:
         """Draw the figure."""
-        with styled():
-            super().draw(renderer)
+        super().draw(renderer)
 
+    @styled()
     def savefig(self, *args: Any, **keywords: Any) -> None:
         """Save the figure; the arguments are those of Matplotlib."""
-        with styled():
-            super().savefig(*args, **keywords)
+        super().savefig(*args, **keywords)
 
     def as_html(self) -> str:
         """Return the figure as an image in HTML: SVG, or PNG if the SVG is larger than 1 MB (HEAVY)."""
@@ -163,18 +157,18 @@ class ShownFigure(Figure):
     _repr_html_ = as_html
 
 
+@styled()
 def blank(
     size: tuple[float, float], given: Figure | None = None, layout: Literal["constrained"] | None = "constrained"
 ) -> Figure:
     """Return an off-screen figure of ``size`` [inch] without axes; a given figure gets the size and the layout."""
-    with styled():
-        if given is None:
-            drawing = ShownFigure(figsize=size, layout=layout)
-            FigureCanvasAgg(drawing)
-            return drawing
+    if given is None:
+        given = ShownFigure(figsize=size, layout=layout)
+        FigureCanvasAgg(given)
+    else:
         given.set_size_inches(*size)
         given.set_layout_engine(layout or "none")
-        return given
+    return given
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
@@ -248,6 +242,7 @@ def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     return styles
 
 
+@styled()
 def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | None = None) -> Path:
     """Write a figure as PNG or SVG, depending on the file's ending, with ``facts`` as metadata; return its path.
 
@@ -260,7 +255,7 @@ def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | Non
     metadata: Mapping[str, Any] = texts if target.suffix == ".png" else {
         "Creator": texts.get("Software", "lab-pendulum"), "Description": json.dumps(texts, ensure_ascii=False),
         "Date": None}
-    with styled(), replacing(target) as temporary:
+    with replacing(target) as temporary:
         made.savefig(temporary, metadata=metadata)
     return target
 

@@ -116,29 +116,22 @@ def setting(scene: Scene) -> list[str]:
     return [for_figure(scene.name), f"{damping} damping" if damping else "no damping"]
 
 
+@styled()
 def legend(axes: Axes) -> None:
     """Draw a legend above the axes and below their title, in as many columns as fit; no legend for a single entry.
 
     A title that is wider than the axes is broken into lines.
     """
-    labels = axes.get_legend_handles_labels()[1]
-    with styled():
-        room = _room(axes)
-        title = fitted(axes.get_title("left"), float(rcParams["axes.titlesize"]), room)
-        if len(labels) < 2:
-            axes.set_title(title, loc="left")
-            return
-        columns = next((n for n in range(COLUMNS, 1, -1) if _width(labels, n) <= room), 1)
-        axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
-    axes.set_title(title, loc="left", pad=10.0 + 16.5 * -(-len(labels) // columns))
-
-
-def _room(axes: Axes) -> float:
-    """Return the width available to a legend or title above the axes, estimated before the figure is laid out [points].
-    """
-    whole, spec = 72.0 * axes.figure.bbox.width / axes.figure.dpi, axes.get_subplotspec()
+    labels, spec = axes.get_legend_handles_labels()[1], axes.get_subplotspec()
     share = 1.0 if spec is None else len(spec.colspan) / spec.get_gridspec().ncols
-    return share * whole - MARGIN
+    room = share * 72.0 * axes.figure.bbox.width / axes.figure.dpi - MARGIN  # before the figure is laid out
+    title = fitted(axes.get_title("left"), float(rcParams["axes.titlesize"]), room)
+    if len(labels) < 2:
+        axes.set_title(title, loc="left")
+        return
+    columns = next((n for n in range(COLUMNS, 1, -1) if _width(labels, n) <= room), 1)
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+    axes.set_title(title, loc="left", pad=10.0 + 16.5 * -(-len(labels) // columns))
 
 
 def _width(labels: Sequence[str], columns: int) -> float:
@@ -161,10 +154,10 @@ def width(text: str, size: float) -> float:
 
 
 @lru_cache(maxsize=1)
+@styled()
 def _file() -> str:
     """Return the path of the font file that the package's style sheet selects for text."""
-    with styled():
-        return findfont(FontProperties())
+    return findfont(FontProperties())
 
 
 def fitted(text: str, size: float, room: float) -> str:

@@ -39,16 +39,14 @@ def parameter_table(found: Fit) -> Table:
     Where models of damping were compared, a column gives the spread of the number over all models that fit about as
     well.
     """
-    names = [name.rpartition(".")[2] for name in found.names]
-    models = found.comparison
+    models = [found.comparison] if found.comparison is not None else []
     rows = tuple(
         (name, found.parameter_text(name, unit=False), found.parameters[name].unit,
-         *(() if models is None else (f"{models.spread(name):.2g}",)),
-         *(f"{x:+.2f}" for x in found.correlations[i]))
+         *(f"{one.spread(name):.2g}" for one in models), *(f"{x:+.2f}" for x in found.correlations[i]))
         for i, name in enumerate(found.names)
     )
-    others = () if models is None else ("other models",)
-    return Table(("parameter", "value", "unit", *others, *(f"r {name}" for name in names)), rows)
+    others = ["other models" for _ in models]
+    return Table(("parameter", "value", "unit", *others, *(f"r {n.rpartition('.')[2]}" for n in found.names)), rows)
 
 
 def goodness(found: Fit) -> str:
@@ -92,9 +90,8 @@ def against_told(found: Fit, told: float, error: float | None = None) -> str:
                 f"{'above' if off > 0.0 else 'below'}; state its error with --length-error.")
     needs_length(found.model.free)
     away = against(found, {LENGTH: (told, error)})[LENGTH]
-    word = next(word for most, word in AGREEMENT if abs(away) < most)
     return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} ± {error:g} m: {abs(away):.1f} sigma "
-            f"{'above' if away > 0.0 else 'below'}; the fit {word} the given length.")
+            f"{'above' if away > 0.0 else 'below'}; the fit {_agreement(away)} the given length.")
 
 
 def needs_length(free: Sequence[str]) -> None:
@@ -118,12 +115,15 @@ def against_track(found: Fit) -> str:
         return (f"Track: its radius is {radius}; with the fitted length, {length}, one unit of the track is "
                 f"{scale:.4g} m ({1.0 / scale:.5g} units are 1 m).")
     away = (radius.value - length.value) / math.hypot(radius.error, length.error)
-    word = next(word for most, word in AGREEMENT if abs(away) < most)
     hint = "" if abs(away) < AGREEMENT[0][0] else (
         f"; either the scale of the film is {abs(radius.value / length.value - 1.0):.2%} too "
         f"{'large' if away > 0.0 else 'small'}, or gravity or the bob differ from those of the scene")
-    return (f"Track: its radius {radius} {word} the fitted length {length} ({abs(away):.1f} sigma "
+    return (f"Track: its radius {radius} {_agreement(away)} the fitted length {length} ({abs(away):.1f} sigma "
             f"{'above' if away > 0.0 else 'below'}){hint}.")
+
+
+def _agreement(away: float) -> str:
+    return next(word for most, word in AGREEMENT if abs(away) < most)
 
 
 def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
