@@ -28,8 +28,8 @@ COLUMNS, MARGIN = 3, 60.0
 """Largest number of columns of a legend; width beside the axes that tick labels and gaps take [points]."""
 SCREEN = 100.0
 """Resolution at which widths of texts are measured [dots per inch], because letters are fitted to dots."""
-EDGES = 24.0
-"""Free width at the edges of a figure beside its title and note [points]."""
+EDGES, HEAD = 24.0, 13.0
+"""Free width at the edges of a figure beside its title and note, and font size of the title [points]."""
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def page(
         drawing = blank(size, given, layout)
         yield drawing
         if title:
-            headline(drawing, title)
+            drawing.suptitle(fitted(title, HEAD, 72.0 * drawing.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=HEAD)
         if note:
             footnote(drawing, note)
 
@@ -182,11 +182,6 @@ def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[s
         else:
             lines += _broken(piece, size, room, finer)
     return lines
-
-
-def headline(figure: Figure, text: str, size: float = 13.0) -> None:
-    """Write the title of a whole figure, broken into lines that fit."""
-    figure.suptitle(fitted(text, size, 72.0 * figure.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size)
 
 
 def footnote(figure: Figure, text: str, size: float = 9.5) -> None:
