@@ -43,7 +43,7 @@ class LargestSpeed(Study):
         angle = np.degrees(found.column("angle_rad"))
         axes.plot(angle, found.column("without_losses_m_per_s"), color="0.6", label="without losses")
         axes.plot(angle, found.column("speed_m_per_s"), "o", label=self.scene)
-        axes.set(xlabel="release angle [degrees]", ylabel="largest speed of the bob [m/s]", xlim=(0, 180), ylim=(0, None))
+        axes.set(xlabel="release angle [degrees]", ylabel="largest speed [m/s]", xlim=(0, 180), ylim=(0, None))
         axes.legend()
         return figure
 

@@ -36,7 +36,7 @@ from pendulum_env.physics.effects import (
     SmoothFriction,
     SphereDrag,
 )
-from pendulum_env.study.audit.step_cost import step_times
+from pendulum_env.study.audit.step_cost import scene_times
 
 AMPLITUDE, SIZE, METHODS = 0.5, 1024, ("rk4", "velocity_verlet")
 TIMINGS: dict[str, tuple[int, int, int]] = {"compiled": (25, 20_000, 500), "python": (9, 200, 100)}
@@ -119,7 +119,7 @@ def costs(
         fits = [pair for pair in rows.values() if all(method in fitting(scene) for scene in pair)]
         scenes = list(dict.fromkeys(scene for pair in fits for scene in pair))
         for backend, timing in timings.items():
-            taken = step_times(scenes, AMPLITUDE, period, backend, lambda _: None, method, timing)
+            taken = scene_times(scenes, AMPLITUDE, period, backend, lambda _: None, method, timing)
             for label, pair in rows.items():
                 by_row[label].append(taken[pair[0]] - taken[pair[1]] if pair in fits else None)
     if blocks:

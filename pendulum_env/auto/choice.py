@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict
 from typing import Any
 
-from integrators import METHODS, Method
+from integrators import Method
 from pendulum_env.auto import store
-from pendulum_env.auto.calibrate import calibrate
+from pendulum_env.auto.calibrate import AccuracyError, Choice, Chosen, calibrate
 from pendulum_env.auto.costs import SHIPPED, measure
-from pendulum_env.auto.promise import AccuracyError, Choice, Chosen
 from pendulum_env.auto.search import Candidate
 from pendulum_env.common.progress import Progress, late_bar
 from pendulum_env.common.version import sources
@@ -24,8 +23,8 @@ __all__ = ["AccuracyError", "Choice", "Chosen", "choose", "settled"]
 AUTO = "auto"
 STEPS = 500
 """Control steps of an episode in the registered environment."""
-MOST_SUBSTEPS = 10**6
-"""Largest number of substeps that is accepted from a stored choice."""
+TABLE = {"table": sorted(SHIPPED)}
+"""The question under which a table of costs measured on this computer is stored, for these classes of methods."""
 MOST_EPISODE = 10**7
 """Largest number of control steps in an episode for which a method can be chosen."""
 
@@ -68,52 +67,30 @@ def choose(
     limit = number(accuracy, "accuracy", above=0.0, unit="rad")
     step = number(dt, "dt", above=0.0, unit="s")
     count = whole_number(steps, "steps", MOST_EPISODE)
-    if progress is not None:
-        function(progress, "progress")
+    told = None if progress is None else function(progress, "progress")
     if boolean(recalibrate, "recalibrate"):
-        measured = _measured(progress)
-    table = measured if recalibrate else store.load_table(SHIPPED)
-    key = {
+        with _bar(told, "measuring the cost of steps") as tell:
+            table = measure(tell)
+        store.save(TABLE, table)
+    else:
+        table = store.load(TABLE)
+    question = {
         "scenes": [scene.to_dict() for scene in places], "accuracy": limit, "dt": step, "steps": count,
         "sources": sources(), "table": None if table is None else sorted(table.items()),
     }
-    path = store.file_of(key)
-    choice = None if recalibrate else _read(store.load(path, key), (limit, step, count))
-    if choice is None:
-        words = "shipped" if table is None else "measured here"
-        if progress is None:
-            with late_bar(f"choosing a method for {places[0].name}") as tell:
-                choice = calibrate(places, limit, step, count, table or SHIPPED, words, tell)
-        else:
-            choice = calibrate(places, limit, step, count, table or SHIPPED, words, progress)
-        store.save(path, key, asdict(choice))
+    stored = None if recalibrate else store.load(question)
+    if stored is not None:
+        others = tuple(Candidate(**one) for one in stored["others"])
+        return Choice(**{**stored, "others": others, "limits": tuple(stored["limits"])})
+    with _bar(told, f"choosing a method for {places[0].name}") as tell:
+        choice = calibrate(places, limit, step, count, table or SHIPPED,
+                           "measured here" if table else "shipped", tell)
+    store.save(question, asdict(choice))
     return choice
 
 
-def _measured(progress: Progress | None) -> dict[str, tuple[float, float]]:
-    """Measure the time that a step of each kind of method costs on this computer, and store the table."""
-    if progress is None:
-        with late_bar("measuring the cost of steps") as tell:
-            table = measure(tell)
-    else:
-        table = measure(progress)
-    store.save_table(table)
-    return table
-
-
-def _read(stored: Any, question: tuple[float, float, int]) -> Choice | None:
-    """Return a choice read from the cache for this accuracy, dt and steps (``question``); None if it is not valid."""
-    try:
-        others = tuple(Candidate(str(o["method"]), int(o["substeps"]), float(o["error"]), float(o["cost"]))
-                       for o in stored["others"])
-        choice = Choice(**{**stored, "others": others, "limits": tuple(map(str, stored["limits"]))})
-        valid = choice.method in METHODS and type(choice.substeps) is int and 0 < choice.substeps <= MOST_SUBSTEPS
-        valid &= (choice.accuracy, choice.dt, choice.steps) == question and isinstance(stored["limits"], list)
-        valid &= 0.0 <= choice.error <= choice.accuracy and 0.0 < choice.cost < math.inf and choice.horizon > 0.0
-        valid &= math.isfinite(choice.growth) and 0.0 <= choice.share <= 1.0 and type(choice.judged) is int
-        return choice if valid and choice.why else None
-    except (KeyError, TypeError, ValueError, AttributeError, ArithmeticError):
-        return None
+def _bar(progress: Progress | None, title: str) -> AbstractContextManager[Progress]:
+    return late_bar(title) if progress is None else nullcontext(progress)
 
 
 def settled(

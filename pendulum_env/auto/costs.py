@@ -7,14 +7,13 @@ table for this computer.
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Mapping
 
 from integrators import Method
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import restarting
+from pendulum_env.engine.timing import step_times
 from pendulum_env.physics.flow import braking
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
@@ -85,37 +84,19 @@ def control_cost(method: Method, scene: Scene, substeps: int, table: Table) -> f
     return substeps * step_cost(method, scene, table) + restart
 
 
-def samples() -> dict[str, tuple[str, tuple[Method, ...]]]:
+def samples() -> dict[str, tuple[str, list[Method]]]:
     """Return the methods to time: for each cost class, a scene and the members with the fewest and most evaluations.
 
-    The keys are the names of the classes, the values pairs of a scene's name and the methods.
+    The keys are the names of the classes, the values pairs of a scene's name and one or two methods.
     """
-    measured_in: dict[str, tuple[str, tuple[Method, ...]]] = {}
+    measured_in: dict[str, tuple[str, list[Method]]] = {}
     for name in MEASURED_IN:
-        groups: dict[str, list[Method]] = {}
-        for method in fitting(SCENES[name]).values():
-            groups.setdefault(class_of(method, SCENES[name]), []).append(method)
-        for kind, members in groups.items():
-            ends = (min(members, key=lambda method: method.evaluations),
-                    max(members, key=lambda method: method.evaluations))
-            measured_in.setdefault(kind, (name, tuple(dict.fromkeys(ends))))
+        methods = list(fitting(SCENES[name]).values())
+        for kind in dict.fromkeys(class_of(method, SCENES[name]) for method in methods):
+            members = [method for method in methods if class_of(method, SCENES[name]) == kind]
+            ends = (end(members, key=lambda method: method.evaluations) for end in (min, max))
+            measured_in.setdefault(kind, (name, list(dict.fromkeys(ends))))
     return measured_in
-
-
-def times(machines: Mapping[str, Machine], rounds: int = ROUNDS) -> dict[str, float]:
-    """Return the shortest measured time of a step of each compiled method [s], by name.
-
-    The methods take turns, so that a change of the computer's speed affects all of them.
-    """
-    best = dict.fromkeys(machines, math.inf)
-    for turn in range(rounds + 1):
-        for name, machine in machines.items():
-            state = machine.state(1.0, 0.0)
-            start = time.perf_counter()
-            machine.advance(state, 0.3, H, STEPS)
-            if turn:
-                best[name] = min(best[name], (time.perf_counter() - start) / STEPS)
-    return best
 
 
 def measure(tell: Callable[[float, str], None] = lambda _done, _text: None) -> dict[str, tuple[float, float]]:
@@ -124,17 +105,15 @@ def measure(tell: Callable[[float, str], None] = lambda _done, _text: None) -> d
     The measurement takes about a minute if nothing is compiled yet.
     """
     wanted, costs = samples(), {}
-    for place in MEASURED_IN:
-        members = {method.name: method for name, group in wanted.values() if name == place for method in group}
+    for i, place in enumerate(MEASURED_IN):
+        groups = {kind: group for kind, (name, group) in wanted.items() if name == place}
         machines: dict[str, Machine] = {}
-        for i, name in enumerate((UNIT, *members)):
-            tell((MEASURED_IN.index(place) + 0.8 * i / (1 + len(members))) / len(MEASURED_IN), name)
+        for name in dict.fromkeys((UNIT, *(method.name for group in groups.values() for method in group))):
+            tell((i + len(machines) / (2 + 2 * len(groups))) / len(MEASURED_IN), name)
             machines[name] = RunSpec.of(SCENES[place], name, backend="compiled").machine()
-            machines[name].advance(machines[name].state(1.0, 0.0), 0.3, H, 1)
-        best = times(machines)
-        for kind, (name, group) in wanted.items():
-            if name == place:
-                costs[kind] = _line([(method.evaluations, best[method.name] / best[UNIT]) for method in group])
+        best = step_times(machines, 1.0, 0.0, H, STEPS, rounds=ROUNDS, control=0.3)
+        for kind, group in groups.items():
+            costs[kind] = _line([(method.evaluations, best[method.name] / best[UNIT]) for method in group])
     return costs
 
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.shape import DIVERGED
@@ -22,8 +22,8 @@ SEEDS = {True: 10, False: 12}
 """Number of random episodes for each start and kind of torque, with (True) and without (False) a motor."""
 BEGUN = ("swing_up", "balance")
 """Tasks at whose starts probe episodes begin: hanging and upright."""
-KEPT, ALIKE = 5, 1
-"""Number of the most sensitive random episodes to select, and the most of these with one start and kind of torque."""
+KEPT = 5
+"""Number of the most sensitive random episodes to select, none with the same start and kind of torque as another."""
 NUDGE = 1e-9
 """Size of the random displacements of one of two twin runs at every control step, to measure sensitivity [rad, omega0].
 """
@@ -38,19 +38,13 @@ Control = Callable[[random.Random, float, float], float]
 """Function of a random generator, the velocity [rad/s] and the last control that returns the next control."""
 
 
-def _uniform(source: random.Random, _velocity: float, _before: float) -> float:
-    """Return a random motor torque, uniform in [-1, 1] of the largest torque."""
-    return 2.0 * source.random() - 1.0
-
-
-def _bang_bang(source: random.Random, _velocity: float, _before: float) -> float:
-    """Return the largest motor torque with a random sign: 1 or -1."""
+def _sign(source: random.Random) -> float:
     return 1.0 if source.random() < 0.5 else -1.0
 
 
 def _held(source: random.Random, _velocity: float, before: float) -> float:
     """Return the largest motor torque with a random sign, which changes after about twenty control steps."""
-    turned, side = source.random() < 0.05, 1.0 if source.random() < 0.5 else -1.0
+    turned, side = source.random() < 0.05, _sign(source)
     return side if turned or not before else before
 
 
@@ -60,32 +54,25 @@ def _levels(source: random.Random, _velocity: float, before: float) -> float:
     return (0.0 if still else level) if turned else before
 
 
-def _pumping(_source: random.Random, velocity: float, _before: float) -> float:
-    """Return the largest motor torque in the direction of the velocity, which adds the most energy."""
-    return -1.0 if velocity < 0.0 else 1.0
+RANDOM: Mapping[str, Control] = {
+    "uniform": lambda source, _velocity, _before: 2.0 * source.random() - 1.0,
+    "bang_bang": lambda source, _velocity, _before: _sign(source),
+    "held": _held,
+    "levels": _levels,
+}
+"""Random motor torques, as fractions of the largest, by name."""
+NOTHING: Mapping[str, Control] = {"nothing": lambda _source, _velocity, _before: 0.0}
+"""No motor torque."""
+FIXED: Mapping[str, Control] = {
+    **NOTHING,
+    "pumping": lambda _source, velocity, _before: -1.0 if velocity < 0.0 else 1.0,
+    "forwards": lambda _source, _velocity, _before: 1.0,
+    "backwards": lambda _source, _velocity, _before: -1.0,
+}
+"""Motor torques without chance, by name; "pumping" adds the most energy."""
 
 
-def _nothing(_source: random.Random, _velocity: float, _before: float) -> float:
-    """Return no motor torque."""
-    return 0.0
-
-
-def _forwards(_source: random.Random, _velocity: float, _before: float) -> float:
-    """Return the largest motor torque in the positive direction, always."""
-    return 1.0
-
-
-def _backwards(_source: random.Random, _velocity: float, _before: float) -> float:
-    """Return the largest motor torque in the negative direction, always."""
-    return -1.0
-
-
-RANDOM: tuple[Control, ...] = (_uniform, _bang_bang, _held, _levels)
-FIXED: tuple[Control, ...] = (_nothing, _pumping, _forwards, _backwards)
-
-
-@dataclass(frozen=True)
-class Probes:
+class Probes(NamedTuple):
     """Probe episodes of one scene, in which the errors of methods are measured.
 
     Attributes:
@@ -93,26 +80,19 @@ class Probes:
         chosen: episodes with random starts or torques, the most sensitive to small errors first.
     """
 
-    plain: tuple[Probe, ...]
-    chosen: tuple[Probe, ...]
-
-    @property
-    def every(self) -> tuple[Probe, ...]:
-        """Return all probe episodes of the scene: those without random torques and the random ones."""
-        return (*self.plain, *self.chosen)
+    plain: list[Probe]
+    chosen: list[Probe]
 
     def up_to(self, growth: float) -> list[Probe]:
-        """Select probe episodes in which a small error grows at most ``growth``-fold.
+        """Select probe episodes in which a small error grows at most ``growth``-fold, the most sensitive first.
 
         They are all episodes without random torques, and the five (KEPT) most sensitive random ones, with at most one
-        (ALIKE) for each start and kind of torque.
+        for each start and kind of torque.
         """
-        selected: list[Probe] = []
-        for probe in self.chosen:
-            if probe.growth <= growth and len(selected) < KEPT and sum(probe.name == p.name for p in selected) < ALIKE:
-                selected.append(probe)
-        plain = (probe for probe in self.plain if probe.growth <= growth)
-        return sorted((*selected, *plain), key=lambda probe: -probe.growth)
+        plain, chosen = ([probe for probe in some if probe.growth <= growth] for some in self)
+        first = {probe.name: probe for probe in reversed(chosen)}
+        random_ones = sorted(first.values(), key=chosen.index)[:KEPT]
+        return sorted((*random_ones, *plain), key=lambda probe: -probe.growth)
 
 
 def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -> Probes:
@@ -124,41 +104,32 @@ def probes(scene: Scene, dt: float, steps: int, tell: Callable[[float], None]) -
     """
     machine = RunSpec.of(scene, SCREEN, diagnostics=(), backend="python", substeps=_screening(scene, dt)).machine()
     driven = any(effect.controlled for effect in scene.effects)
-    chance = bool(machine.drawn)
-    plain, chosen = [], []
-    starts = [(scene.run.angle, scene.run.velocity, "usual start", None),
-              *((float(TASKS[name].starts(0.5, 0.5, 1.0)[0]), 0.0, name, TASKS[name]) for name in BEGUN)]
-    fixed = FIXED if driven else FIXED[:1]
-    for angle, velocity, name, task in starts:
-        for control in fixed:
-            shift = 0.0 if task is None else 0.05
-            plain.append(_episode(machine, dt, steps, angle + shift, velocity, control, random.Random(0), name))
-    kinds = RANDOM if driven else FIXED[:1]
-    seeded = [start for start in starts if driven or chance or start[3] is not None]
-    total = len(seeded) * len(kinds) * SEEDS[driven]
-    for angle, velocity, name, task in seeded:
-        for control in kinds:
+    fixed, kinds = (FIXED, RANDOM) if driven else (NOTHING, NOTHING)
+    usual = "usual start", scene.run.angle, scene.run.velocity
+    middles = [(name, float(TASKS[name].starts(0.5, 0.5, 1.0)[0]), 0.0) for name in BEGUN]
+    plain = [_episode(machine, dt, steps, angle + 0.05 * (name in BEGUN), velocity, control, random.Random(0),
+                      f"{name}, {kind}")
+             for name, angle, velocity in (usual, *middles) for kind, control in fixed.items()]
+    chosen: list[Probe] = []
+    seeded = [usual, *middles] if driven or machine.drawn else middles
+    for name, angle, velocity in seeded:
+        for kind, control in kinds.items():
             for seed in range(SEEDS[driven]):
                 source = random.Random(1 + seed)
-                if task is not None:
-                    spread = task.starts(source.random(), source.random(), scene.omega0 or 1.0)
-                    angle, velocity = float(spread[0]), float(spread[1])
-                chosen.append(_episode(machine, dt, steps, angle, velocity, control, source, name))
-                tell(len(chosen) / total)
+                if name in BEGUN:
+                    angle, velocity = map(float, TASKS[name].starts(
+                        source.random(), source.random(), scene.omega0 or 1.0))
+                chosen.append(_episode(machine, dt, steps, angle, velocity, control, source, f"{name}, {kind}"))
+                tell(len(chosen) / (len(seeded) * len(kinds) * SEEDS[driven]))
     chosen.sort(key=lambda probe: -probe.growth)
-    return Probes(tuple(_distinct(plain)), tuple(chosen))
-
-
-def _distinct(episodes: Iterable[Probe]) -> list[Probe]:
-    """Return probe episodes without duplicates of start and torques."""
-    return list({(probe.angle, probe.velocity, probe.controls): probe for probe in episodes}.values())
+    return Probes([*{(probe.angle, probe.velocity, probe.controls): probe for probe in plain}.values()], chosen)
 
 
 def _screening(scene: Scene, dt: float) -> int:
     """Return the number of substeps that resolves the fastest time scale of a scene: swing, drive or drag."""
     values = scene.coefficients
     beats = [abs(values[effect.beat]) for effect in scene.effects if effect.beat]
-    fastest = max([scene.omega0, *beats, *(abs(values[name]) for name in values if name == "linear_drag_rate")])
+    fastest = max(scene.omega0, abs(values.get("linear_drag_rate", 0.0)), *beats)
     needed = dt * fastest / RESOLVED
     if not needed <= MOST_SUBSTEPS:
         raise SceneError(
@@ -184,8 +155,8 @@ def _episode(
     share, distance, signs = 0.0, NUDGE, random.Random(0)
     for _ in range(steps):
         share = control(source, one[VELOCITY], share)
-        other[ANGLE] += NUDGE if signs.random() < 0.5 else -NUDGE
-        other[VELOCITY] += rate if signs.random() < 0.5 else -rate
+        other[ANGLE] += NUDGE * _sign(signs)
+        other[VELOCITY] += rate * _sign(signs)
         code = machine.advance(one, share, h, n) or machine.advance(other, share, h, n)
         if code == DIVERGED:
             break
@@ -194,4 +165,4 @@ def _episode(
             break
         distance = max(distance, abs(one[ANGLE] - other[ANGLE] + TWO_PI * (one[TURNS] - other[TURNS])))
     growth = distance / NUDGE if distance < LINEAR else math.inf
-    return Probe(angle, velocity, tuple(controls), uniform, growth, f"{name}, {control.__name__.strip('_')}")
+    return Probe(angle, velocity, tuple(controls), uniform, growth, name)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -13,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
-from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import fitted, for_figure, start
+from pendulum_env.plots.style import styled
+from pendulum_env.plots.titles import fitted, for_figure, page, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, OKABE_ITO
 from pendulum_env.study.audit.swing import METHOD
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow, off_by, strong_damping
@@ -48,12 +47,12 @@ NOTE = 480.0
 def draw(audit: Audit, figure: Figure | None = None) -> Figure:
     """Draw the bar chart of an audit, the changes due to every effect, in a new or a given figure of suitable size."""
     rows = sum(row.verdict != NOT_JUDGED for row in audit.rows)
-    drawing = blank((WIDE, FRAME + ROW * rows + LINE * len(_note(audit).splitlines())), figure)
-    with styled():
+    with page((WIDE, FRAME + ROW * rows + LINE * len(_note(audit).splitlines())), figure) as drawing:
         changes(audit, drawing.subplots())
     return drawing
 
 
+@styled()
 def changes(audit: Audit, axes: Axes | None = None) -> Axes:
     """Draw bars for the changes of the motion due to every effect, on a logarithmic axis; pale if they do not matter.
 
@@ -64,40 +63,38 @@ def changes(audit: Audit, axes: Axes | None = None) -> Axes:
     if axes is None:
         return draw(audit).axes[0]
     rows, note = [row for row in audit.rows if row.verdict != NOT_JUDGED], _note(audit)
-    with styled():
-        low, high = _span(audit)
-        axes.set_xscale("log")
-        axes.set_xlim(low, high)
-        for i, row in enumerate(rows):
-            _bars(axes, row, i, audit)
-            bold = row.verdict == CALLED_FOR
-            cost = f", {row.ns_per_step:+.1f} ns" if row.ns_per_step else ", no cost"
-            cost = cost if math.isfinite(row.ns_per_step) else ""
-            axes.annotate(f"{row.verdict}{cost}", (1.015, i), xycoords=("axes fraction", "data"), va="center",
-                          fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
-        limit = axes.axvline(audit.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)))
-        limit.set_label(f"tolerance {audit.tolerance:g}")
-        names = [row.effect if row.present else f"({row.effect})" for row in rows]
-        axes.set_yticks(range(len(rows)), list(map(for_figure, names)))
-        for label, row in zip(axes.get_yticklabels(), rows, strict=True):
-            label.set_color(INK if row.present else FAINT_INK)
-        here = sum(row.present for row in rows)
-        if here < len(rows):
-            axes.axhline(here - 0.5, color=HAIRLINE, linewidth=1.0)
-        axes.set_ylim(len(rows) - 0.4, -0.6)
-        axes.grid(axis="y", visible=False)
-        axes.set(xlabel="size of the relative change", title=_title(audit))
-        bars: list[Any] = [Patch(color=tone, label=text) for name, text, tone in QUANTITIES
-                           if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
-        if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
-            bars.append(Line2D([], [], label="textbook formula", **FORMULA))
-        if any(off_by(audit, row, name) > OFF for row in rows for name, _, _ in QUANTITIES):
-            bars.append(Line2D([], [], label=f"textbook formula, off by more than a factor of {OFF:g}", **FAR))
-        below = axes.transAxes + ScaledTranslation(0.0, -BELOW, axes.figure.dpi_scale_trans)
-        key = axes.legend(handles=[*bars, limit], loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=below,
-                          ncols=2, fontsize=9.5, title=note or None, title_fontsize=9.5, alignment="left",
-                          borderpad=0.0, borderaxespad=0.0)
-        key.get_title().set_color(FAINT_INK)
+    axes.set(xscale="log", xlim=_span(audit))
+    for i, row in enumerate(rows):
+        _bars(axes, row, i, audit)
+        bold = row.verdict == CALLED_FOR
+        cost = "" if math.isnan(row.ns_per_step) else (
+            f", {row.ns_per_step:+.1f} ns" if row.ns_per_step else ", no cost")
+        axes.annotate(f"{row.verdict}{cost}", (1.015, i), xycoords=("axes fraction", "data"), va="center",
+                      fontsize=10, weight="bold" if bold else "normal", color=INK if bold else FAINT_INK)
+    limit = axes.axvline(audit.tolerance, color=INK, linewidth=1.2, linestyle=(0, (4, 3)),
+                         label=f"tolerance {audit.tolerance:g}")
+    names = [row.effect if row.present else f"({row.effect})" for row in rows]
+    axes.set_yticks(range(len(rows)), list(map(for_figure, names)))
+    for label, row in zip(axes.get_yticklabels(), rows, strict=True):
+        label.set_color(INK if row.present else FAINT_INK)
+    here = sum(row.present for row in rows)
+    if here < len(rows):
+        axes.axhline(here - 0.5, color=HAIRLINE, linewidth=1.0)
+    axes.grid(axis="y", visible=False)
+    axes.set(ylim=(len(rows) - 0.4, -0.6), xlabel="size of the relative change",
+             title=f"Effects that matter for {for_figure(audit.scene.name)}, {start(audit.amplitude)} · {METHOD}, "
+                   f"{audit.steps} steps per period")
+    bars: list[Any] = [Patch(color=tone, label=text) for name, text, tone in QUANTITIES
+                       if any(math.isfinite(getattr(row, f"{name}_change")) for row in rows)]
+    if any(math.isfinite(_predicted(row, name)) for row in rows for name, _, _ in QUANTITIES):
+        bars.append(Line2D([], [], label="textbook formula", **FORMULA))
+    if any(off_by(audit, row, name) > OFF for row in rows for name, _, _ in QUANTITIES):
+        bars.append(Line2D([], [], label=f"textbook formula, off by more than a factor of {OFF:g}", **FAR))
+    below = axes.transAxes + ScaledTranslation(0.0, -BELOW, axes.figure.dpi_scale_trans)
+    key = axes.legend(handles=[*bars, limit], loc="upper left", bbox_to_anchor=(0.0, 0.0), bbox_transform=below,
+                      ncols=2, fontsize=9.5, title=note or None, title_fontsize=9.5, alignment="left",
+                      borderpad=0.0, borderaxespad=0.0)
+    key.get_title().set_color(FAINT_INK)
     return axes
 
 
@@ -111,16 +108,11 @@ def _note(audit: Audit) -> str:
 def _span(audit: Audit) -> tuple[float, float]:
     """Return the limits of the logarithmic axis of an audit's chart, from the sizes of the changes and the tolerance.
     """
-    sizes = [value for row in audit.rows for value in _values(row) if value > audit.integration_error]
-    sizes.append(audit.tolerance)
+    values = [abs(value) for row in audit.rows for value in (
+        row.period_change, row.amplitude_change, row.angle_change, row.period_predicted, row.amplitude_predicted)]
+    sizes = [audit.tolerance, *(value for value in values if math.inf > value > audit.integration_error)]
     lowest = max(min(sizes), audit.tolerance * 10.0**-DECADES)
     return 10.0 ** (math.floor(math.log10(lowest)) - 1), 10.0 ** math.ceil(math.log10(max(sizes)) + 0.2)
-
-
-def _values(row: AuditRow) -> Sequence[float]:
-    """Return the sizes of the relative changes that an effect causes, simulated and predicted by textbooks."""
-    values = (row.period_change, row.amplitude_change, row.angle_change, row.period_predicted, row.amplitude_predicted)
-    return [abs(value) for value in values if math.isfinite(value)]
 
 
 def _bars(axes: Axes, row: AuditRow, place: float, audit: Audit) -> None:
@@ -157,13 +149,6 @@ def _write(axes: Axes, text: str, y: float) -> None:
                   color=FAINT_INK)
 
 
-def _faded(tone: str) -> tuple[float, float, float]:
+def _faded(tone: str) -> tuple[float, ...]:
     """Return a paler shade of a colour, mixed with white, as red, green and blue from 0 to 1."""
-    red, green, blue = (value + FADED * (1.0 - value) for value in to_rgb(tone))
-    return red, green, blue
-
-
-def _title(audit: Audit) -> str:
-    """Return the title of an audit's chart: scene, amplitude, method and steps."""
-    return (f"Effects that matter for {for_figure(audit.scene.name)}, {start(audit.amplitude)} · {METHOD}, "
-            f"{audit.steps} steps per period")
+    return tuple(value + FADED * (1.0 - value) for value in to_rgb(tone))

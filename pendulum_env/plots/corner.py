@@ -13,8 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from pendulum_env.plots.series import FloatArray
-from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import for_figure, headline
+from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import INK, OKABE_ITO
 
 if TYPE_CHECKING:
@@ -60,8 +59,10 @@ def corner(posterior: Posterior, figure: Figure | None = None) -> Figure:
     """
     axes = [_axis(posterior, i) for i in range(len(posterior.names))]
     side = max(PANEL * len(axes) + EDGE, SMALLEST)
-    drawing = blank((side, side), figure)
-    with styled():
+    steps, walkers, _ = posterior.chain.shape
+    title = (f"{for_figure(posterior.fit.recording.source)} · posterior of {walkers} walkers, {steps} steps, worth "
+             f"{posterior.independent:.0f} independent samples")
+    with page((side, side), figure, title) as drawing:
         grid = drawing.subplots(len(axes), len(axes), squeeze=False)
         for i, down in enumerate(axes):
             for j, across in enumerate(axes):
@@ -71,8 +72,7 @@ def corner(posterior: Posterior, figure: Figure | None = None) -> Figure:
                 elif i == j:
                     _alone(at, down)
                 else:
-                    correlation = float(posterior.fit.correlations[i, j])
-                    _pair(at, across, down, correlation)
+                    _pair(at, across, down, float(posterior.fit.correlations[i, j]))
                 if j <= i:
                     _ticks(at, across, down if j < i else None, bottom=i == len(axes) - 1, left=j == 0)
         drawing.legend(handles=[
@@ -81,9 +81,6 @@ def corner(posterior: Posterior, figure: Figure | None = None) -> Figure:
             Line2D([], [], color=FIT, linestyle=(0, (4, 2)), label="normal, from the fit's errors"),
         ], loc="upper right", bbox_to_anchor=(0.99, 0.93), fontsize=11)
         drawing.align_labels()
-        steps, walkers, _ = posterior.chain.shape
-        headline(drawing, f"{for_figure(posterior.fit.recording.source)} · posterior of {walkers} walkers, "
-                 f"{steps} steps, worth {posterior.independent:.0f} independent samples")
     return drawing
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
 import integrators
-from pendulum_env.plots.style import blank, decades, distinct, styled
-from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, for_figure, headline, setting, start
+from pendulum_env.plots.style import decades, distinct, panel
+from pendulum_env.plots.titles import for_figure, page, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, TRACK
 from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import FLOOR, CostPoint, CostStudy, short
@@ -33,6 +32,12 @@ DASHED = (0, (4.5, 1.5))
 """Dash pattern of lines with adapted steps."""
 BEHIND: dict[str, Any] = {"color": "#B9B9B9", "linewidth": 0.7, "alpha": 0.6, "zorder": 1.2}
 """Style of the grey lines behind the coloured ones."""
+KNOWN: dict[str, Any] = {"linewidth": 1.6, "zorder": 2.2}
+HOLLOW: dict[str, Any] = {"alpha": 0.7, "zorder": 2.1, "linestyle": "none", "markerfacecolor": "white"}
+"""Style of the markers of errors too close to the reference solution's own error, which are not joined."""
+FRONT: dict[str, Any] = {"color": INK, "alpha": 0.15, "linewidth": 11, "solid_joinstyle": "round",
+                         "label": "Pareto front"}
+"""Style of the broad band along the Pareto front, the least error for every wall time."""
 
 WORK: dict[str, tuple[str, str, Callable[[CostStudy, CostPoint], float]]] = {
     "time": ("wall time per simulated second [s]", "against time", lambda study, p: p.ns_per_second * 1e-9),
@@ -57,12 +62,10 @@ def draw(study: CostStudy, figure: Figure | None = None) -> Figure:
     than 12 (FEW) methods, only the lines of :func:`leading` have colours. ``figure`` is drawn into and resized; by
     default a new figure.
     """
-    with styled():
-        drawing = blank(SIZE, figure)
-        places = drawing.subplots(1, 2, squeeze=False)[0]
-        for axes, work in zip(places, WORK, strict=True):
+    with page(SIZE, figure, _title(study), _note(study)) as drawing:
+        for axes, work in zip(drawing.subplots(1, 2, squeeze=False)[0], WORK, strict=True):
             work_precision(study, work, axes=axes)
-        _finish(drawing, study, places)
+        _legend(drawing, study)
     return drawing
 
 
@@ -73,13 +76,11 @@ def draw_errors(study: CostStudy, figure: Figure | None = None) -> Figure:
     The style and ``figure`` are as for :func:`draw`.
     """
     there = [error for error in ERRORS if any(getattr(p, error) > 0.0 for p in study.points)] or ["angle_error"]
-    with styled():
-        drawing = blank((3.4 + WIDER * len(there), SIZE[1]), figure)
-        places = drawing.subplots(1, len(there), squeeze=False)[0]
-        for axes, error in zip(places, there, strict=True):
+    with page((3.4 + WIDER * len(there), SIZE[1]), figure, _title(study), _note(study)) as drawing:
+        for axes, error in zip(drawing.subplots(1, len(there), squeeze=False)[0], there, strict=True):
             work_precision(study, "time", error, axes)
             axes.set_title(ERRORS[error][1])
-        _finish(drawing, study, places)
+        _legend(drawing, study)
     return drawing
 
 
@@ -89,16 +90,20 @@ def work_precision(
     """Draw one error of a cost study against one kind of work. ``work`` is "time" or "evaluations"; ``error`` is
     "angle_error", "phase_error" or "energy_error".
     """
-    at = axes if axes is not None else one(size=(8.0, 6.6))[1][0]
     label, title, value = WORK[work]
-    with styled():
-        looks = _looks(study)
+    looks, front = _looks(study), study.front
+    with panel(axes, (8.0, 6.6)) as at:
         for name in study.series:
             points = [p for p in study.of(name) if getattr(p, error) > 0.0 and value(study, p) > 0.0]
-            x, y = [value(study, p) for p in points], [getattr(p, error) for p in points]
-            _curve(at, x, y, [p.floor and error != "energy_error" for p in points], looks.get(name))
+            for hollow in (False, True):
+                some = [p for p in points if (p.floor and error != "energy_error") is hollow]
+                xy = [value(study, p) for p in some], [getattr(p, error) for p in some]
+                if name in looks:
+                    at.plot(*xy, markersize=5, **{**looks[name], **(HOLLOW if hollow else KNOWN)})
+                elif not hollow:
+                    at.plot(*xy, **BEHIND)
         if (work, error) == ("time", "angle_error"):
-            _front(at, study)
+            at.plot([value(study, p) for p in front], [study.known_error(p) for p in front], zorder=1.6, **FRONT)
         at.set(xscale="log", yscale="log", xlabel=label, ylabel=ERRORS[error][0], title=title)
         at.margins(x=0.04)
         at.set_xlim(*decades(*at.get_xlim()))
@@ -137,31 +142,6 @@ def _looks(study: CostStudy) -> dict[str, dict[str, Any]]:
                    "linestyle": "-" if name == methods[name] else DASHED} for i, name in enumerate(names)}
 
 
-def _curve(
-    axes: Axes, x: Sequence[float], y: Sequence[float], hollow: Sequence[bool], look: dict[str, Any] | None
-) -> None:
-    """Draw one method's line of a work-precision diagram, with hollow markers, not joined, for errors that are not
-    known.
-
-    ``hollow`` is True for an error too close to the reference solution's own error. ``look`` is the style of the line;
-    None for a grey line behind all others.
-    """
-    known, unknown = [i for i, reach in enumerate(hollow) if not reach], [i for i, reach in enumerate(hollow) if reach]
-    at = [x[i] for i in known], [y[i] for i in known]
-    if look is None:
-        axes.plot(*at, **BEHIND)
-        return
-    axes.plot(*at, linewidth=1.6, markersize=5, zorder=2.2, **look)
-    axes.plot([x[i] for i in unknown], [y[i] for i in unknown], markersize=5, alpha=0.7, zorder=2.1,
-              **{**look, "linestyle": "none", "markerfacecolor": "white"})
-
-
-def _front(axes: Axes, study: CostStudy) -> None:
-    """Draw a broad band along the Pareto front of a cost study: the least error for every wall time."""
-    x, y = [p.ns_per_second * 1e-9 for p in study.front], [study.known_error(p) for p in study.front]
-    axes.plot(x, y, color=INK, alpha=0.15, linewidth=11, solid_joinstyle="round", zorder=1.6, label="Pareto front")
-
-
 def _floors(axes: Axes, study: CostStudy, error: str) -> None:
     """Set the limits of the error axis of a work-precision diagram. Errors that the reference solution cannot resolve
     are shaded, and its own error and the rounding error are marked.
@@ -186,48 +166,47 @@ def _floors(axes: Axes, study: CostStudy, error: str) -> None:
                       textcoords="offset points", fontsize=8.5, color=FAINT_INK, zorder=0.8)
 
 
-def _finish(drawing: Figure, study: CostStudy, places: Sequence[Axes]) -> None:
-    """Add the legend at the right, the title and the note to a figure of work-precision diagrams."""
+def _legend(drawing: Figure, study: CostStudy) -> None:
+    """Add the legend at the right of a figure of work-precision diagrams."""
     entries = [Line2D([], [], linewidth=1.6, markersize=6, label=_label(study, name), **look)
                for name, look in _looks(study).items()]
-    entries.append(Line2D([], [], color=INK, alpha=0.15, linewidth=11, label="Pareto front"))
+    entries.append(Line2D([], [], **FRONT))
     if len(study.series) > len(entries) - 1:
         entries.append(Line2D([], [], **{**BEHIND, "linewidth": 1.4}, label="all others"))
     if any(point.floor for point in study.points):
         entries.append(Line2D([], [], color=FAINT_INK, linestyle="none", marker="o", markerfacecolor="white",
                               label="too close to the reference's error"))
     drawing.legend(handles=entries, loc="outside right upper", fontsize=9.5, handlelength=3.2, labelspacing=0.6,
-                ncols=1 + (len(entries) > ENTRIES))
-    headline(drawing, _title(study))
-    footnote(drawing, _note(study))
+                   ncols=1 + (len(entries) > ENTRIES))
 
 
 def _label(study: CostStudy, name: str) -> str:
     """Return a legend entry of a work-precision diagram: a line's name, its method's order and the measured order."""
     slope = study.slope(name)
-    method = next(point.method for point in study.points if point.series == name)
-    order = integrators.METHODS[method].order if method in integrators.METHODS else None
-    orders = [f"order {order}"] if order and math.isfinite(order) else []
+    methods = {integrators.METHODS.get(point.method) for point in study.points if point.series == name}
+    orders = [f"order {method.order}" for method in methods if method is not None and math.isfinite(method.order)]
     orders += [f"measured {slope:.2f}"] if math.isfinite(slope) else []
     return f"{for_figure(name)}\n({', '.join(orders)})" if orders else for_figure(name)
 
 
 def _note(study: CostStudy) -> str:
     """Return the note below work-precision diagrams: reference solution, shaded area, timing, methods not in colour."""
-    text = (f"Reference solution: {study.reference.how}. Shaded: errors below {FLOOR:g} times its own error, "
-            f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats} timings, without "
-            "compilation.")
     rest = [name for name in dict.fromkeys(point.series for point in study.front) if name not in leading(study)]
-    text += f" Also on the Pareto front: {', '.join(map(short, rest))}." if rest else ""
-    if any(not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points):
-        text += " Methods that use a series or a closed form have no force evaluations to count."
-    if any(effect.dry for effect in study.scene.effects):
-        text += " Force evaluations for locating turning points are not counted."
-    return for_figure(text)
+    sentences = {
+        f"Reference solution: {study.reference.how}. Shaded: errors below {FLOOR:g} times its own error, "
+        f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats} timings, without "
+        "compilation.": True,
+        f"Also on the Pareto front: {', '.join(map(short, rest))}.": bool(rest),
+        "Methods that use a series or a closed form have no force evaluations to count.": any(
+            not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points),
+        "Force evaluations for locating turning points are not counted.": any(
+            effect.dry for effect in study.scene.effects),
+    }
+    return for_figure(" ".join(sentence for sentence, holds in sentences.items() if holds))
 
 
 def _title(study: CostStudy) -> str:
     """Return the title of a figure of work-precision diagrams: scene, start and duration of the runs."""
-    parts = [*setting(study.scene), start(study.angle, study.velocity)]
-    parts += [f"{study.duration:g} s"] + ([] if study.complete else ["interrupted: not all runs are shown"])
-    return "What accuracy costs: " + " · ".join(parts)
+    ended = [] if study.complete else ["interrupted: not all runs are shown"]
+    return "What accuracy costs: " + " · ".join(
+        [*setting(study.scene), start(study.angle, study.velocity), f"{study.duration:g} s", *ended])

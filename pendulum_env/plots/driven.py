@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 
 from pendulum_env.plots.recorded import BEST, READING
 from pendulum_env.plots.series import joined
-from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import for_figure, headline
+from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import FAINT_INK, INK
 
 if TYPE_CHECKING:
@@ -34,8 +33,9 @@ def driven(fit: DrivenFit, figure: Figure | None = None) -> Figure:
     drawn into and resized; by default a new figure.
     """
     count = len(fit.logs)
-    drawing = blank((WIDTH, EDGE + HEIGHT * count), figure)
-    with styled():
+    rms = f"residual {np.degrees(fit.solution.rms):.2g}° rms"
+    title = f"{for_figure(fit.source)} · {rms} · {fit.grade.word}"
+    with page((WIDTH, EDGE + HEIGHT * count), figure, title) as drawing:
         grid = drawing.add_gridspec(3 * count, 1, height_ratios=(1.5, 0.9, 0.9) * count)
         for number, log in enumerate(fit.logs):
             angle = drawing.add_subplot(grid[3 * number])
@@ -52,8 +52,6 @@ def driven(fit: DrivenFit, figure: Figure | None = None) -> Figure:
                 panel.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=3, markerscale=2.0)
             if count > 1:
                 angle.set_title(for_figure(log.source), loc="right", fontsize=11)
-        rms = f"residual {np.degrees(fit.solution.rms):.2g}° rms"
-        headline(drawing, f"{for_figure(fit.source)} · {rms} · {fit.grade.word}")
     return drawing
 
 

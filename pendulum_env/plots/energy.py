@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
-from pendulum_env.plots.series import Span, check, peaks, swing, whole, within
-from pendulum_env.plots.style import figure, logarithmic, looks, styled
-from pendulum_env.plots.titles import describe, legend, named
+from pendulum_env.plots.series import Span, peaks, swing, within
+from pendulum_env.plots.style import logarithmic, looks
+from pendulum_env.plots.titles import named, over_time
 from pendulum_env.render.palette import FAINT_INK
 
 if TYPE_CHECKING:
@@ -38,23 +38,19 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
     A dashed line marks the initial energy. ``runs`` are rollouts by their labels, ``span`` is the time to show [s], and
     ``axes`` the axes to draw into, by default those of a new figure. Raises ValueError for runs that cannot be drawn.
     """
-    check(runs)
-    at = axes if axes is not None else figure()[1][0]
-    span = span or whole(runs)
-    parts = {key: within(run.time, span) for key, run in runs.items()}
-    values = {key: runs[key].energy[part] for key, part in parts.items()}
-    initial = float(next(iter(runs.values())).energy[0])
-    least_driven = min(float(np.max(own[np.isfinite(own)], initial=0.0)) for own in values.values())
-    usable = initial if math.isfinite(initial) and initial > max(0.0, least_driven / CEILING) else 0.0
-    everything = np.concatenate(list(values.values()))
-    size = usable or float(np.max(everything[np.isfinite(everything)], initial=0.0)) or 1.0
-    unit, name = next((unit, name) for least, unit, name in PREFIXES if size >= least)
-    everything = everything / unit
-    with styled():
+    with over_time(runs, span, axes) as (at, shown):
+        parts = {key: within(run.time, shown) for key, run in runs.items()}
+        values = {key: runs[key].energy[part] for key, part in parts.items()}
+        initial = float(next(iter(runs.values())).energy[0])
+        least_driven = min(float(np.max(own[np.isfinite(own)], initial=0.0)) for own in values.values())
+        usable = initial if math.isfinite(initial) and initial > max(0.0, least_driven / CEILING) else 0.0
+        everything = np.concatenate(list(values.values()))
+        known = everything[np.isfinite(everything)]
+        size = usable or float(np.max(known, initial=0.0)) or 1.0
+        unit, name = next((unit, name) for least, unit, name in PREFIXES if size >= least)
         for key, look in looks(runs).items():
             at.plot(runs[key].time[parts[key]], values[key] / unit, label=named(key, runs[key]), **look.line)
-        known = everything[np.isfinite(everything)]
-        most, least = float(known.max(initial=0.0)), float(known.min(initial=math.inf))
+        most, least = float((known / unit).max(initial=0.0)), float((known / unit).min(initial=math.inf))
         if usable and most > APART * max(least, 0.0):
             at.set_yscale("log")
             edges = usable / unit * FLOOR, usable / unit * CEILING
@@ -62,8 +58,7 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
         else:
             at.set_ylim(0.0, 1.08 * most or 1.0)
         at.axhline(usable / unit, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
-        at.set(xlabel="time [s]", ylabel=f"energy [{name}]", xlim=span, title=describe(runs))
-        legend(at)
+        at.set_ylabel(f"energy [{name}]")
     return at
 
 
@@ -75,15 +70,12 @@ def energy_residual(runs: Mapping[str, Rollout], *, span: Span | None = None, ax
     smallest error. An initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for
     runs that cannot be drawn.
     """
-    check(runs)
-    at = axes if axes is not None else figure()[1][0]
-    span = span or whole(runs)
-    moving = any(float(run.energy[0]) for run in runs.values())
     sizes = []
-    with styled():
+    with over_time(runs, span, axes) as (at, shown):
+        moving = any(float(run.energy[0]) for run in runs.values())
         for key, look in looks(runs).items():
             run = runs[key]
-            part = within(run.time, span)
+            part = within(run.time, shown)
             share = run.energy_residual[part] / (abs(float(run.energy[0])) or 1.0)
             sizes.append(float(np.max(np.abs(share[np.isfinite(share)]), initial=0.0)))
             at.plot(run.time[part], 100.0 * share if moving else share, label=named(key, run), **look.line)
@@ -91,9 +83,7 @@ def energy_residual(runs: Mapping[str, Rollout], *, span: Span | None = None, ax
         if limit > 0.0:
             at.set_ylim(-1.15 * limit, 1.15 * limit)
         at.axhline(0.0, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
-        label = "energy residual" + (" / E$_0$ [%]" if moving else " [J]")
-        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
-        legend(at)
+        at.set_ylabel("energy residual" + (" / E$_0$ [%]" if moving else " [J]"))
     return at
 
 
@@ -105,22 +95,17 @@ def energy_error(runs: Mapping[str, Rollout], *, span: Span | None = None, axes:
     initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for runs that cannot be
     drawn.
     """
-    check(runs)
-    at = axes if axes is not None else figure()[1][0]
-    span = span or whole(runs)
-    many = span[1] - span[0] > 2.0 * swing(runs)
-    moving = any(float(run.energy[0]) for run in runs.values())
-    with styled():
+    with over_time(runs, span, axes) as (at, shown):
+        many = shown[1] - shown[0] > 2.0 * swing(runs)
+        moving = any(float(run.energy[0]) for run in runs.values())
         for key, look in looks(runs).items():
             run = runs[key]
-            part = within(run.time, span)
+            part = within(run.time, shown)
             time, error = run.time[part], np.abs(run.energy_residual[part]) / (abs(float(run.energy[0])) or 1.0)
             if many:
                 time, error = peaks(time, error, run.velocity[part], 0.5 * swing(runs))
             at.plot(time, np.where(error >= LEAST, error, math.nan), label=named(key, run), **look.line)
         logarithmic(at)
-        label = "|energy residual|" + (" / E$_0$" if moving else " [J]")
-        label += "\nlargest in each half swing" if many else ""
-        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
-        legend(at)
+        at.set_ylabel("|energy residual|" + (" / E$_0$" if moving else " [J]")
+                      + ("\nlargest in each half swing" if many else ""))
     return at

@@ -12,9 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pendulum_env.plots.style import blank, distinct, styled
-from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, for_figure, headline, setting, start
+from pendulum_env.plots.style import distinct, panel
+from pendulum_env.plots.titles import for_figure, page, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
 from pendulum_env.study.cost.runs import energy_scale
 from pendulum_env.study.growth.laws import LOST, rounding_of
@@ -50,19 +49,16 @@ def draw(study: Growth, figure: Figure | None = None) -> Figure:
     Up to 12 (FEW) methods have colours of their own. For more methods, colours show the growth laws, and the names are
     listed by law. ``figure`` is drawn into and resized; by default a new figure.
     """
-    with styled():
-        few = len(study.lines) <= FEW
-        drawing = blank((SIZE[0], max(SIZE[1], 1.7 + ENTRY * len(study.lines) * few)), figure)
+    few = len(study.lines) <= FEW
+    high = max(SIZE[1], 1.7 + ENTRY * len(study.lines) * few)
+    shaded = ("Shaded: angle errors below ten times the reference solution's own error, and energy errors below random "
+              "rounding errors.")
+    with page((SIZE[0], high), figure, _title(study), for_figure(f"{study.text} {shaded}")) as drawing:
         left, right, beside = drawing.subplots(1, 3, width_ratios=(1.0, 1.0, 0.62))
         error_growth(study, "angle", left)
         error_growth(study, "energy", right)
         beside.axis("off")
-        if few:
-            _entries(study, beside)
-        else:
-            _names(study, beside)
-        headline(drawing, _title(study))
-        footnote(drawing, _note(study))
+        (_entries if few else _names)(study, beside)
     return drawing
 
 
@@ -72,24 +68,25 @@ def error_growth(study: Growth, kind: Kind = "angle", axes: Axes | None = None) 
     Guide lines have slopes 1 and 2. The shaded area is below ten times the error of the reference solution, or below
     rounding errors. A dotted line marks the error at which a method has lost the motion; later errors are faint.
     """
-    at = axes if axes is not None else one(size=(8.0, 6.0))[1][0]
     angle = kind == "angle"
     size = study.size if angle else 1.0
-    with styled():
-        at.set(xscale="log", yscale="log", xlabel="time [periods]")
-        at.set(title="angle" if angle else "energy")
-        unit = energy_scale(study.scene, (1.0,))[1]
-        at.set_ylabel("angle error, largest in a period [rad]" if angle else f"|energy residual| / {unit}")
-        look = _looks(study, kind)
-        values = [line.angle_error if angle else line.energy_error for line in study.lines]
+    unit = energy_scale(study.scene, (1.0,))[1]
+    look = _looks(study, kind)
+    values = [line.angle_error if angle else line.energy_error for line in study.lines]
+    with panel(axes, (8.0, 6.0)) as at:
+        at.set(xscale="log", yscale="log", xlabel="time [periods]", title=kind,
+               ylabel="angle error, largest in a period [rad]" if angle else f"|energy residual| / {unit}")
         for line, error in zip(study.lines, values, strict=True):
             shown = np.where((error > LEAST) & (error < MOST * size), error, math.nan)
             followed = study.time <= getattr(line, kind).lost
             at.plot(study.time, np.where(followed, shown, math.nan), label=line.label, **look(line))
             after = study.time >= np.max(study.time[followed], initial=0.0)
             at.plot(study.time[after], shown[after], **{**look(line), "linewidth": 0.7, "alpha": 0.25}, zorder=1.1)
-        low, high = _limits(values, size)
-        at.set(xlim=(study.time[0], max(study.time[-1], 1.5 * study.time[0])), ylim=(low, high))
+        drawn = np.concatenate([[size], *values])
+        drawn = drawn[(drawn > LEAST) & (drawn < MOST * size)]
+        low = 10.0 ** math.floor(math.log10(drawn.min()))
+        at.set(xlim=(study.time[0], max(study.time[-1], 1.5 * study.time[0])),
+               ylim=(low, 10.0 ** math.ceil(math.log10(3.0 * drawn.max()))))
         _guides(at)
         floor = _floor(study, kind)
         at.fill_between(study.time, low, np.maximum(floor, low), color=TRACK, zorder=0.5)
@@ -109,13 +106,6 @@ def _looks(study: Growth, kind: Kind) -> Callable[[GrowthLine], dict[str, Any]]:
         return lambda line: {"color": LAW_COLOURS[getattr(line, kind).kind], "linewidth": 0.9, "alpha": 0.65}
     tones = distinct(line.method for line in study.lines)
     return lambda line: {"color": tones[line.method], "linewidth": 1.9}
-
-
-def _limits(values: list[Any], size: float) -> tuple[float, float]:
-    """Return the limits of the error axis in a figure of error growth: whole powers of ten around the drawn errors."""
-    drawn = np.concatenate([[size], *values])
-    drawn = drawn[(drawn > LEAST) & (drawn < MOST * size)]
-    return 10.0 ** math.floor(math.log10(drawn.min())), 10.0 ** math.ceil(math.log10(3.0 * drawn.max()))
 
 
 def _guides(at: Axes) -> None:
@@ -171,13 +161,6 @@ def _names(study: Growth, beside: Axes) -> None:
         beside.text(-0.02, y - 1.1 * height, for_figure("\n".join(text)), fontsize=size, va="top", linespacing=1.12,
                     transform=beside.transAxes)
         y -= (len(text) + 1.7) * height
-
-
-def _note(study: Growth) -> str:
-    """Return the note below a figure of error growth: remarks on the study, and the meaning of the shaded areas."""
-    shaded = ("Shaded: angle errors below ten times the reference solution's own error, and energy errors below random "
-              "rounding errors.")
-    return for_figure(f"{study.text} {shaded}")
 
 
 def _title(study: Growth) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Sequence
-from itertools import groupby
+from itertools import accumulate, groupby, pairwise
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -15,8 +15,8 @@ from matplotlib.transforms import blended_transform_factory
 from integrators import Method
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG, Case
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
-from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import fitted, for_figure
+from pendulum_env.plots.style import styled
+from pendulum_env.plots.titles import fitted, for_figure, page
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 
@@ -49,6 +49,7 @@ FAILED, KNOWN = "-", (0, (1.2, 0.8))
 """Outlines of cells with an unexpected outcome, without and with a known reason."""
 
 
+@styled()
 def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
     """Draw the matrix of hard cases, with one row per case, in groups, and one column per method, in families.
 
@@ -57,7 +58,8 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
     outcomes also differ in lightness and mark. Runs that did not take place are left blank. ``figure`` is drawn into
     and resized; by default a new figure.
     """
-    methods = _by_family(matrix.methods)
+    families = [method.family for method in matrix.methods]
+    methods = sorted(matrix.methods, key=lambda method: families.index(method.family))
     columns = _places((method.family for method in methods), GAP)
     cell = max(CELL, min(WIDEST, BREADTH / len(methods)))
     across = cell * (columns[-1] + 1.5)
@@ -73,18 +75,16 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
         width, high = max(sum(wide), ENTRY), CELL * (max(places[-1] for places in rows) + 2.0)
         if high <= TALLEST * width:
             break
-    with styled():
-        handles, words = _entries(matrix)
-        entries_across = max(1, min(3, int(width / (ENTRY * larger))))
-        foot = 0.15 + larger * LINE * -(-len(words) // entries_across)
-        title = fitted(_title(matrix), 13.0 * larger, 72.0 * (width - 0.24))
-        flat = all(_fits(family, len(list(members)), cell, larger)
-                   for family, members in groupby(methods, key=lambda method: method.family))
-        tall = max(places[-1] for places in rows) > TALL
-        low = foot + above * tall
-        height = high + above + larger * ((FLAT if flat else SLANTED) + HEAD * (1 + title.count("\n"))) + low
-        drawing = blank((width, height), figure, None)
-        left, top = 0.0, low + high
+    handles = _entries(matrix)
+    entries_across = max(1, min(3, int(width / (ENTRY * larger))))
+    foot = 0.15 + larger * LINE * -(-len(handles) // entries_across)
+    title = fitted(_title(matrix), 13.0 * larger, 72.0 * (width - 0.24))
+    flat = all(_fits(family, families.count(family), cell, larger) for family in families)
+    tall = max(places[-1] for places in rows) > TALL
+    low = foot + above * tall
+    height = high + above + larger * ((FLAT if flat else SLANTED) + HEAD * (1 + title.count("\n"))) + low
+    left, top = 0.0, low + high
+    with page((width, height), figure, layout=None) as drawing:
         for block, places, own, beside in zip(blocks, rows, wide, names, strict=True):
             body = CELL * (places[-1] + 2.0)
             axes = drawing.add_axes(((left + beside) / width, (top - body) / height, across / width, body / height))
@@ -101,8 +101,8 @@ def draw(matrix: Matrix, figure: Figure | None = None) -> Figure:
             _families(axes, methods, columns, above, cell, larger)
             _groups(axes, block, places, left + 0.12, larger)
             left += own
-        drawing.legend(handles, words, loc="lower left", bbox_to_anchor=(0.0, 0.0), ncols=entries_across,
-                       fontsize=9.5 * larger, handlelength=1.4, columnspacing=2.0)
+        drawing.legend([*handles.values()], [*handles], loc="lower left", bbox_to_anchor=(0.0, 0.0),
+                       ncols=entries_across, fontsize=9.5 * larger, handlelength=1.4, columnspacing=2.0)
         drawing.text(0.12 / width, 1.0 - 0.12 / height, title, fontsize=13.0 * larger, va="top")
     return drawing
 
@@ -122,21 +122,11 @@ def _longest(names: Iterable[str]) -> float:
     return max(width_of(name, LABEL) for name in names) / 72.0
 
 
-def _by_family(methods: Sequence[Method]) -> list[Method]:
-    """Return the methods sorted so that those of one family stand together."""
-    families = list(dict.fromkeys(method.family for method in methods))
-    return sorted(methods, key=lambda method: families.index(method.family))
-
-
 def _places(kinds: Iterable[Hashable], gap: float) -> list[float]:
     """Return the positions of a matrix's rows or columns, 1 apart and with a further ``gap`` wherever the kind changes.
     """
-    places: list[float] = []
-    last: Hashable = None
-    for kind in kinds:
-        places.append(places[-1] + 1.0 + gap * (kind != last) if places else 0.0)
-        last = kind
-    return places
+    steps = [1.0 + gap * (kind != before) for before, kind in pairwise(kinds)]
+    return list(accumulate(steps, initial=0.0))
 
 
 def _cells(axes: Axes, entries: Sequence[MatrixEntry], at: Sequence[tuple[float, float]]) -> None:
@@ -185,19 +175,18 @@ def _groups(axes: Axes, block: Sequence[Case], rows: Sequence[float], left: floa
         axes.text(left, first - 0.95, group, fontsize=10.5 * larger, transform=along, ha="left", va="center")
 
 
-def _entries(matrix: Matrix) -> tuple[list[Any], list[str]]:
-    """Return the handles and texts of the legend of the matrix of hard cases, for the outcomes and outlines in it."""
+def _entries(matrix: Matrix) -> dict[str, Any]:
+    """Return the legend of the matrix of hard cases, text -> handle, for the outcomes and outlines in it."""
     handles: dict[str, Any] = {}
     there = {entry.finding.outcome for entry in matrix.entries}
-    for outcome in (outcome for outcome in OUTCOMES if outcome in there):
+    for outcome in [one for one in OUTCOMES if one in there]:
         tone, ink, mark, words = LOOKS[outcome]
         square = Line2D([], [], linestyle="none", marker="s", markersize=12, markerfacecolor=tone, markeredgewidth=0.0)
         handles[words] = (square, Line2D([], [], linestyle="none", marker=mark or "None", markersize=5, color=ink))
-    failed = {bool(entry.known) for entry in matrix.entries if not entry.expected}
-    for known in failed:
+    for known in {bool(entry.known) for entry in matrix.entries if not entry.expected}:
         handles["known failure" if known else "failure: unexpected outcome"] = Rectangle(
             (0.0, 0.0), 1.0, 1.0, fill=False, edgecolor=INK, linewidth=1.8, linestyle=KNOWN if known else FAILED)
-    return list(handles.values()), list(handles)
+    return handles
 
 
 def _title(matrix: Matrix) -> str:

@@ -29,8 +29,8 @@ from pendulum_env.plots.series import (
     whole,
     within,
 )
-from pendulum_env.plots.style import ALONE, Look, blank, figure, logarithmic, looks, styled
-from pendulum_env.plots.titles import describe, fitted, footnote, for_figure, headline, legend, named
+from pendulum_env.plots.style import ALONE, Look, logarithmic, looks, panel
+from pendulum_env.plots.titles import describe, fitted, footnote, for_figure, legend, named, over_time, page
 from pendulum_env.render.palette import INK
 
 if TYPE_CHECKING:
@@ -105,36 +105,33 @@ def _over_time(
 ) -> Axes:
     """Draw the attribute ``name`` of every run, such as "angle", times ``factor``, against time [s]; see :func:`angle`.
     """
-    check(runs)
-    at = _axes(axes)
-    span = span or whole(runs)
-    many = crowded(runs, span) and all(swings(getattr(run, name)[within(run.time, span)]) for run in runs.values())
-    thin = {"linewidth": THIN, "linestyle": "-"} if dense(runs, span) and not many else {}
     heights: dict[str, FloatArray] = {}
+    with over_time(runs, span, axes) as (at, shown):
+        many = crowded(runs, shown) and all(
+            swings(getattr(run, name)[within(run.time, shown)]) for run in runs.values())
+        thin = {"linewidth": THIN, "linestyle": "-"} if dense(runs, shown) and not many else {}
 
-    def curve(motion: Any, key: str, label: str, style: dict[str, Any]) -> None:
-        part = within(motion.time, span)
-        time, values = motion.time[part], factor * getattr(motion, name)[part]
-        heights[key] = values
-        if many:
-            time, values = turning(time, values)
-            at.fill(*_outline(time, values), color=style["color"], alpha=BAND, linewidth=0.0, zorder=style["zorder"])
-        at.plot(time, values, label=label, **{**style, **thin})
+        def curve(motion: Any, key: str, label: str, style: dict[str, Any]) -> None:
+            part = within(motion.time, shown)
+            time, values = motion.time[part], factor * getattr(motion, name)[part]
+            heights[key] = values
+            if many:
+                time, values = turning(time, values)
+                at.fill(*_outline(time, values), color=style["color"], alpha=BAND, linewidth=0.0,
+                        zorder=style["zorder"])
+            at.plot(time, values, label=label, **{**style, **thin})
 
-    with styled():
         if exact is not None:
             curve(exact, "exact", _word(exact), EXACT)
         for key, look in looks(runs).items():
             curve(runs[key], key, named(key, runs[key]), look.line)
-            if runs[key].stop_reason and span[0] <= runs[key].time[-1] <= span[1]:
+            if runs[key].stop_reason and shown[0] <= runs[key].time[-1] <= shown[1]:
                 at.plot(runs[key].time[-1], factor * getattr(runs[key], name)[-1], "x", color=look.colour, mew=2)
         if recording is not None:
-            time, values = _seen(recording, span, many)
+            time, values = _seen(recording, shown, many)
             at.plot(time, factor * values, label=for_figure(recording.source), **RECORDING)
         _cut(at, heights, _first_swing(runs, name, factor), _most(runs) if name == "angle" else BEYOND)
-        label += f"\n{EXTREMES[name]}" if many else ""
-        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
-        legend(at)
+        at.set_ylabel(f"{label}\n{EXTREMES[name]}" if many else label)
     return at
 
 
@@ -146,10 +143,7 @@ def deviation(
     The largest value in each half swing is drawn. ``exact`` must have the times of the runs, as far as they go; other
     arguments as of :func:`angle`. Raises ValueError for runs that cannot be drawn.
     """
-    check(runs)
-    at = _axes(axes)
-    span = span or whole(runs)
-    with styled():
+    with over_time(runs, span, axes) as (at, _):
         for key, look in looks(runs).items():
             run, count = runs[key], min(len(runs[key].time), len(exact.time))
             time = run.time[:count]
@@ -158,9 +152,7 @@ def deviation(
             time, error = peaks(time[shared], error[shared], run.velocity[:count][shared], 0.5 * swing(runs))
             at.plot(time, np.where(error > LEAST_ERROR, error, math.nan), label=named(key, run), **look.line)
         logarithmic(at)
-        label = f"|angle \N{MINUS SIGN} {_word(exact)}| [degrees]\nlargest in each half swing"
-        at.set(xlabel="time [s]", ylabel=label, xlim=span, title=describe(runs))
-        legend(at)
+        at.set_ylabel(f"|angle \N{MINUS SIGN} {_word(exact)}| [degrees]\nlargest in each half swing")
     return at
 
 
@@ -179,8 +171,7 @@ def phase(
     for runs that cannot be drawn.
     """
     check(runs)
-    at = _axes(axes, size=PORTRAIT)
-    with styled():
+    with panel(axes, PORTRAIT) as at:
         gap = _orbits(at, runs, exact, spans)
         at.set(xlabel="angle [degrees]", ylabel="velocity [rad/s]", title=describe(runs))
         if note := "\n".join(part for part in (note, _left_out(gap)) if part):
@@ -206,16 +197,13 @@ def portraits(
     """
     check(runs)
     if len(runs) == 1:
-        drawing = blank(PORTRAIT, figure)
-        with styled():
-            axes = drawing.subplots()
-        phase(runs, exact=exact, note=note, spans=spans, axes=axes)
+        with page(PORTRAIT, figure) as drawing:
+            phase(runs, exact=exact, note=note, spans=spans, axes=drawing.subplots())
         return drawing
     columns = 2 if len(runs) in (2, 4) else COLUMNS
     rows = -(-len(runs) // columns)
-    with styled():
-        spare = columns * rows - len(runs)
-        drawing = blank((CELL[0] * columns, CELL[1] * rows + (0.4 if spare else 1.3)), figure)
+    spare = columns * rows - len(runs)
+    with page((CELL[0] * columns, CELL[1] * rows + (0.4 if spare else 1.3)), figure, describe(runs)) as drawing:
         places = list(drawing.subplots(rows, columns, squeeze=False).flat)
         gap = 1
         for at, (key, run), look in zip(places, runs.items(), looks(runs).values(), strict=False):
@@ -226,7 +214,6 @@ def portraits(
             at.set_axis_off()
         behind = f"Grey: {_word(exact)} motion. " if exact is not None else ""
         text = "\n".join(part for part in (f"{behind}Black dot: start.", _left_out(gap), note) if part)
-        headline(drawing, describe(runs))
         if spare:
             room = 72.0 * CELL[0] - NOTE_EDGE
             places[len(runs)].text(0.0, 1.0, fitted(text, NOTE_SIZE, room), va="top", fontsize=NOTE_SIZE, color=INK)
@@ -284,11 +271,6 @@ def _outline(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
     """
     gap = int(np.argmax(np.isnan(values))) if np.isnan(values).any() else len(values)
     return (np.concatenate((time[:gap], time[:gap:-1])), np.concatenate((values[:gap], values[:gap:-1])))
-
-
-def _axes(axes: Axes | None, **options: Any) -> Axes:
-    """Return the given axes to draw into or, for None, those of a new figure with the ``options`` of :func:`figure`."""
-    return axes if axes is not None else figure(**options)[1][0]
 
 
 def _word(exact: ExactMotion) -> str:

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from pendulum_env.plots.series import DENSE, FloatArray, Span, joined, within
-from pendulum_env.plots.style import LINES, blank, styled
-from pendulum_env.plots.titles import for_figure, headline
+from pendulum_env.plots.style import LINES
+from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 if TYPE_CHECKING:
@@ -59,8 +59,9 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
     turns = turning_points(Recording(swing.time, fit.swing, swing.source))
     still = min(float(turns.time[-1]) + 0.5 * period, end)
     spans = (0.0, few), (still - few, still)
-    drawing = blank(SIZE, figure)
-    with styled():
+    rms = f"residual {fit.shown(fit.rms):.2g}{fit.sign} rms"
+    title = f"{for_figure(swing.source)} · {fit.damping} damping · {rms} · {fit.grade.word}"
+    with page(SIZE, figure, title) as drawing:
         grid = drawing.add_gridspec(4, 2, height_ratios=(1.0, 1.0, 0.8, 1.5))
         overview, rest = drawing.add_subplot(grid[0, :]), drawing.add_subplot(grid[2, :])
         dots = 1.6 if end > DENSE * period else 2.6
@@ -73,8 +74,6 @@ def recorded(fit: Fit, figure: Figure | None = None) -> Figure:
         _residual(rest, fit)
         _envelope(drawing.add_subplot(grid[3, 0]), fit, turns, fine)
         _phase(drawing.add_subplot(grid[3, 1]), spans, swing.time, seen, fine, curve, velocity, period)
-        rms = f"residual {fit.shown(fit.rms):.2g}{fit.sign} rms"
-        headline(drawing, f"{for_figure(swing.source)} · {fit.damping} damping · {rms} · {fit.grade.word}")
     return drawing
 
 

@@ -13,10 +13,8 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from pendulum_env.lab.fitting.model import unit_of
-from pendulum_env.physics.scene import Scene
-from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.style import figure as one
-from pendulum_env.plots.titles import footnote, for_figure, headline
+from pendulum_env.plots.style import panel
+from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
 from pendulum_env.study.section.basins import STOPPED, UNSETTLED, Basins, percent
 from pendulum_env.study.section.study import Section
@@ -39,21 +37,19 @@ def draw(result: Section | Basins, figure: Figure | None = None) -> Figure:
 
     ``figure`` is drawn into and resized; by default a new figure.
     """
-    with styled():
-        drawing = blank(SIZE, figure)
+    over = "" if isinstance(result, Basins) else result.over
+    title = "Basins of attraction" if isinstance(result, Basins) else (
+        f"Bifurcation diagram over {over}" if over else "Poincaré section")
+    with page(SIZE, figure, for_figure(f"{title}: {result.scene.name}"), _note(result)) as drawing:
         if isinstance(result, Basins):
             basins(result, drawing.subplots())
-            headline(drawing, _title("Basins of attraction", result.scene))
-        elif result.over:
+        elif over:
             upper, lower = drawing.subplots(2, 1, sharex=True)
             bifurcation(result, "angle", upper)
             bifurcation(result, "velocity", lower)
             upper.set_xlabel("")
-            headline(drawing, _title(f"Bifurcation diagram over {result.over}", result.scene))
         else:
             poincare(result, drawing.subplots())
-            headline(drawing, _title("Poincaré section", result.scene))
-        footnote(drawing, _note(result))
     return drawing
 
 
@@ -63,9 +59,8 @@ def poincare(section: Section, axes: Axes | None = None) -> Axes:
     A stroboscopic section shows velocity against angle; a section at passages shows velocity against the phase of the
     drive, and one at turning points the angle against that phase.
     """
-    at = axes if axes is not None else one(size=SIZE)[1][0]
     strobed = section.event == "period"
-    with styled():
+    with panel(axes, SIZE) as at:
         x, y = (section.angle if strobed else section.drive), (
             section.angle if section.event == "turning" else section.velocity)
         _points(at, x, y)
@@ -83,11 +78,12 @@ def bifurcation(section: Section, quantity: str = "angle", axes: Axes | None = N
 
     The dotted lines are at the values of the parameter between which the number of periods doubles.
     """
-    at = axes if axes is not None else one()[1][0]
     angle = quantity == "angle"
-    with styled():
+    unit = for_figure(unit_of(section.scene, section.over))
+    with panel(axes) as at:
         _points(at, section.value, section.angle if angle else section.velocity, few=False)
-        at.set(xlabel=_labelled(section), ylabel="angle [rad]" if angle else "velocity [rad/s]")
+        at.set(xlabel=section.over if unit in ("", "1") else f"{section.over} [{unit}]",
+               ylabel="angle [rad]" if angle else "velocity [rad/s]")
         at.set_xlim(float(section.value.min()), max(float(section.value.max()), float(section.value.min()) + 1e-12))
         if section.event == "period":
             for value, word in doublings(section):
@@ -115,8 +111,7 @@ def doublings(section: Section) -> list[tuple[float, str]]:
 
 def basins(result: Basins, axes: Axes | None = None) -> Axes:
     """Draw the attractor of each start as a picture over starting angle and velocity, with the attractors' states."""
-    at = axes if axes is not None else one(size=SIZE)[1][0]
-    with styled():
+    with panel(axes, SIZE) as at:
         count = len(result.attractors)
         tones = [ENDED, NO_ATTRACTOR, *(BASINS[i] if i < len(BASINS) else FURTHER for i in range(count))]
         norm = BoundaryNorm(np.arange(STOPPED - 0.5, count + 1.0), len(tones))
@@ -153,17 +148,6 @@ def _points(axes: Axes, x: NDArray[np.float64], y: NDArray[np.float64], few: boo
     size = LARGE if large else MEDIUM if len(x) < CROWD else SMALL
     axes.plot(x, y, ".", color=OKABE_ITO["blue"] if large else INK, markersize=size, markeredgewidth=0.0,
               rasterized=True)
-
-
-def _labelled(section: Section) -> str:
-    """Return the name of the parameter that differs between runs, with its unit."""
-    unit = for_figure(unit_of(section.scene, section.over))
-    return section.over if unit in ("", "1") else f"{section.over} [{unit}]"
-
-
-def _title(what: str, scene: Scene) -> str:
-    """Return the title of a figure: what it shows, and the scene."""
-    return for_figure(f"{what}: {scene.name}")
 
 
 def _note(result: Section | Basins) -> str:

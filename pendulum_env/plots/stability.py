@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,8 +23,8 @@ from integrators.analysis import (
     stability_function,
     stability_limit,
 )
-from pendulum_env.plots.style import Look, blank, looks_of, styled
-from pendulum_env.plots.titles import for_figure, headline
+from pendulum_env.plots.style import Look, looks_of, styled
+from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import FAINT_INK, INK
 
 FloatArray = NDArray[np.float64]
@@ -49,6 +51,7 @@ LINE = 0.21
 """Height of one line of a legend [inch]."""
 
 
+@styled()
 def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     """Draw the stability regions ``|R(lambda h)| <= 1`` of Runge-Kutta methods.
 
@@ -61,8 +64,13 @@ def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     panels = [("explicit: stable inside the curves", explicit, False)] if explicit else []
     panels += [("explicit, per force evaluation", explicit, True)] if any(m.evaluations > 1 for m in explicit) else []
     panels += [("implicit: unstable where shaded", implicit, False)] if implicit else []
-    drawing, row = _figure(1, len(panels), (4.9, 4.7), len(methods), figure)
-    with styled():
+    note = (r"$R(\lambda h)$: growth factor of a step on $y' = \lambda y$. Undamped oscillators stand on the "
+            r"vertical axis, $\lambda = \pm i\omega_0$;" "\n" r"drag alone stands on the horizontal one, "
+            r"$\lambda = -\gamma$.")
+    entries = _entries(looks, {m.name: f"order {m.order}, {m.evaluations} force{'s' if m.evaluations > 1 else ''}"
+                               for m in methods})
+    with _panels(1, len(panels), (4.9, 4.7), figure, r"Stability regions $|R(\lambda h)| \leq 1$", entries, note) as (
+            drawing, row):
         for axes, (title, shown, scaled) in zip(row, panels, strict=True):
             windows = [_window(m, scaled) for m in shown]
             left, right, top = (choose(w[i] for w in windows) for i, choose in enumerate((min, max, max)))
@@ -77,10 +85,6 @@ def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
             h = r"\lambda h/s" if scaled else r"\lambda h"
             axes.set(title=title, xlabel=f"Re ${h}$", ylabel=f"Im ${h}$", xlim=edges[:2], ylim=edges[2:])
             axes.set_aspect("equal")
-        note = (r"$R(\lambda h)$: growth factor of a step on $y' = \lambda y$. Undamped oscillators stand on the "
-                r"vertical axis, $\lambda = \pm i\omega_0$;" "\n" r"drag alone stands on the horizontal one, "
-                r"$\lambda = -\gamma$.")
-        _finish(drawing, r"Stability regions $|R(\lambda h)| \leq 1$", note, _entries(methods, looks, _order))
     return drawing
 
 
@@ -106,6 +110,7 @@ def _region(
     drawn.set(**look.edge())
 
 
+@styled()
 def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     """Draw the amplitude growth and the phase error of one step of an undamped oscillation, against omega0 h.
 
@@ -117,9 +122,13 @@ def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figu
     known = [limit for limit in limits.values() if 0.0 < limit < FARTHEST]
     end = min(1.12 * max([*known, 3.0]), FARTHEST)
     z = np.unique(np.concatenate((np.geomspace(0.02, end, 120), np.linspace(0.02, end, 200))))
-    drawing, grid = _figure(2, 2, (6.2, 3.6), len(methods), figure)
-    (grown, grown_size), (turned, turned_size) = grid[:2], grid[2:]
-    with styled():
+    note = ("Crosses mark stability limits; beyond them, curves are thin. There is no phase error if a step does "
+            f"not oscillate.\nValues below {LEAST:.0e} are not drawn, so methods that conserve the amplitude have "
+            "no curve up to their limit.")
+    title = r"One step on the undamped oscillator $\ddot\theta = -\omega_0^2\,\theta$"
+    entries = _entries(looks, {name: "no limit" if limit == math.inf else "grows at any step" if not limit else
+                               rf"$\omega_0 h \leq {limit:.4g}$" for name, limit in limits.items()})
+    with _panels(2, 2, (6.2, 3.6), figure, title, entries, note) as (drawing, (grown, grown_size, turned, turned_size)):
         for axes in (grown, turned):
             axes.set_xlim(0.0, end)
         for axes in (grown_size, turned_size):
@@ -133,20 +142,14 @@ def oscillation(methods: Sequence[Method], figure: Figure | None = None) -> Figu
             steps = np.union1d(z, [limit] if z[0] < limit < z[-1] else [])
             growth, phase = oscillation_errors(method, steps)
             turns = np.where(np.abs(np.diff(phase, prepend=phase[0])) > math.pi, math.nan, phase)
-            for axes, values in ((grown, 1.0 + growth), (turned, turns), (turned_size, np.abs(turns))):
-                _curve(axes, steps, values, limit, look)
-            _curve(grown_size, steps, np.abs(growth), limit, look, cross=False)
+            for axes, values in ((grown, 1.0 + growth), (turned, turns), (turned_size, np.abs(turns)),
+                                 (grown_size, np.abs(growth))):
+                _curve(axes, steps, values, limit, look, cross=axes is not grown_size)
         grown.set(ylim=(0.0, 2.0), ylabel="amplitude after / before", title="growth of the amplitude")
-        turned.set(ylim=(-1.6, 1.6), ylabel="phase error [rad]", title="error of the phase (above 0: ahead)")
+        turned.set(ylim=(-1.6, 1.6), ylabel="phase error [rad]", title="error of the phase (above 0: ahead)",
+                   xlabel=r"$\omega_0 h$")
         grown_size.set(ylabel="|amplitude after / before \N{MINUS SIGN} 1|", title="its size, on logarithmic axes")
-        turned_size.set(ylabel="|phase error| [rad]", title="its size, on logarithmic axes")
-        for axes in (turned, turned_size):
-            axes.set_xlabel(r"$\omega_0 h$")
-        note = ("Crosses mark stability limits; beyond them, curves are thin. There is no phase error if a step does "
-                f"not oscillate.\nValues below {LEAST:.0e} are not drawn, so methods that conserve the amplitude have "
-                "no curve up to their limit.")
-        title = r"One step on the undamped oscillator $\ddot\theta = -\omega_0^2\,\theta$"
-        _finish(drawing, title, note, _entries(methods, looks, lambda method: _limit(limits[method.name])))
+        turned_size.set(ylabel="|phase error| [rad]", title="its size, on logarithmic axes", xlabel=r"$\omega_0 h$")
     return drawing
 
 
@@ -168,6 +171,7 @@ def _curve(
                   **look.edge(2.0))
 
 
+@styled()
 def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     """Draw maps of the growth factor of damped motion in one step, over omega0 h and gamma h, for the exact motion and
     every method.
@@ -178,12 +182,15 @@ def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     finite = [limit for method in methods if (limit := stability_limit(method)) < FARTHEST]
     wide = min(1.2 * max([*finite, 2.5]), FARTHEST)
     x, y = np.meshgrid(np.linspace(0.0, wide, MAP), np.linspace(0.0, 2.0 * wide, MAP))
-    maps: dict[str, Callable[[], FloatArray]] = {"exact": lambda: exact_growth(x, y)}
-    maps |= {method.name: lambda method=method: spectral_radii(method, x, y) for method in methods}  # type: ignore[misc]
+    maps = [("exact", partial(exact_growth, x, y))]
+    maps += [(method.name, partial(spectral_radii, method, x, y)) for method in methods]
     abreast = min(ABREAST, len(maps))
-    drawing, panels = _figure(-(-len(maps) // abreast), abreast, (3.0, 2.9), 0, figure, shared=True)
-    with styled():
-        for axes, (name, radii) in zip(panels, maps.items(), strict=False):
+    entries = [Patch(facecolor=UNSTABLE, edgecolor=INK, label="grows: unstable"),
+               Line2D([], [], label=r"critical damping $\gamma = 2\omega_0$", **CRITICAL)]
+    title = r"One step on the damped oscillator $\ddot\theta = -\gamma\dot\theta - \omega_0^2\,\theta$"
+    with _panels(-(-len(maps) // abreast), abreast, (3.0, 2.9), figure, title, entries, room=0, shared=True) as (
+            drawing, panels):
+        for axes, (name, radii) in zip(panels, maps, strict=False):
             image = _map(axes, x, y, radii(), name)
         for axes in panels[len(maps) :]:
             axes.set_axis_off()
@@ -194,10 +201,6 @@ def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
             axes.set_ylabel(r"$\gamma h$")
         drawing.colorbar(image, ax=panels, label="growth factor of a step",
                          shrink=min(1.0, 4.5 / drawing.get_figheight()))
-        handles = [Patch(facecolor=UNSTABLE, edgecolor=INK, label="grows: unstable"),
-                   Line2D([], [], label=r"critical damping $\gamma = 2\omega_0$", **CRITICAL)]
-        title = r"One step on the damped oscillator $\ddot\theta = -\gamma\dot\theta - \omega_0^2\,\theta$"
-        _finish(drawing, title, "", handles)
     return drawing
 
 
@@ -230,49 +233,26 @@ def _looks(methods: Sequence[Method]) -> dict[str, Look]:
     return looks_of({method.name: method.name for method in methods})
 
 
-def _figure(
-    rows: int, columns: int, panel: tuple[float, float], entries: int, given: Figure | None, shared: bool = False
-) -> tuple[Figure, list[Any]]:
-    """Return a figure and its panels of one size [inch], with room for a title, a note and a legend below.
+@contextmanager
+def _panels(
+    rows: int, columns: int, size: tuple[float, float], given: Figure | None, title: str, entries: Sequence[Any],
+    note: str = "", room: int | None = None, shared: bool = False,
+) -> Iterator[tuple[Figure, list[Any]]]:
+    """Yield a figure and its panels of one size [inch]; at the end it gets a title and a legend below with a note.
 
-    ``entries`` is the number of entries in the legend; ``given`` is a figure to draw into.
+    ``given`` is a figure to draw into; ``room`` the number of entries in the legend for which the figure is higher, by
+    default that of ``entries``.
     """
-    width = max(panel[0] * columns, 8.0)
-    drawing = blank((width, panel[1] * rows + 1.0 + LINE * -(-entries // _abreast(width))), given)
-    with styled():
-        return drawing, list(drawing.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel())
+    width = max(size[0] * columns, 8.0)
+    abreast = max(1, round(width / 4.1))
+    lines = -(-(len(entries) if room is None else room) // abreast)
+    with page((width, size[1] * rows + 1.0 + LINE * lines), given, title) as drawing:
+        yield drawing, list(drawing.subplots(rows, columns, squeeze=False, sharex=shared, sharey=shared).ravel())
+        drawing.legend(handles=entries, loc="outside lower left", ncols=min(abreast, len(entries)), handlelength=3.4,
+                       title=note or None, alignment="left", title_fontsize=9.5)
 
 
-def _abreast(width: float) -> int:
-    """Return the number of legend columns that fit a figure of a given width [inch]."""
-    return max(1, round(width / 4.1))
-
-
-def _finish(drawing: Figure, title: str, note: str, entries: Sequence[Any]) -> None:
-    """Add a title to a figure and, below its panels, a legend with a note above its entries."""
-    headline(drawing, title)
-    columns = min(_abreast(drawing.get_figwidth()), len(entries))
-    drawing.legend(handles=entries, loc="outside lower left", ncols=columns, handlelength=3.4, title=note or None,
-                alignment="left", title_fontsize=9.5)
-
-
-def _entries(
-    methods: Sequence[Method], looks: Mapping[str, Look], remark: Callable[[Method], str]
-) -> list[Line2D]:
-    """Return the legend entries of methods: their names, with the text of ``remark`` on every method in brackets."""
-    return [Line2D([], [], label=f"{for_figure(method.name)} ({remark(method)})", **looks[method.name].line)
-            for method in methods]
-
-
-def _order(method: Method) -> str:
-    """Return a method's order and number of force evaluations as text."""
-    count = method.evaluations
-    return f"order {method.order}, {count} force{'s' if count > 1 else ''}"
-
-
-def _limit(limit: float) -> str:
-    """Return a stability limit, the largest stable omega0 h, as text; a limit of 0 means that every step is unstable.
-    """
-    if limit == math.inf:
-        return "no limit"
-    return rf"$\omega_0 h \leq {limit:.4g}$" if limit else "grows at any step"
+def _entries(looks: Mapping[str, Look], remarks: Mapping[str, str]) -> list[Line2D]:
+    """Return the legend entries of methods: their names, with a remark on every method in brackets."""
+    return [Line2D([], [], label=f"{for_figure(name)} ({remark})", **looks[name].line)
+            for name, remark in remarks.items()]

@@ -9,7 +9,6 @@ import os
 from base64 import b64encode
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -28,7 +27,8 @@ from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, co
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
 
-SHEET = Path(__file__).with_name("figures.mplstyle")
+STYLE: Any = rc_params_from_file(Path(__file__).with_name("figures.mplstyle"), use_default_template=False)
+"""Settings of the package's style sheet."""
 HEAVY = 1_000_000
 """Size of an SVG [bytes] beyond which a notebook shows the figure as PNG."""
 WIDE = (8.0, 4.5)
@@ -74,8 +74,8 @@ class Look(NamedTuple):
     @property
     def line(self) -> dict[str, Any]:
         """Keyword arguments of ``Axes.plot`` for a curve with this style's dashes."""
-        line = {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height}
-        return {**line, **_marked(self.more_mark), **self.edge()}
+        return {"color": self.colour, "linestyle": self.dashes, "linewidth": self.width, "zorder": self.height,
+                **_marked(self.more_mark), **self.edge()}
 
     @property
     def solid(self) -> dict[str, Any]:
@@ -83,8 +83,8 @@ class Look(NamedTuple):
 
         Narrow curves are on top.
         """
-        solid = {"color": self.colour, "linestyle": self.more_dashes, "linewidth": self.solid_width}
-        return {**solid, "zorder": 3.0 - 0.1 * self.solid_width, **_marked(self.mark), **self.edge(self.solid_width)}
+        return {"color": self.colour, "linestyle": self.more_dashes, "linewidth": self.solid_width,
+                "zorder": 3.0 - 0.1 * self.solid_width, **_marked(self.mark), **self.edge(self.solid_width)}
 
     def edge(self, width: float = 0.0) -> dict[str, Any]:
         """Return keyword arguments for a thin dark edge of a curve if its colour is too pale on white, else none.
@@ -107,24 +107,25 @@ def styled() -> Iterator[None]:
 
     The sheet stands on Matplotlib's defaults, whatever style the caller has chosen, as "dark_background".
     """
-    with style.context(["default", _sheet()]):
+    with style.context(["default", STYLE]):
         yield
 
 
-@lru_cache(maxsize=1)
-def _sheet() -> Any:
-    """Return the settings of the package's style sheet."""
-    return rc_params_from_file(SHEET, use_default_template=False)
-
-
+@styled()
 def figure(rows: int = 1, *, size: tuple[float, float] | None = None, **ratios: Any) -> tuple[Figure, list[Axes]]:
     """Return an off-screen figure of ``size`` [inch] and its axes, one below the other.
 
     ``ratios`` are keyword arguments of ``Figure.subplots``, such as ``height_ratios``.
     """
     drawing = blank(size or (WIDE[0], WIDE[1] * (1.0 + 0.62 * (rows - 1))))
+    return drawing, list(drawing.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
+
+
+@contextmanager
+def panel(axes: Axes | None, size: tuple[float, float] | None = None) -> Iterator[Axes]:
+    """Yield axes to draw into in the package's style: the given ones or, for None, those of a new figure."""
     with styled():
-        return drawing, list(drawing.subplots(rows, 1, squeeze=False, **ratios)[:, 0])
+        yield axes if axes is not None else figure(size=size)[1][0]
 
 
 class ShownFigure(Figure):
@@ -133,47 +134,41 @@ class ShownFigure(Figure):
     It is drawn and saved in the package's style, because Matplotlib makes ticks and their labels only then.
     """
 
+    @styled()
     def draw(self, renderer: Any) -> None:
         """Draw the figure."""
-        with styled():
-            super().draw(renderer)
+        super().draw(renderer)
 
+    @styled()
     def savefig(self, *args: Any, **keywords: Any) -> None:
         """Save the figure; the arguments are those of Matplotlib."""
-        with styled():
-            super().savefig(*args, **keywords)
-
-    def _repr_html_(self) -> str:
-        """Return the figure as HTML, which notebooks show."""
-        return self.as_html()
+        super().savefig(*args, **keywords)
 
     def as_html(self) -> str:
         """Return the figure as an image in HTML: SVG, or PNG if the SVG is larger than 1 MB (HEAVY)."""
-        kind, data = "svg+xml", self._written("svg")
-        if len(data) > HEAVY:
-            kind, data = "png", self._written("png")
-        source = f"data:image/{kind};base64,{b64encode(data).decode('ascii')}"
+        kind, file = "svg+xml", io.BytesIO()
+        self.savefig(file, format="svg", metadata={"Date": None})
+        if file.tell() > HEAVY:
+            kind, file = "png", io.BytesIO()
+            self.savefig(file, format="png")
+        source = f"data:image/{kind};base64,{b64encode(file.getvalue()).decode('ascii')}"
         return f'<img alt="figure" style="max-width: 100%; background: white" src="{source}">'
 
-    def _written(self, form: str) -> bytes:
-        """Return the figure as the content of a file in the format "svg" or "png"."""
-        file = io.BytesIO()
-        self.savefig(file, format=form, metadata={"Date": None} if form == "svg" else None)
-        return file.getvalue()
+    _repr_html_ = as_html
 
 
+@styled()
 def blank(
     size: tuple[float, float], given: Figure | None = None, layout: Literal["constrained"] | None = "constrained"
 ) -> Figure:
     """Return an off-screen figure of ``size`` [inch] without axes; a given figure gets the size and the layout."""
-    with styled():
-        if given is None:
-            drawing = ShownFigure(figsize=size, layout=layout)
-            FigureCanvasAgg(drawing)
-            return drawing
+    if given is None:
+        given = ShownFigure(figsize=size, layout=layout)
+        FigureCanvasAgg(given)
+    else:
         given.set_size_inches(*size)
         given.set_layout_engine(layout or "none")
-        return given
+    return given
 
 
 def decades(low: float, high: float) -> tuple[float, float]:
@@ -209,10 +204,10 @@ def distinct(names: Iterable[str]) -> dict[str, str]:
     """
     tones: dict[str, str] = {}
     for name, tone in colours(names).items():
-        free = [other for other in (*METHOD_COLOURS, *FURTHER) if DARKER.get(other, other) not in tones.values()]
-        tones[name] = DARKER.get(tone, tone)
-        if tones[name] in list(tones.values())[:-1]:
-            tones[name] = DARKER.get(free[0], free[0]) if free else tones[name]
+        own = DARKER.get(tone, tone)
+        darker = (DARKER.get(other, other) for other in (*METHOD_COLOURS, *FURTHER))
+        free = [other for other in darker if other not in tones.values()]
+        tones[name] = free[0] if own in tones.values() and free else own
     return tones
 
 
@@ -235,20 +230,19 @@ def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     kinds: list[int] = []
     for label, name in names.items():
         tone, turn = hue(place(name))
-        again = methods.count(name)
-        kind = (tone + 2 * turn + again) % len(LINES)
+        turns = turn + methods.count(name)
+        kind = (tone + turn + turns) % len(LINES)
         dashes, width = LINES[kind]
-        thin = THINNER ** kinds.count(kind)
-        mark = MARKS[(turn + again) % len(MARKS)]
-        more = LINES[(turn + again) // len(MARKS) % len(LINES)][0], MARKS[(turn + again) // len(LINES) % len(MARKS)]
-        solid = max(1.0, LINES[0][1] - 0.45 * len(styles))
-        height = 2.0 + 0.1 * kind + 0.01 * kinds.count(kind)
-        styles[label] = Look(METHOD_COLOURS[tone], dashes, mark, *more, width * thin, solid, height)
+        styles[label] = Look(
+            METHOD_COLOURS[tone], dashes, MARKS[turns % len(MARKS)], LINES[turns // len(MARKS) % len(LINES)][0],
+            MARKS[turns // len(LINES) % len(MARKS)], width * THINNER ** kinds.count(kind),
+            max(1.0, LINES[0][1] - 0.45 * len(styles)), 2.0 + 0.1 * kind + 0.01 * kinds.count(kind))
         methods.append(name)
         kinds.append(kind)
     return styles
 
 
+@styled()
 def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | None = None) -> Path:
     """Write a figure as PNG or SVG, depending on the file's ending, with ``facts`` as metadata; return its path.
 
@@ -256,14 +250,12 @@ def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | Non
     """
     target = Path(path)
     texts = {name: clean(text, None) for name, text in (facts or {}).items()}
-    if target.suffix == ".png":
-        metadata: dict[str, Any] = texts
-    elif target.suffix == ".svg":
-        software = texts.get("Software", "lab-pendulum")
-        metadata = {"Creator": software, "Description": json.dumps(texts, ensure_ascii=False), "Date": None}
-    else:
+    if target.suffix not in (".png", ".svg"):
         raise ValueError(f"A figure's name must end in .png or .svg, not {target.name!r}.")
-    with styled(), replacing(target) as temporary:
+    metadata: Mapping[str, Any] = texts if target.suffix == ".png" else {
+        "Creator": texts.get("Software", "lab-pendulum"), "Description": json.dumps(texts, ensure_ascii=False),
+        "Date": None}
+    with replacing(target) as temporary:
         made.savefig(temporary, metadata=metadata)
     return target
 

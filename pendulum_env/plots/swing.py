@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pendulum_env.plots.recorded import READING, amplitudes
-from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import for_figure, headline
+from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import FAINT_INK, OKABE_ITO
 
 if TYPE_CHECKING:
@@ -28,10 +27,8 @@ TURNS = OKABE_ITO["vermillion"]
 
 def readings(recording: Recording, figure: Figure | None = None) -> Figure:
     """Draw the readings of a recording, angle [degrees] against time [s], in a new or a given figure."""
-    drawing = blank((SIZE[0], 0.6 * SIZE[1]), figure)
-    with styled():
+    with page((SIZE[0], 0.6 * SIZE[1]), figure, for_figure(recording.source)) as drawing:
         _readings(drawing.subplots(), recording, "time [s]")
-        headline(drawing, for_figure(recording.source))
     return drawing
 
 
@@ -42,8 +39,7 @@ def measured(sheet: LabSheet, figure: Figure | None = None) -> Figure:
     rate gamma of all amplitudes, ``A ~ exp(-gamma t/2)``. A given ``figure`` is drawn into and resized.
     """
     swing, points = sheet.recording, sheet.points
-    drawing = blank(SIZE, figure)
-    with styled():
+    with page(SIZE, figure, f"{for_figure(swing.source)} · T = {sheet.period}") as drawing:
         above, below = drawing.subplots(2, 1)
         _readings(above, swing, "time since the release [s]")
         above.plot(points.time, np.degrees(points.angle), ".", color=TURNS, label="turning points", zorder=3.0)
@@ -56,7 +52,6 @@ def measured(sheet: LabSheet, figure: Figure | None = None) -> Figure:
         amplitudes(below)
         below.set(xlabel="time since the release [s]", ylabel="amplitude [degrees]")
         below.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=2)
-        headline(drawing, f"{for_figure(swing.source)} · T = {sheet.period}")
     return drawing
 
 

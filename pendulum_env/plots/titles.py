@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib import rcParams
@@ -16,7 +17,8 @@ from matplotlib.font_manager import FontProperties, findfont, get_font
 from matplotlib.textpath import TextPath
 
 from pendulum_env.physics.scene import Scene
-from pendulum_env.plots.style import styled
+from pendulum_env.plots.series import Span, check, whole
+from pendulum_env.plots.style import blank, panel, styled
 from pendulum_env.render.palette import FAINT_INK
 
 if TYPE_CHECKING:
@@ -26,8 +28,43 @@ COLUMNS, MARGIN = 3, 60.0
 """Largest number of columns of a legend; width beside the axes that tick labels and gaps take [points]."""
 SCREEN = 100.0
 """Resolution at which widths of texts are measured [dots per inch], because letters are fitted to dots."""
-EDGES = 24.0
-"""Free width at the edges of a figure beside its title and note [points]."""
+EDGES, HEAD = 24.0, 13.0
+"""Free width at the edges of a figure beside its title and note, and font size of the title [points]."""
+
+
+@contextmanager
+def page(
+    size: tuple[float, float], given: Figure | None, title: str = "", note: str = "",
+    layout: Literal["constrained"] | None = "constrained",
+) -> Iterator[Figure]:
+    """Yield a figure to draw in the package's style; at the end it gets a title and a note.
+
+    The arguments ``size``, ``given`` and ``layout`` are those of :func:`pendulum_env.plots.style.blank`.
+    """
+    with styled():
+        drawing = blank(size, given, layout)
+        yield drawing
+        if title:
+            room = 72.0 * drawing.get_figwidth() - EDGES
+            drawing.suptitle(fitted(title, HEAD, room), x=0.008, ha="left", fontsize=HEAD)
+        if note:
+            footnote(drawing, note)
+
+
+@contextmanager
+def over_time(
+    runs: Mapping[str, Rollout], span: Span | None, axes: Axes | None
+) -> Iterator[tuple[Axes, Span]]:
+    """Yield axes to draw runs into over time [s], and the span of time to show, by default all of it.
+
+    At the end the axes get a title and a legend. Raises ValueError for runs that cannot be drawn.
+    """
+    check(runs)
+    shown = span or whole(runs)
+    with panel(axes) as at:
+        yield at, shown
+        at.set(xlabel="time [s]", xlim=shown, title=describe(runs))
+        legend(at)
 
 
 @lru_cache(maxsize=4096)
@@ -80,29 +117,22 @@ def setting(scene: Scene) -> list[str]:
     return [for_figure(scene.name), f"{damping} damping" if damping else "no damping"]
 
 
+@styled()
 def legend(axes: Axes) -> None:
     """Draw a legend above the axes and below their title, in as many columns as fit; no legend for a single entry.
 
     A title that is wider than the axes is broken into lines.
     """
-    labels = axes.get_legend_handles_labels()[1]
-    with styled():
-        room = _room(axes)
-        title = fitted(axes.get_title("left"), float(rcParams["axes.titlesize"]), room)
-        if len(labels) < 2:
-            axes.set_title(title, loc="left")
-            return
-        columns = next((n for n in range(COLUMNS, 1, -1) if _width(labels, n) <= room), 1)
-        axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
-    axes.set_title(title, loc="left", pad=10.0 + 16.5 * -(-len(labels) // columns))
-
-
-def _room(axes: Axes) -> float:
-    """Return the width available to a legend or title above the axes, estimated before the figure is laid out [points].
-    """
-    whole, spec = 72.0 * axes.figure.bbox.width / axes.figure.dpi, axes.get_subplotspec()
+    labels, spec = axes.get_legend_handles_labels()[1], axes.get_subplotspec()
     share = 1.0 if spec is None else len(spec.colspan) / spec.get_gridspec().ncols
-    return share * whole - MARGIN
+    room = share * 72.0 * axes.figure.bbox.width / axes.figure.dpi - MARGIN  # before the figure is laid out
+    title = fitted(axes.get_title("left"), float(rcParams["axes.titlesize"]), room)
+    if len(labels) < 2:
+        axes.set_title(title, loc="left")
+        return
+    columns = next((n for n in range(COLUMNS, 1, -1) if _width(labels, n) <= room), 1)
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=columns, columnspacing=1.4)
+    axes.set_title(title, loc="left", pad=10.0 + 16.5 * -(-len(labels) // columns))
 
 
 def _width(labels: Sequence[str], columns: int) -> float:
@@ -125,10 +155,10 @@ def width(text: str, size: float) -> float:
 
 
 @lru_cache(maxsize=1)
+@styled()
 def _file() -> str:
     """Return the path of the font file that the package's style sheet selects for text."""
-    with styled():
-        return findfont(FontProperties())
+    return findfont(FontProperties())
 
 
 def fitted(text: str, size: float, room: float) -> str:
@@ -153,11 +183,6 @@ def _broken(text: str, size: float, room: float, marks: Sequence[str]) -> list[s
         else:
             lines += _broken(piece, size, room, finer)
     return lines
-
-
-def headline(figure: Figure, text: str, size: float = 13.0) -> None:
-    """Write the title of a whole figure, broken into lines that fit."""
-    figure.suptitle(fitted(text, size, 72.0 * figure.get_figwidth() - EDGES), x=0.008, ha="left", fontsize=size)
 
 
 def footnote(figure: Figure, text: str, size: float = 9.5) -> None:

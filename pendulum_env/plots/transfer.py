@@ -6,8 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from pendulum_env.plots.style import blank, styled
-from pendulum_env.plots.titles import for_figure, headline
+from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import HAIRLINE, INK, OKABE_ITO
 
 WIDE, ROW, FRAME, BAR = 9.0, 0.62, 1.9, 0.34
@@ -24,8 +23,9 @@ def draw(transfer: Any, figure: Figure | None = None) -> Figure:
     new figure.
     """
     differences = transfer.differences
-    drawing = blank((WIDE, FRAME + ROW * (len(differences) + 1)), figure)
-    with styled():
+    title = (f"A policy's return: {transfer.nominal.mean():.4g} in the nominal environment, "
+             f"{transfer.real.mean():.4g} in the real one")
+    with page((WIDE, FRAME + ROW * (len(differences) + 1)), figure, title) as drawing:
         axes = drawing.subplots()
         for row, one in enumerate(differences):
             for side, change in enumerate(transfer.changes(one)):
@@ -42,6 +42,4 @@ def draw(transfer: Any, figure: Figure | None = None) -> Figure:
         axes.set_xlabel("mean change of the return [reward], with standard error")
         axes.margins(x=0.08)
         drawing.legend(loc="outside lower left", ncols=3)
-        headline(drawing, f"A policy's return: {transfer.nominal.mean():.4g} in the nominal environment, "
-                          f"{transfer.real.mean():.4g} in the real one")
     return drawing

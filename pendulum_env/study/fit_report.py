@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,8 @@ from pendulum_env.physics.units import SceneError, shown
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+CsvTable = tuple[Sequence[str], Iterable[Sequence[Any]]]
+"""The head and the rows of a table."""
 SMALLEST = 1e-6
 """Smallest probability p that is shown as a number."""
 AGREEMENT = ((2.0, "agrees with"), (3.0, "is in tension with"), (math.inf, "contradicts"))
@@ -39,16 +41,14 @@ def parameter_table(found: Fit) -> Table:
     Where models of damping were compared, a column gives the spread of the number over all models that fit about as
     well.
     """
-    names = [name.rpartition(".")[2] for name in found.names]
-    models = found.comparison
+    models = [found.comparison] if found.comparison is not None else []
     rows = tuple(
         (name, found.parameter_text(name, unit=False), found.parameters[name].unit,
-         *(() if models is None else (f"{models.spread(name):.2g}",)),
-         *(f"{x:+.2f}" for x in found.correlations[i]))
+         *(f"{one.spread(name):.2g}" for one in models), *(f"{x:+.2f}" for x in found.correlations[i]))
         for i, name in enumerate(found.names)
     )
-    others = () if models is None else ("other models",)
-    return Table(("parameter", "value", "unit", *others, *(f"r {name}" for name in names)), rows)
+    others = ["other models" for _ in models]
+    return Table(("parameter", "value", "unit", *others, *(f"r {n.rpartition('.')[2]}" for n in found.names)), rows)
 
 
 def goodness(found: Fit) -> str:
@@ -92,9 +92,8 @@ def against_told(found: Fit, told: float, error: float | None = None) -> str:
                 f"{'above' if off > 0.0 else 'below'}; state its error with --length-error.")
     needs_length(found.model.free)
     away = against(found, {LENGTH: (told, error)})[LENGTH]
-    word = next(word for most, word in AGREEMENT if abs(away) < most)
     return (f"Length: fitted {measured(found, LENGTH)}, given {told:g} ± {error:g} m: {abs(away):.1f} sigma "
-            f"{'above' if away > 0.0 else 'below'}; the fit {word} the given length.")
+            f"{'above' if away > 0.0 else 'below'}; the fit {_agreement(away)} the given length.")
 
 
 def needs_length(free: Sequence[str]) -> None:
@@ -118,12 +117,15 @@ def against_track(found: Fit) -> str:
         return (f"Track: its radius is {radius}; with the fitted length, {length}, one unit of the track is "
                 f"{scale:.4g} m ({1.0 / scale:.5g} units are 1 m).")
     away = (radius.value - length.value) / math.hypot(radius.error, length.error)
-    word = next(word for most, word in AGREEMENT if abs(away) < most)
     hint = "" if abs(away) < AGREEMENT[0][0] else (
         f"; either the scale of the film is {abs(radius.value / length.value - 1.0):.2%} too "
         f"{'large' if away > 0.0 else 'small'}, or gravity or the bob differ from those of the scene")
-    return (f"Track: its radius {radius} {word} the fitted length {length} ({abs(away):.1f} sigma "
+    return (f"Track: its radius {radius} {_agreement(away)} the fitted length {length} ({abs(away):.1f} sigma "
             f"{'above' if away > 0.0 else 'below'}){hint}.")
+
+
+def _agreement(away: float) -> str:
+    return next(word for most, word in AGREEMENT if abs(away) < most)
 
 
 def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] = ()) -> str:
@@ -162,26 +164,23 @@ def write(
     if not isinstance(sheet, (LabSheet, type(None))):
         raise SceneError(f"sheet must be a LabSheet, the result of measure, not {shown(sheet)}.")
     tell, place, origin = told_by(progress), output_folder(folder), facts(found)
-    paths = []
-    if sheet is not None:
-        paths = [place / "measured.csv", place / "amplitudes.csv"]
-        _table(paths[0], sheet.numbers, origin)
-        points = sheet.points
-        write_csv(paths[1], ("time_s", "amplitude_rad", "error_rad"),
-                  _rows(points.time, points.amplitude, points.error), origin)
-    paths += [place / "parameters.csv", place / "residuals.csv"]
-    models = found.comparison
-    names = ("parameter", "value", "error", "unit", "other_models", *(f"correlation_{name}" for name in found.names))
-    write_csv(paths[-2], names, (
-        (name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
-        for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
-    swing = found.recording
+    models, swing = found.comparison, found.recording
     unit = swing.unit.replace("/", "_per_").replace("^", "")
-    write_csv(paths[-1], ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))),
-              _rows(swing.time, swing.readings, swing.readings - found.residual, found.residual), origin)
+    tables: dict[str, CsvTable] = {}
+    if sheet is not None:
+        points = sheet.points
+        tables["measured"] = sheet.numbers.head, sheet.numbers.rows
+        tables["amplitudes"] = ("time_s", "amplitude_rad", "error_rad"), _rows(
+            points.time, points.amplitude, points.error)
+    tables["parameters"] = (
+        ("parameter", "value", "error", "unit", "other_models", *(f"correlation_{name}" for name in found.names)),
+        ((name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
+         for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)))
+    tables["residuals"] = ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))), _rows(
+        swing.time, swing.readings, swing.readings - found.residual, found.residual)
     if models is not None:
-        paths.append(place / "models.csv")
-        _table(paths[-1], models.table, origin)
+        tables["models"] = models.table.head, models.table.rows
+    paths = _write_tables(place, tables, origin)
     tell(0.2, "drawing")
     paths += drawn(lambda: recorded(found), place / "fit", {**origin, "Title": f"fit of {swing.source}"}, svg)
     paths.append(place / "scene.json")
@@ -213,20 +212,23 @@ def write_driven(found: DrivenFit, folder: str | Path, svg: bool = False) -> lis
     """
     from pendulum_env.plots.driven import driven
 
-    place = output_folder(folder)
+    place, windows = output_folder(folder), found.solution.windows
     origin = provenance(recording=[log.source for log in found.logs],
                         notes=[note for log in found.logs for note in log.notes],
                         grade=found.grade.text, scene=found.scene.to_dict())
-    paths = [place / name for name in ("parameters.csv", "residuals.csv", "bench.json", "scene.json")]
-    names = ("parameter", "value", "error", "low", "high", "unit", *(f"correlation_{name}" for name in found.names))
-    write_csv(paths[0], names, ((name, one.value, one.error, *found.interval(name), one.unit, *row) for (name, one), row
-                                in zip(found.parameters.items(), found.correlations.tolist(), strict=True)), origin)
-    windows = found.solution.windows
-    write_csv(paths[1], ("log", "window", "time_s", "recorded_rad", "residual_rad"), (
-        (windows.logs[window.log].source, number, *row)
-        for number, (window, part) in enumerate(zip(windows.places, windows.slices, strict=True))
-        for row in _rows(windows.logs[window.log].time[window.first : window.last], windows.angle[part],
-                         found.solution.residual[part])), origin)
+    paths = _write_tables(place, {
+        "parameters": (
+            ("parameter", "value", "error", "low", "high", "unit", *(f"correlation_{name}" for name in found.names)),
+            ((name, one.value, one.error, *found.interval(name), one.unit, *row) for (name, one), row
+             in zip(found.parameters.items(), found.correlations.tolist(), strict=True))),
+        "residuals": (
+            ("log", "window", "time_s", "recorded_rad", "residual_rad"),
+            ((windows.logs[window.log].source, number, *row)
+             for number, (window, part) in enumerate(zip(windows.places, windows.slices, strict=True))
+             for row in _rows(windows.logs[window.log].time[window.first : window.last], windows.angle[part],
+                              found.solution.residual[part]))),
+    }, origin)
+    paths += [place / "bench.json", place / "scene.json"]
     with replacing(paths[2]) as temporary:
         temporary.write_text(json.dumps({**found.to_dict(), "provenance": origin}, indent=2) + "\n", encoding="utf-8")
     found.scene.save(paths[3], provenance=origin)
@@ -251,5 +253,7 @@ def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:
     return zip(*(column.tolist() for column in columns), strict=True)
 
 
-def _table(path: Path, table: Table, origin: dict[str, str]) -> None:
-    write_csv(path, table.head, table.rows, origin)
+def _write_tables(place: Path, tables: Mapping[str, CsvTable], origin: dict[str, str]) -> list[Path]:
+    for name, (head, rows) in tables.items():
+        write_csv(place / f"{name}.csv", head, rows, origin)
+    return [place / f"{name}.csv" for name in tables]

@@ -132,7 +132,7 @@ class StudyResult(Sweep):
         return provenance(Study=self.title, **held, Complete=self.complete)
 
     def save(self, path: str | Path) -> Path:
-        """Write the rows, their units and the study's settings as a file; ``pendulum_env.load`` returns them as a Sweep.
+        """Write rows, units and settings of the study as a file; ``pendulum_env.load`` returns them as a Sweep.
 
         The class of a study of one's own is not kept. See :meth:`pendulum_env.common.saved.Savable.save`.
         """

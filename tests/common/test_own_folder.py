@@ -174,10 +174,10 @@ def test_a_cache_that_somebody_else_could_exchange(deep: Path, tmp_path: Path) -
 @posix
 def test_a_kept_choice_that_somebody_else_could_write(deep: Path) -> None:
     path = deep / "auto_costs.json"
-    assert store.save(path, {"table": 1}, 2.5)
-    assert store.load(path, {"table": 1}) == 2.5
+    assert store.save({"table": 1}, 2.5, path)
+    assert store.load({"table": 1}, path) == 2.5
     deep.chmod(0o777)
-    assert store.load(path, {"table": 1}) is None
-    assert not store.save(path, {"table": 1}, 3.5)
+    assert store.load({"table": 1}, path) is None
+    assert not store.save({"table": 1}, 3.5, path)
     deep.chmod(0o700)
-    assert store.load(path, {"table": 1}) == 2.5
+    assert store.load({"table": 1}, path) == 2.5

@@ -104,7 +104,7 @@ for path in sorted(folder.iterdir()):
     tried(lambda: rollout(str(path), duration=0.01, backend="python"))
     tried(lambda: Recording.read(path))
     tried(lambda: np.load(path, mmap_mode="r"))
-    tried(lambda: store.load(path, {"table": 1}))
+    tried(lambda: store.load({"table": 1}, path))
     tried(lambda: Journal(path, {"scene": "lab"}, ("scene",)))
 print(json.dumps(seen))
 exec("1")

@@ -46,11 +46,8 @@ def test_without_a_home_nothing_is_cached(monkeypatch: pytest.MonkeyPatch) -> No
     kernels.forget()
     assert uncached(Path(), lambda _: kernels.functions(small(), "compiled")["run"](1.5), "no home folder") == 2.5
     kernels.forget()
-    assert store.file_of({"table": 1}) is None
-    assert store.load(None, {"table": 1}) is None
-    assert store.load_table({}) is None
-    assert not store.save(None, {"table": 1}, 2.5)
-    assert not store.save_table({})
+    assert store.load({"table": 1}) is None
+    assert not store.save({"table": 1}, 2.5)
 
 
 def test_a_relative_folder_stays_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

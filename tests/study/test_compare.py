@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 from integrators import METHODS, MethodError
 from pendulum_env import LabPendulumVectorEnv, cli, cost, film, growth
 from pendulum_env.common.provenance import OutputError
+from pendulum_env.engine import timing
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.lab import Recording
@@ -30,7 +31,6 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.render import FrameStyle, colour
 from pendulum_env.study.compare import Comparison, amplitude_and_phase, compare, files, true_motion, write
 from pendulum_env.study.compare import comparison as comparing
-from pendulum_env.study.compare import drift as drifting
 from pendulum_env.truth import reference as truths
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
@@ -205,18 +205,17 @@ def test_with_losses_the_energy_columns_are_the_ledgers_residual(exercise):
 
 
 def test_a_step_is_timed_warm_and_over_the_steps_it_took(monkeypatch):
-    ticks, events = iter([0, 900, 1000, 1400] * 10), []
+    ticks, events = iter([0, 900e-9, 1000e-9, 1400e-9] * 10), []
 
     def clock():
         events.append("clock")
         return next(ticks)
 
-    monkeypatch.setattr(drifting.clock, "perf_counter_ns", clock)
-    monkeypatch.setattr(drifting, "TIMED_STEPS", {True: 100, False: 100})
+    monkeypatch.setattr(timing, "perf_counter", clock)
     machine = Machine(SCENES["exercise"], "rk4", backend="python")
     advance = machine.advance
     machine.advance = lambda *given: (events.append("advance"), advance(*given))
-    assert drifting.ns_per_step(machine, 0.1, 0.0, 0.01) == 4.0
+    assert timing.step_times({"rk4": machine}, 0.1, 0.0, 0.01, 100, rounds=7)["rk4"] == pytest.approx(4e-9)
     assert events[:4] == ["advance", "clock", "advance", "clock"]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 from pathlib import Path
@@ -16,13 +17,15 @@ from typer.testing import CliRunner
 import integrators
 from integrators import MethodError
 from pendulum_env import SCENES, cli, plots, rollout
+from pendulum_env.engine import timing
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine
 from pendulum_env.engine.shape import ADAPTED
+from pendulum_env.engine.timing import step_times
 from pendulum_env.physics import exact
 from pendulum_env.study.compare import Comparison, compare, files
-from pendulum_env.study.compare.drift import evaluations, ns_per_step
+from pendulum_env.study.compare.drift import evaluations
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
@@ -80,11 +83,10 @@ def test_the_drift_table_says_steps_rejections_and_evaluations(pairs):
 
 def test_times_are_of_steps_taken(monkeypatch):
     machine = Machine(SCENES["vacuum"], "bs3", rtol=1e-7, atol=1e-9, backend="python")
-    ticks = iter(range(0, 10**9, 1_000_000))
-    monkeypatch.setattr("pendulum_env.study.compare.drift.clock.perf_counter_ns", lambda: next(ticks))
-    monkeypatch.setattr("pendulum_env.study.compare.drift.TIMED_STEPS", {False: 30})
+    ticks = itertools.count()
+    monkeypatch.setattr(timing, "perf_counter", lambda: 1e-3 * next(ticks))
     run = rollout("vacuum", integrator="bs3", velocity=0.0, rtol=1e-7, atol=1e-9, **RUN)
-    assert ns_per_step(machine, 2.0, 0.0, 0.1) == pytest.approx(1e6 / run.steps)
+    assert step_times({0: machine}, 2.0, 0.0, 0.1, 30, rounds=7)[0] == pytest.approx(1e-3 / run.steps)
 
 
 def test_titles_and_facts_give_the_tolerance_and_no_step(pairs):

@@ -51,7 +51,7 @@ def film(folder: Path, anew: bool) -> None:
 
 def choice(folder: Path, anew: bool) -> None:
     os.environ["LAB_PENDULUM_CACHE"] = str(folder)
-    assert store.save(folder / "auto_costs.json", {"table": 1}, {"rk4": [1.0, 2.0 + anew]})
+    assert store.save({"table": 1}, {"rk4": [1.0, 2.0 + anew]})
 
 
 def kernel(folder: Path, anew: bool) -> None:

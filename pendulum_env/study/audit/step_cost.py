@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterable, Sequence
 
 import integrators
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, resolve
-from pendulum_env.engine.machine import INDEX, Machine
+from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.spec import RunSpec
+from pendulum_env.engine.timing import step_times
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.swing import METHOD
 
@@ -28,11 +28,11 @@ def step_costs(
 
     For an entry None instead of a pair the result is nan. ``tell`` is called with the fraction of the work done.
     """
-    times = step_times([scene for pair in pairs if pair for scene in pair], amplitude, period, backend, tell)
+    times = scene_times([scene for pair in pairs if pair for scene in pair], amplitude, period, backend, tell)
     return [times[pair[0]] - times[pair[1]] if pair else math.nan for pair in pairs]
 
 
-def step_times(
+def scene_times(
     scenes: Iterable[Scene], amplitude: float, period: float, backend: Backend, tell: Callable[[float], None],
     method: str = METHOD, timing: tuple[int, int, int] | None = None,
 ) -> dict[Scene, float]:
@@ -43,32 +43,12 @@ def step_times(
     (number of timings, steps per timing, steps between restarts) replaces the default of the backend.
     """
     keys = {scene: program(scene, integrators.get(method)).text for scene in scenes}
-    distinct = {text: scene for scene, text in reversed(keys.items())}
-    best = dict.fromkeys(distinct, math.inf)
     rounds, steps, again = timing or TIMINGS[resolve(backend)]
-    machines = {}
-    for i, (text, scene) in enumerate(distinct.items()):
-        tell(0.8 * i / len(distinct))
+    distinct = {text: scene for scene, text in reversed(keys.items())}
+    machines: dict[str, Machine] = {}
+    for text, scene in distinct.items():
+        tell(0.8 * len(machines) / len(distinct))
         machines[text] = RunSpec.of(scene, method, backend=backend).machine()
-        _step_time(machines[text], amplitude, period, 1, 1)
-    for i in range(rounds):
-        tell(0.8 + 0.2 * i / rounds)
-        for text, machine in machines.items():
-            best[text] = min(best[text], _step_time(machine, amplitude, period, steps, again))
-    return {scene: best[text] for scene, text in keys.items()}
-
-
-def _step_time(machine: Machine, amplitude: float, period: float, steps: int, again: int) -> float:
-    """Return the computing time of one step [ns], measured while a swing is simulated.
-
-    The swing is restarted every ``again`` steps, so that the bob does not come to rest.
-    """
-    push = amplitude * 2.0 * math.pi / period
-    start, state = machine.state(amplitude, push), machine.state(amplitude, push)
-    h = period / STEPS_PER_PERIOD
-    begun, taken = time.perf_counter(), 0.0
-    for _ in range(steps // again):
-        state[:] = start
-        machine.advance(state, 0.0, h, again)
-        taken += float(state[INDEX])
-    return 1e9 * (time.perf_counter() - begun) / max(taken, 1.0)
+    best = step_times(machines, amplitude, 2.0 * math.pi * amplitude / period, period / STEPS_PER_PERIOD, again,
+                      rounds=rounds, runs=steps // again, tell=lambda done: tell(0.8 + 0.2 * done))
+    return {scene: 1e9 * best[text] for scene, text in keys.items()}

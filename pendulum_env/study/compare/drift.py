@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time as clock
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,8 +11,9 @@ from numpy.typing import NDArray
 
 from integrators.analysis import leading_error
 from integrators.steps.estimates import evaluations_tried, has_estimates
-from pendulum_env.engine.machine import INDEX, Machine
+from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.rollout import Rollout
+from pendulum_env.engine.timing import step_times
 
 FloatArray = NDArray[np.float64]
 
@@ -169,20 +169,6 @@ def _crest(angle: FloatArray, start: float, end: float) -> float:
     return math.hypot(middle, (after - before) / (2.0 * math.sqrt(1.0 - cosine * cosine)))
 
 
-def ns_per_step(machine: Machine, angle: float, velocity: float, h: float) -> float:
-    """Return the computing time of one integration step [ns], without compilation: the shortest of several timings."""
-    count = TIMED_STEPS[machine.compiled]
-    machine.advance(machine.state(angle, velocity), 0.0, h, 1)
-    timings = []
-    for _ in range(REPEATS):
-        state = machine.state(angle, velocity)
-        start = clock.perf_counter_ns()
-        machine.advance(state, 0.0, h, count)
-        taken = state[machine.kept["taken"] if machine.tolerance else INDEX]
-        timings.append((clock.perf_counter_ns() - start) / max(1.0, float(taken)))
-    return min(timings)
-
-
 def row(
     run: Rollout, machine: Machine, true_angle: FloatArray, recorded: tuple[FloatArray, FloatArray] | None = None
 ) -> Drift:
@@ -204,7 +190,8 @@ def row(
         steps=int(run.steps) if run.tolerance else None,
         rejected=int(run.rejected) if run.tolerance else None,
         evaluations=evaluations(run),
-        ns_per_step=ns_per_step(machine, float(run.angle[0]), float(run.velocity[0]), run.dt),
+        ns_per_step=1e9 * step_times({"": machine}, float(run.angle[0]), float(run.velocity[0]), run.dt,
+                                     TIMED_STEPS[machine.compiled], rounds=REPEATS)[""],
         stop=f"{run.stop_reason} at {run.time[-1]:.4g} s" if run.stop_reason else "",
     )
 

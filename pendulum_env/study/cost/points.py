@@ -216,13 +216,16 @@ class CostStudy(Result):
 
         Only runs with errors between 3 % of the largest angle (above, the leading error term does not dominate) and 100
         times the reference solution's error count, and only steps down to that with the smallest error (below, rounding
-        dominates). For an adaptive run the step is the mean step. The slope is nan with fewer than two such runs.
+        dominates). For an adaptive run the step is the mean step; at loose tolerances, where the records limit steps,
+        steps may be equal, and such pairs of runs do not count. The slope is nan with fewer than two such runs.
         """
         top = 0.03 * float(np.max(np.abs(self.reference.angle)))
         points = self.of(series)
         least = min(range(len(points)), key=lambda i: points[i].angle_error, default=-1)
         good = [p for p in points[:least + 1] if 100.0 * self.reference.error_estimate < p.angle_error < top]
-        return statistics.median(slopes) if (slopes := _slopes(good)) else math.nan
+        slopes = [math.log(p.angle_error / q.angle_error) / math.log(p.dt / q.dt)
+                  for p, q in pairwise(good) if p.dt > APART * q.dt]
+        return statistics.median(slopes) if slopes else math.nan
 
     def digit_cost(self, series: str) -> float:
         """Return the factor in computing time for one more correct decimal digit of a method's result.
@@ -245,7 +248,7 @@ class CostStudy(Result):
                 "The cost of a further digit is not known, because no method has two runs with small enough errors; "
                 "use shorter steps."
             )
-        costs = ", ".join(f"{_times(cost)} with {short(name)}" for cost, name in known)
+        costs = ", ".join(f"{cost:.{3 if cost < 2.0 else 2}g}x with {short(name)}" for cost, name in known)
         return f"Each further digit costs {costs}."
 
     def best(self, accuracy: float) -> CostPoint:
@@ -282,20 +285,6 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     return front
 
 
-def _times(cost: float) -> str:
-    return f"{cost:.3g}x" if cost < 2.0 else f"{cost:.2g}x"
-
-
 def short(series: str) -> str:
     """Return the name of a line in a work-precision diagram with ", adaptive" changed to " (adaptive)"."""
     return series.replace(", adaptive", " (adaptive)")
-
-
-def _slopes(points: Sequence[CostPoint]) -> list[float]:
-    """Return the slopes of log(error) over log(step) between successive measured runs of one method.
-
-    Pairs of runs with equal steps are left out. Such pairs occur with adaptive runs at loose tolerances, where steps
-    are limited only by the times at which they have to end.
-    """
-    pairs = [(p, q) for p, q in pairwise(points) if p.dt > APART * q.dt]
-    return [math.log(p.angle_error / q.angle_error) / math.log(p.dt / q.dt) for p, q in pairs]

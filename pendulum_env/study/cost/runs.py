@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import platform
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
@@ -17,13 +16,14 @@ from numpy.typing import NDArray
 
 import integrators
 from integrators import Method
-from integrators.steps.estimates import evaluations_tried
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine
-from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.engine.rollout import rollout
 from pendulum_env.engine.spec import RunSpec
+from pendulum_env.engine.timing import run_time
 from pendulum_env.physics.scene import Scene
+from pendulum_env.study.compare.drift import evaluations
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import accelerations, phase_errors, reference
 
@@ -105,15 +105,8 @@ def _machine(text: str, method: Method, rtol: float | None) -> Machine:
     """
     place = setting_of(text)
     machine = RunSpec.of(place.scene, method, backend=place.backend_of(method), rtol=rtol).machine()
-    _started(machine, place)
+    machine.advance(machine.state(place.angle, place.velocity), 0.0, 1.0, 0)  # compiles the program
     return machine
-
-
-def _started(machine: Machine, place: Setting) -> Any:
-    """Return the state of a machine (compiled program of a scene with a method) at the start of a study's runs."""
-    state = machine.state(place.angle, place.velocity)
-    machine.advance(state, 0.0, 1.0, 0)
-    return state
 
 
 def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = None) -> dict[str, Any]:
@@ -153,6 +146,10 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
     phases = np.abs(phase_errors(place.scene.omega0, truth, pull, result.angle, result.velocity))
     along = np.isfinite(phases).any() and np.max(errors) <= FIRST_ORDER * np.max(np.abs(truth.angle))
     largest = float(np.nanmax(phases)) if along else math.nan
+    if machine.tolerance:
+        counted = float(evaluations(result) or math.nan) if has_evaluations(method) else math.nan
+    else:
+        counted = steps * evaluations_per_step(machine, result.angle, result.velocity, result.dt)
     return {
         "time": _timed(machine, place, dt, steps),
         "dt": dt if run["rtol"] is None else place.duration / taken,
@@ -161,7 +158,7 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
         "end_error": float(errors[-1]),
         "phase_error": largest,
         "energy_error": float(np.max(np.abs(result.energy_residual))) / energy_scale(place.scene, result.energy)[0],
-        "evaluations": _evaluations(machine, result, steps),
+        "evaluations": counted,
         "stop_reason": "",
         **host,
     }
@@ -169,32 +166,10 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
 
 def _timed(machine: Machine, place: Setting, dt: float, steps: int) -> float:
     """Return the wall time of one run [s]; for a short run the mean over several, for a reliable timing."""
-    once = _clock(machine, place, dt, steps, 1)
-    return once if once >= SHORTEST else _clock(machine, place, dt, steps, math.ceil(SHORTEST / once))
-
-
-def _clock(machine: Machine, place: Setting, dt: float, steps: int, runs: int) -> float:
-    """Return the mean wall time of one run [s] when ``runs`` equal runs are timed together."""
-    start = machine.state(place.angle, place.velocity)
-    state = machine.state(place.angle, place.velocity)
-    begun = time.perf_counter()
-    for _ in range(runs):
-        state[:] = start
-        machine.advance(state, 0.0, dt, steps)
-    return (time.perf_counter() - begun) / runs
-
-
-def _evaluations(machine: Machine, run: Rollout, calls: int) -> float:
-    """Return the number of force evaluations of a run that was divided into ``calls`` intervals of length dt.
-
-    In an adaptive run, which takes several steps in each interval, rejected steps count too, and one evaluation at the
-    start of each interval.
-    """
-    if not machine.tolerance:
-        return calls * evaluations_per_step(machine, run.angle, run.velocity, run.dt)
-    if not has_evaluations(machine.method):
-        return math.nan
-    return float((run.steps + run.rejected) * evaluations_tried(run.method) + calls)
+    once, _ = run_time(machine, place.angle, place.velocity, dt, steps)
+    if once >= SHORTEST:
+        return once
+    return run_time(machine, place.angle, place.velocity, dt, steps, math.ceil(SHORTEST / once))[0]
 
 
 @lru_cache(maxsize=1)
@@ -266,15 +241,13 @@ def evaluations_per_step(machine: Machine, angle: Array, velocity: Array, h: flo
         return float(original(*arguments))
 
     advance = interpreted(code.text, code.title, {force: counted})["run"]
-    states, before, counts = RunSpec.of(scene, method, diagnostics=(), backend="python").machine(), 0, []
+    states, counts = RunSpec.of(scene, method, diagnostics=(), backend="python").machine(), []
     chosen = np.linspace(0, len(angle) - 1, SAMPLES).astype(int)
     for q, v in zip(angle[chosen], velocity[chosen], strict=True):
         state = states.state(float(q), float(v))
-        if method.memory:
+        for _ in range(1 + bool(method.memory)):  # the first step of a multistep method begins its history
+            calls[0] = 0
             advance(state, states.parameters, 0.0, h, 1, 1, math.inf, NOWHERE, UNSEEN)
-            before = calls[0]
-        advance(state, states.parameters, 0.0, h, 1, 1, math.inf, NOWHERE, UNSEEN)
         if state[VELOCITY] * v > 0.0:
-            counts.append(calls[0] - before)
-        before = calls[0]
+            counts.append(calls[0])
     return sum(counts) / len(counts) if counts else math.nan

@@ -69,8 +69,7 @@ class Swung:
     @property
     def angle(self) -> Array:
         """Angle from the downward vertical, with full turns counted, at the start and after each control step [rad]."""
-        unwrapped: Array = self.states[:, ANGLE] + TWO_PI * self.states[:, TURNS]
-        return unwrapped
+        return np.asarray(self.states[:, ANGLE] + TWO_PI * self.states[:, TURNS])
 
     @property
     def initial(self) -> float:
@@ -96,8 +95,7 @@ class Swung:
     @property
     def weight_torque(self) -> float:
         """Torque of the weight with the pendulum horizontal [N m]."""
-        scene = self.machine.scene
-        return scene.restoring
+        return self.machine.scene.restoring
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -7,17 +7,25 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from matplotlib.figure import Figure
+
+from pendulum_env import plots
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.engine.kernels import Backend, resolve
+from pendulum_env.engine.rollout import rollout
+from pendulum_env.lab.fitting.fit import fit
+from pendulum_env.lab.simulated import SCENE, simulated_recording, true_scene
 from pendulum_env.physics.units import SceneError, boolean
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from pendulum_env.study.cost.points import CostStudy
+from pendulum_env.plots import audit, recorded
+from pendulum_env.plots import cost as diagrams
+from pendulum_env.study.audit.simplification import simplify
+from pendulum_env.study.cost.points import CostStudy
+from pendulum_env.study.cost.study import cost
+from pendulum_env.study.demo import swing
+from pendulum_env.study.fit_report import facts
 
 EULERS = ("forward_euler", "backward_euler", "symplectic_euler")
 """Methods of the chapter on energy."""
@@ -93,9 +101,6 @@ def _chapters(
 
 def exercise(place: Path, tell: Progress, backend: Backend) -> Chapter:
     """Return the tour's chapter on the energy under three Euler methods, and write its figure."""
-    from pendulum_env import plots
-    from pendulum_env.engine.rollout import rollout
-
     runs = {}
     for i, name in enumerate(EULERS):
         tell(i / 4.0, f"the exercise, {name}")
@@ -129,9 +134,6 @@ def ratio_text(ratio: float) -> str:
 
 def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
     """Return the tour's chapter on the computing time that three methods need for an accuracy, and write its figure."""
-    from pendulum_env.plots.cost import draw
-    from pendulum_env.study.cost.study import cost
-
     steps = STEPS if resolve(backend) == "compiled" else INTERPRETED
     study = cost("vacuum", PRICED, duration=10.0, steps=steps, tolerances=(), repeats=3, backend=backend,
                  progress=lambda done, what: tell(0.9 * done, f"cost of accuracy, {what}"))
@@ -147,7 +149,7 @@ def accuracy(place: Path, tell: Progress, backend: Backend) -> Chapter:
         study.sentence() + (f" A dash means that even steps of {steps[-1]:.1g} s are too long for this accuracy."
                             if "-" in "".join(rows) else ""),
     ]
-    files = (_save(draw(study), place / "accuracy.png", scene=study.scene.to_dict(), method=list(PRICED)),)
+    files = (_save(diagrams.draw(study), place / "accuracy.png", scene=study.scene.to_dict(), method=list(PRICED)),)
     return Chapter("What accuracy costs", "\n".join(lines), files)
 
 
@@ -165,9 +167,6 @@ def price_text(study: CostStudy, method: str, error: float) -> str:
 
 def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
     """Return the tour's chapter on the effects that matter for a pendulum in water, and write its figure."""
-    from pendulum_env.plots.audit import draw
-    from pendulum_env.study.audit.simplification import simplify
-
     amplitude, tolerance = math.radians(30.0), 0.003
     scene, report = simplify("water", amplitude, tolerance, backend=backend,
                              progress=lambda done, what: tell(0.95 * done, f"effects in water, {what}"))
@@ -181,7 +180,7 @@ def effects(place: Path, tell: Progress, backend: Backend) -> Chapter:
           f"{_change(rows[effect.name].amplitude_change)}  {rows[effect.name].verdict}" for effect in full.effects),
         f"{report.text} Effects left out of a scene cost no computing time.",
     ]
-    files = (_save(draw(report.audit), place / "effects.png", scene=full.to_dict(), simplified=scene.to_dict()),)
+    files = (_save(audit.draw(report.audit), place / "effects.png", scene=full.to_dict(), simplified=scene.to_dict()),)
     return Chapter("Only the effects that matter", "\n".join(lines), files)
 
 
@@ -189,23 +188,16 @@ def _change(value: float) -> str:
     return f"{100.0 * value:+7.2f} %" if math.isfinite(value) else f"{'-':>9}"
 
 
-def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
+def recording(place: Path, tell: Progress, _backend: Backend) -> Chapter:
     """Return the tour's chapter on the fit of length and drag to a simulated recording, and write its figure."""
-    from pendulum_env.lab.fitting.fit import fit
-    from pendulum_env.lab.simulated import SCENE, simulated_recording, true_scene
-    from pendulum_env.plots import save
-    from pendulum_env.plots.recorded import recorded
-    from pendulum_env.study.fit_report import facts
-
-    del backend
-    swing, true = simulated_recording(), true_scene()
-    result = fit(swing, DAMPING, mass=SCENE["mass"], radius=SCENE["radius"],
+    record, true = simulated_recording(), true_scene()
+    result = fit(record, DAMPING, mass=SCENE["mass"], radius=SCENE["radius"],
                 progress=lambda done, what: tell(0.8 * done, f"fitting a recording, {what}"))
     tell(0.8, "drawing the fit")
     gamma = next(one for name, one in result.parameters.items() if name.endswith("gamma"))
     length = result.parameters["length"]
     lines = [
-        f"A sensor's file with {len(swing.time)} readings, rounded to {math.degrees(swing.quantum):.2g}°. It comes "
+        f"A sensor's file with {len(record.time)} readings, rounded to {math.degrees(record.quantum):.2g}°. It comes "
         "with the package and is simulated, so that the true values are known. The fit of the whole swing gives:",
         f"  length  {length}, true value {true.body.reach:g} m",
         f"  gamma   {gamma}, true value {SCENE['gamma']:g} 1/s",
@@ -213,19 +205,18 @@ def recording(place: Path, tell: Progress, backend: Backend) -> Chapter:
         f"{math.degrees(result.noise):.2g}°. With a file of your own: lab-pendulum fit FILE, and for the whole lab "
         "report: lab-pendulum exercise --recording FILE.",
     ]
-    files = (save(recorded(result), place / "fit.png", {**facts(result), "Title": f"fit of {swing.source}"}),)
+    files = (plots.save(recorded.recorded(result), place / "fit.png",
+                        {**facts(result), "Title": f"fit of {record.source}"}),)
     return Chapter("From a recording to its pendulum", "\n".join(lines), files)
 
 
 def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapter:
     """Return the tour's chapter on a swing-up with a weak motor, and write its figure and film."""
-    from pendulum_env.study.demo.swing import draw, swung_up, write_swing
-
     tell(0.0, "swinging up")
-    run = swung_up(backend=backend)
-    files = [_save(draw(run), place / "swing_up.png", **run.facts)]
+    run = swing.swung_up(backend=backend)
+    files = [_save(swing.draw(run), place / "swing_up.png", **run.facts)]
     if film:
-        files.append(write_swing(run, place / "swing_up.mp4", lambda done, what: tell(0.05 + 0.95 * done, what)))
+        files.append(swing.write_swing(run, place / "swing_up.mp4", lambda done, what: tell(0.05 + 0.95 * done, what)))
     tell(1.0, "done")
     if math.isinf(run.settled):
         raise SceneError(f"The controller did not swing the bob up within {run.time[-1]:g} s; its motor may be weak.")
@@ -243,6 +234,4 @@ def swinging(place: Path, tell: Progress, backend: Backend, film: bool) -> Chapt
 
 
 def _save(figure: Figure, path: Path, **origin: Any) -> Path:
-    from pendulum_env.plots import save
-
-    return save(figure, path, {**provenance(**origin), "Title": path.stem})
+    return plots.save(figure, path, {**provenance(**origin), "Title": path.stem})

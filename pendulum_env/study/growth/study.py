@@ -222,11 +222,11 @@ def growth(
     if on_line is not None:
         function(on_line, "on_line")
     tell = told_by(progress)
-    q, v, period, time, specs, runs = planned(
+    q, v, period, time, runs = planned(
         place, integrators, angle=angle, velocity=velocity, periods=periods, step=step, backend=backend,
         evaluations_per_period=evaluations_per_period, compensated=compensated, **shared)
-    for spec, run in zip(specs, runs, strict=True):
-        replace(spec, h=run.h).tell()
+    for run in runs:
+        run.spec.tell()
     reach = max(run.reach for run in runs)
     truth = long_truth(place, q, v, time * period, reach, backend, part_of(tell, 0.0, TRUTH))
     study = Growth(place, q, v, period, time[: truth.died], (), truth.how, *_known(truth, time * period, period),
@@ -242,7 +242,7 @@ def growth(
             run.follow(study.time * period, truth, report)
         except KeyboardInterrupt:
             study = replace(study, complete=False)
-        if study.complete or run.angle_error:
+        if study.complete or run.errors:
             study = replace(study, lines=(*study.lines, _line(study, run)))
             if on_line is not None:
                 on_line(study.lines[-1])
@@ -260,7 +260,6 @@ class GrowthPlan(NamedTuple):
     velocity: float
     period: float
     time: Array
-    specs: list[RunSpec]
     runs: list[LongRun]
 
 
@@ -285,46 +284,27 @@ def planned(
         )
     refuse_gusts(place)
     period = TWO_PI / place.omega0
-    time = _times(number(periods, "periods", least=1.0))
-    step_of = _steps(step, evaluations_per_period)
+    end = number(periods, "periods", least=1.0)
+    times = 10.0 ** (np.arange(math.floor(PER_DECADE * math.log10(end) + 1e-9) + 1) / PER_DECADE)
+    time = np.append(times[times < CLOSE * end], end)
+    if step is not None and evaluations_per_period is not None:
+        raise SceneError("step and evaluations_per_period both determine the step; give only one of them.")
+    fixed = None if step is None else number(step, "step", above=0.0, unit="s")
+    budget = number(EVALUATIONS if evaluations_per_period is None else evaluations_per_period,
+                    "evaluations_per_period", above=0.0)
     methods = checked_methods(fitting(place) if integrators is None else integrators, place)
-    specs = [RunSpec.of(place, method, angle=q, velocity=v, **shared) for method in methods]
-    runs = [LongRun(machine, q, v, step_of(machine, q, v, period), period)
-            for machine in (spec.machine() for spec in specs)]
-    for run in runs:
-        if run.h > period:
+    runs = []
+    for spec in [RunSpec.of(place, method, angle=q, velocity=v, **shared) for method in methods]:
+        machine = spec.machine()
+        h = fixed or step_for(machine, q, v, period, budget)
+        if h > period:
             raise SceneError(
-                f"The step of {run.machine.method.name}, {run.h:.3g} s, is longer than a period, {period:.3g} s; "
+                f"The step of {machine.method.name}, {h:.3g} s, is longer than a period, {period:.3g} s; "
                 "give a shorter step or more evaluations_per_period."
             )
-        checked_steps(float(time[-1]) * period, run.h)
-    return GrowthPlan(q, v, period, time, specs, runs)
-
-
-def _times(periods: float) -> Array:
-    """Return the times [periods] at which errors are recorded in a study of error growth.
-
-    There are ten per factor of ten in time, from one period on; the last is ``periods``.
-    """
-    times = 10.0 ** (np.arange(math.floor(PER_DECADE * math.log10(periods) + 1e-9) + 1) / PER_DECADE)
-    return np.append(times[times < CLOSE * periods], periods)
-
-
-def _steps(step: float | None, evaluations: float | None) -> Callable[[Machine, float, float, float], float]:
-    """Return a function that computes a method's integration step [s] in a study of error growth.
-
-    Its arguments are the machine (compiled program of scene and method), the start angle and velocity, and the period.
-    It returns the given ``step``, or the step that uses the given number of force evaluations per period.
-
-    Raises SceneError if both a step and a number of evaluations are given.
-    """
-    if step is not None and evaluations is not None:
-        raise SceneError("step and evaluations_per_period both determine the step; give only one of them.")
-    if step is not None:
-        fixed = number(step, "step", above=0.0, unit="s")
-        return lambda machine, angle, velocity, period: fixed
-    budget = number(EVALUATIONS if evaluations is None else evaluations, "evaluations_per_period", above=0.0)
-    return lambda machine, angle, velocity, period: step_for(machine, angle, velocity, period, budget)
+        checked_steps(end * period, h)
+        runs.append(LongRun(replace(spec, h=h), machine, q, v, h, period))
+    return GrowthPlan(q, v, period, time, runs)
 
 
 def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]:
@@ -346,8 +326,9 @@ def _known(truth: LongTruth, marks: Array, period: float) -> tuple[float, float]
 
 def _line(study: Growth, run: LongRun) -> GrowthLine:
     """Return the :class:`GrowthLine` of one finished run: its errors, and the laws by which they grow."""
-    time, missing = study.time, [math.nan] * (len(study.time) - len(run.angle_error))
-    angle, own, energy = (np.array([*values, *missing]) for values in (run.angle_error, run.own, run.energy_error))
+    time, rows = study.time, np.full((len(study.time), 3), math.nan)
+    rows[:len(run.errors)] = np.reshape(run.errors, (-1, 3))
+    angle, own, energy = rows.T.copy()
     angle[time > study.horizon] = math.nan
     steps, phase = time * study.period / run.h, TWO_PI * time
     stopped = run.stopped / study.period
@@ -369,31 +350,25 @@ def _line(study: Growth, run: LongRun) -> GrowthLine:
 class LongRun:
     """Run of one method over very many periods, with the largest errors around selected times.
 
-    Its fields are the machine (compiled program of scene and method), the start [rad, rad/s], the step ``h`` [s] and
-    the ``period`` of small swings [s].
+    Its fields are the settings, the machine (compiled program of scene and method), the start [rad, rad/s], the step
+    ``h`` [s] and the ``period`` of small swings [s].
 
     Attributes:
-        angle_error, own, energy_error: the largest errors in the period before each selected time: of the angle [rad],
-            of the reference solution itself [rad], and |energy residual| over the energy at the start (over the largest
-            energy, where that is 0).
+        errors: the largest errors in the period before each selected time: of the angle [rad], of the reference
+            solution itself [rad], and |energy residual| over the energy at the start (over the largest energy, where
+            that is 0).
         stop_reason, stopped: why and when the run ended early [s].
     """
 
+    spec: RunSpec
     machine: Machine
     angle: float
     velocity: float
     h: float
     period: float
-    angle_error: list[float] = field(default_factory=list)
-    own: list[float] = field(default_factory=list)
-    energy_error: list[float] = field(default_factory=list)
+    errors: list[tuple[float, float, float]] = field(default_factory=list)
     stop_reason: str = ""
     stopped: float = math.inf
-
-    @property
-    def stride(self) -> int:
-        """Number of integration steps between two states at which the error is measured, about 24 states per period."""
-        return max(1, math.floor(self.period / self.h / ROWS))
 
     @property
     def reach(self) -> float:
@@ -411,21 +386,22 @@ class LongRun:
     def follow(self, marks: Array, truth: LongTruth, report: Callable[[float], None]) -> None:
         """Run to the last of the times ``marks`` [s], and record the largest errors before each of them.
 
-        The errors are appended to the lists ``angle_error``, ``own`` and ``energy_error``. ``report`` is called now and
-        then with the simulated time reached [s].
+        The errors are appended to the list ``errors``. ``report`` is called now and then with the simulated time
+        reached [s].
         """
         machine, h = self.machine, self.h
+        stride = max(1, math.floor(self.period / h / ROWS))  # about 24 states per period
         state = machine.state(self.angle, self.velocity)
         machine.advance(state, 0.0, h, 0)
         initial = most = float(machine.ledger(state, 0.0).energy)
         near = np.empty((0, 4))
         for mark in marks:
             end, now = round(mark / h), round(state[INDEX])
-            rows = min(max(0, end - now), math.ceil(self.reach / h)) // self.stride
-            code = on(machine, state, h, end - now - rows * self.stride, lambda steps: report(steps * h))
+            rows = min(max(0, end - now), math.ceil(self.reach / h)) // stride
+            code = on(machine, state, h, end - now - rows * stride, lambda steps: report(steps * h))
             out = np.empty((rows + 1, machine.width))
             if not code:
-                code = machine.run(state, machine.parameters, 0.0, h, rows, self.stride, math.inf, out, UNSEEN)
+                code = machine.run(state, machine.parameters, 0.0, h, rows, stride, math.inf, out, UNSEEN)
             if code:
                 self.stop_reason, self.stopped = STOP_REASONS[code], float(state[INDEX]) * h
                 return
@@ -437,10 +413,8 @@ class LongRun:
                 rows_near = np.stack([out[1:, INDEX], error, true.error, np.abs(ledger.residual)], axis=-1)
                 near = np.concatenate([near, rows_near])
                 most = max(most, float(np.max(ledger.energy)))
-            largest = near[:, 1:].max(axis=0, initial=0.0)
-            self.angle_error.append(float(largest[0]))
-            self.own.append(float(largest[1]))
-            self.energy_error.append(float(largest[2]) / energy_scale(machine.scene, (initial, most))[0])
+            error, own, residual = near[:, 1:].max(axis=0, initial=0.0).tolist()
+            self.errors.append((error, own, residual / energy_scale(machine.scene, (initial, most))[0]))
             for i, value in enumerate(state):
                 state[i] = value if abs(value) > TINY else 0.0
             report(float(state[INDEX]) * h)

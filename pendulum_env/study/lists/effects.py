@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable
 from dataclasses import Field, fields
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.units import first_line
-from pendulum_env.study.lists.methods import INDENT, NARROWEST, WIDEST
+from pendulum_env.study.lists.methods import INDENT, paragraph
 
 
 def parameter(entry: Field[Any]) -> str:
@@ -27,26 +26,23 @@ def parameters(effect: type[Effect] | type[RigidBody]) -> str:
 
 def listing(effects: Iterable[type[Effect]], width: int = 100) -> str:
     """Return a text list of effects by kind, with a paragraph on each, in lines of at most ``width`` characters."""
-    width = min(max(width, NARROWEST), WIDEST)
     kinds: dict[str, list[type[Effect]]] = {}
     for effect in effects:
         kinds.setdefault(effect.kind, []).append(effect)
-    return "\n\n".join(_block(f"{kind} ({len(members)})", members, width) for kind, members in kinds.items())
-
-
-def _block(title: str, effects: list[type[Effect]], width: int) -> str:
-    lines = [title, "-" * len(title)]
-    for effect in effects:
-        lines.append(f"{effect.name}, damping={effect.damping}" if effect.damping else effect.name)
-        number = f"Matters by {effect.number_name}. " if effect.number_name else ""
-        parameter_texts = [f"{parameter(f)}: {f.metadata['doc']}{_default(f)}." for f in fields(effect)]  # type: ignore[arg-type]
-        for paragraph in (f"{first_line(effect)}.", *parameter_texts, f"{number}{effect.source}."):
-            lines += textwrap.wrap(paragraph, width, initial_indent=INDENT, subsequent_indent=2 * INDENT,
-                                   break_on_hyphens=False)
-    return "\n".join(lines)
+    blocks = []
+    for kind, members in kinds.items():
+        title = f"{kind} ({len(members)})"
+        lines = [title, "-" * len(title)]
+        for effect in members:
+            lines.append(f"{effect.name}, damping={effect.damping}" if effect.damping else effect.name)
+            number = f"Matters by {effect.number_name}. " if effect.number_name else ""
+            texts = [f"{parameter(f)}: {f.metadata['doc']}{_default(f)}." for f in fields(effect)]  # type: ignore[arg-type]
+            for text in (f"{first_line(effect)}.", *texts, f"{number}{effect.source}."):
+                lines += paragraph(text, width, INDENT, 2 * INDENT)
+        blocks.append("\n".join(lines))
+    return "\n\n".join(blocks)
 
 
 def _default(entry: Field[Any]) -> str:
-    if entry.default is None:
-        return ""
-    return f"; by default {entry.default:g}" if isinstance(entry.default, float) else f"; by default {entry.default}"
+    number = f"{entry.default:g}" if isinstance(entry.default, float) else entry.default
+    return "" if entry.default is None else f"; by default {number}"

@@ -107,19 +107,14 @@ def computed_limits(method: Method) -> tuple[float | None, float | None]:
 
     A limit is None if the stability analysis does not apply to the method.
     """
-    return _known(lambda: stability_limit(method)), _known(lambda: _damping(method))
+    def known(limit: Callable[..., float], *at: float) -> float | None:
+        try:
+            return limit(method, *at)
+        except MethodError:
+            return None
 
-
-def _damping(method: Method) -> float:
-    return overdamping_limit(method, SOFT) if "reversible" in method.needs else damping_limit(method)
-
-
-def _known(limit: Callable[[], float]) -> float | None:
-    """Return the stability limit that a function computes, or None if it raises MethodError."""
-    try:
-        return limit()
-    except MethodError:
-        return None
+    damping = (overdamping_limit, SOFT) if "reversible" in method.needs else (damping_limit,)
+    return known(stability_limit), known(*damping)
 
 
 def unfit(scene: Scene) -> dict[str, str]:
@@ -148,17 +143,21 @@ def _refusal(need: str, scene: Scene) -> str:
     return f"{NEEDS[need]}, which {who} {'does' if len(alone) == 1 else 'do'} not offer"
 
 
+def paragraph(text: str, width: int, first: str = INDENT, further: str = INDENT) -> list[str]:
+    """Return a text as lines of at most ``width`` characters (60 to 120), indented by ``first`` and ``further``."""
+    width = min(max(width, NARROWEST), WIDEST)
+    return textwrap.wrap(text, width, initial_indent=first, subsequent_indent=further, break_on_hyphens=False)
+
+
 def listing(methods: Iterable[Method], width: int = 100) -> str:
     """Return a text list of methods, grouped by family, with a row of numbers and a paragraph on each.
 
     Lines are at most ``width`` characters long; a very small or large width is replaced by the nearest allowed one.
     """
-    width = min(max(width, NARROWEST), WIDEST)
     groups: dict[str, list[MethodEntry]] = {}
-    for method in methods:
-        one = entry(method)
-        kind = one.structure.split(", ")[0]
+    for one in map(entry, methods):
         free = ", for velocity-free forces" if "velocity_free" in one.needs else ""
+        kind = one.structure.split(", ")[0]
         groups.setdefault(f"{one.family[0].upper()}{one.family[1:]}, {kind}{free}", []).append(one)
     blocks = [_block(f"{title} ({len(entries)})", entries, width) for title, entries in groups.items()]
     needed = {need for entries in groups.values() for one in entries for need in one.needs}
@@ -167,17 +166,15 @@ def listing(methods: Iterable[Method], width: int = 100) -> str:
 
 def _block(title: str, entries: Sequence[MethodEntry], width: int) -> str:
     room = max(len(title), *(len(one.name) for one in entries)) + 2
-    lines = [f"{title:{room}}order  forces  omega0 h  gamma h"]
-    lines.append("-" * len(lines[0]))
+    head = f"{title:{room}}order  forces  omega0 h  gamma h"
+    lines = [head, "-" * len(head)]
     for one in entries:
         limits = f"{shown(one.oscillation_limit):>8}  {shown(one.damping_limit):>7}"
         lines.append(f"{one.name:{room}}{one.order:>5}  {one.evaluations:>6}  {limits}")
-        words = one.structure.split(", ")[1:]
-        head = "; ".join([*([", ".join(words)] if words else []),
-                          *([f"needs {', '.join(one.needs)}"] if one.needs else [])])
-        parts = [head, one.what, one.source, f"Also {', '.join(one.aliases)}" if one.aliases else ""]
-        text = " ".join(f"{part[0].upper()}{part[1:]}." for part in parts if part)
-        lines += textwrap.wrap(text, width, initial_indent=INDENT, subsequent_indent=INDENT, break_on_hyphens=False)
+        words = ", ".join(one.structure.split(", ")[1:]), f"needs {', '.join(one.needs)}" if one.needs else ""
+        parts = ["; ".join(filter(None, words)), one.what, one.source,
+                 f"Also {', '.join(one.aliases)}" if one.aliases else ""]
+        lines += paragraph(" ".join(f"{part[0].upper()}{part[1:]}." for part in parts if part), width)
     return "\n".join(lines)
 
 
@@ -191,10 +188,7 @@ def _legend(needed: Iterable[str], width: int) -> str:
         "adaptive": "estimates its error and so can adapt its step to rtol and atol",
         **{need: NEEDS[need] for need in NEEDS if need in needed},
     }
-    lines = []
-    for name, text in notes.items():
-        lines += textwrap.wrap(f"{name}: {text}.", width, subsequent_indent=INDENT, break_on_hyphens=False)
-    return "\n".join(lines)
+    return "\n".join(line for name, text in notes.items() for line in paragraph(f"{name}: {text}.", width, ""))
 
 
 def fit_listing(scene: Scene, width: int = 100, whole: bool = True) -> str:
@@ -202,20 +196,16 @@ def fit_listing(scene: Scene, width: int = 100, whole: bool = True) -> str:
 
     Without ``whole`` it is only the names of those that fit.
     """
-    width = min(max(width, NARROWEST), WIDEST)
     refused = unfit(scene)
-    reasons: dict[str, list[str]] = {}
-    for name, why in refused.items():
-        reasons.setdefault(why, []).append(name)
-    lines = [f"{len(METHODS) - len(refused)} of {len(METHODS)} integrators fit the scene {scene.name}, "
-             f"{', '.join(effect.name for effect in scene.effects) or 'without effects'}.", ""]
+    fit = [name for name in METHODS if name not in refused]
+    title = (f"{len(fit)} of {len(METHODS)} integrators fit the scene {scene.name}, "
+             f"{', '.join(effect.name for effect in scene.effects) or 'without effects'}.")
     if not whole:
-        fit = ", ".join(name for name in METHODS if name not in refused)
-        return "\n".join([*lines[:1], *textwrap.wrap(fit, width, break_on_hyphens=False),
+        return "\n".join([title, *paragraph(", ".join(fit), width, "", ""),
                           "--all describes them, and says why others do not fit."])
-    lines.append(listing((method for name, method in METHODS.items() if name not in refused), width))
-    for why, names in reasons.items():
-        lines += ["", *textwrap.wrap(f"{len(names)} methods do not fit: they need {why}.", width,
-                                           break_on_hyphens=False)]
-        lines += textwrap.wrap(", ".join(names), width, initial_indent=INDENT, subsequent_indent=INDENT)
+    lines = [title, "", listing((METHODS[name] for name in fit), width)]
+    for why in dict.fromkeys(refused.values()):
+        names = [name for name in refused if refused[name] == why]
+        lines += ["", *paragraph(f"{len(names)} methods do not fit: they need {why}.", width, "", "")]
+        lines += paragraph(", ".join(names), width)
     return "\n".join(lines)

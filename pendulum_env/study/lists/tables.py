@@ -20,74 +20,39 @@ from pendulum_env.study.lists.methods import COLUMNS, entry, shown
 from pendulum_env.tasks import TASKS
 
 
-def integrators_table() -> Table:
-    """Return a table of all integrators: order, structure, force evaluations, stability limits, source."""
-    rows = tuple(
-        (e.name, e.order, e.structure, str(e.evaluations), shown(e.oscillation_limit), shown(e.damping_limit),
-         e.what, e.source)
-        for e in map(entry, METHODS.values())
-    )
-    return Table(
-        ("integrator", "order", "structure", "forces per step", "omega0 h", "gamma h", "what it is", "source"), rows
-    )
-
-
 def integrators_data() -> Table:
     """Return a table of all integrators with every known property, also family, needs and other names."""
     return Table(COLUMNS, tuple(entry(method).cells for method in METHODS.values()))
 
 
-def effects_table() -> Table:
-    """Return a table of all effects: kind, name for ``damping=``, parameters, number, description, source."""
-    rows = tuple(
-        (e.name, e.kind, e.damping or "-", parameters(e) or "-", e.number_name or "-", first_line(e), e.source)
-        for e in EFFECTS.values()
-    )
-    return Table(("effect", "kind", "damping=", "parameters", "matters by", "what it is", "source"), rows)
-
-
-def scenes_table() -> Table:
-    """Return a table of all preset scenes: their effects and their purpose."""
-    rows = tuple(
-        (name, ", ".join(effect.name for effect in scene.effects), PURPOSES[name]) for name, scene in SCENES.items()
-    )
-    return Table(("scene", "effects", "what it is for"), rows)
-
-
-def bodies_table() -> Table:
-    """Return a table of all bodies: the name under "shape" in scene files, the measures and what each one is."""
-    rows = tuple((name, kind.__name__, parameters(kind), first_line(kind)) for name, kind in BODIES.items())
-    return Table(("shape", "class", "measures", "what it is"), rows)
-
-
-def tasks_table() -> Table:
-    """Return a table of all tasks and their rewards."""
-    return Table(("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values()))
-
-
-def events_table() -> Table:
-    """Return a table of the names of events, which rollouts and sections take, and their meanings."""
-    return Table(("event", "what it is"), tuple(EVENTS.items()))
-
-
-def formats_table() -> Table:
-    """Return a table of the quantities that files of recordings hold: words in titles, units, how they are read."""
-    return Table(("quantity", "words in titles", "units", "how it is read, or what to do"),
-                 tuple(quantity.cells for quantity in QUANTITIES))
-
-
-def sources_table() -> Table:
-    """Return a table of the sources of live samples: address, what it is, extra of the package, how it was tested."""
-    rows = tuple((kind.form(), kind.about, kind.extra or "-", kind.tested) for kind in SOURCES.values())
-    return Table(("source", "what it is", "extra", "tested with"), rows)
-
-
-TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType(
-    {"scenes": scenes_table, "integrators": integrators_table, "effects": effects_table, "bodies": bodies_table,
-     "tasks": tasks_table, "events": events_table, "formats": formats_table,
-     "sources": sources_table}
-)
-"""Functions that return the tables, by name."""
+TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType({
+    "scenes": lambda: Table(
+        ("scene", "effects", "what it is for"),
+        tuple((name, ", ".join(effect.name for effect in scene.effects), PURPOSES[name])
+              for name, scene in SCENES.items())),
+    "integrators": lambda: Table(
+        ("integrator", "order", "structure", "forces per step", "omega0 h", "gamma h", "what it is", "source"),
+        tuple((e.name, e.order, e.structure, str(e.evaluations), shown(e.oscillation_limit), shown(e.damping_limit),
+               e.what, e.source) for e in map(entry, METHODS.values()))),
+    "effects": lambda: Table(
+        ("effect", "kind", "damping=", "parameters", "matters by", "what it is", "source"),
+        tuple((e.name, e.kind, e.damping or "-", parameters(e) or "-", e.number_name or "-", first_line(e), e.source)
+              for e in EFFECTS.values())),
+    "bodies": lambda: Table(
+        ("shape", "class", "measures", "what it is"),
+        tuple((name, kind.__name__, parameters(kind), first_line(kind)) for name, kind in BODIES.items())),
+    "tasks": lambda: Table(
+        ("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values())),
+    "events": lambda: Table(("event", "what it is"), tuple(EVENTS.items())),
+    "formats": lambda: Table(
+        ("quantity", "words in titles", "units", "how it is read, or what to do"),
+        tuple(quantity.cells for quantity in QUANTITIES)),
+    "sources": lambda: Table(
+        ("source", "what it is", "extra", "tested with"),
+        tuple((kind.form(), kind.about, kind.extra or "-", kind.tested) for kind in SOURCES.values())),
+})
+"""Functions that return the tables, by name: of scenes (effects, purpose), integrators (order, stability limits, ...),
+effects, bodies, tasks (rewards), events, quantities in files of recordings, and sources of live samples."""
 
 
 LINES = 2

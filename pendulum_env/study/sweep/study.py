@@ -121,10 +121,9 @@ class Sweep(Result):
         return "sweep"
 
     def units(self) -> Mapping[str, str]:
-        """Return the units of the columns that are known: those of :func:`pendulum_env.study.sweep.summary.summary`, and
-        those of a saved Study."""
+        """Return the units of the columns that are known: those of a summary of runs, and those of a saved Study."""
         given = self.facts.get("Units", "{}")
-        return SUMMARY if given == UNITS else json.loads(given)  # type: ignore[no-any-return]
+        return SUMMARY if given == UNITS else json.loads(given)
 
     def origin(self) -> Mapping[str, str]:
         """Return what the runs have in common, and what computed them."""
