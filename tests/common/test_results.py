@@ -200,7 +200,7 @@ def test_a_table_without_rows_or_columns() -> None:
 
 def test_unknown_tables_and_missing_libraries_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     for read in (some().to_pandas, some().to_xarray):
-        with pytest.raises(SceneError, match="There is no table 'man'; the tables are main, other"):
+        with pytest.raises(SceneError, match="There is no table 'man'; did you mean main"):
             read("man")
     for name in ("xarray", "pandas"):
         monkeypatch.setitem(sys.modules, name, None)

@@ -48,8 +48,8 @@ from pendulum_env.physics.presets import find_scene
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
 HERE = Path(__file__).parent
-NO_RESULTS = {"Scene", "LabPendulumEnv", "LabPendulumVectorEnv", "Filmed"}
-"""Cards of what is no result: a scene has its own file, a film is one."""
+NO_RESULTS = {"Scene", "LabPendulumEnv", "LabPendulumVectorEnv", "Filmed", "Result", "StudyResult"}
+"""Cards of what is no result of its own: a scene has its own file, a film is one, a study is kept as a sweep."""
 
 
 def save(result: Any, path: Path) -> Path:

@@ -23,6 +23,7 @@ from matplotlib._pylab_helpers import Gcf
 from matplotlib.figure import Figure
 from normal_posterior import normal_posterior
 from small_driven_fit import small_driven_fit
+from small_study import Speeds
 
 import integrators
 from pendulum_env import (
@@ -95,6 +96,7 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "Ranking": (lambda: Ranking(choose(SCENES["vacuum"], 1e-3, 0.02, 10)), "relative cost"),
     "Matrix": (lambda: stress(["upright for a moment"], ["rk4"]), "upright for a moment"),
     "Sweep": (lambda: sweep({"angle": [k / 100.0 for k in range(1, 21)]}, run=lambda point: {"twice": EVIL}), EVIL),
+    "StudyResult": (lambda: Speeds(number=2)(), "The largest of all"),
     "Section": (lambda: section(points=40, runs=2, transient=2, steps=20, backend="python"), "40, at whole periods"),
     "Basins": (lambda: basins(size=3, transient=2, steps=20, backend="python"), "attractor"),
     "LabSheet": (lambda: measure(swing()), "period at small amplitude"),
