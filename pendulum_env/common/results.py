@@ -96,7 +96,7 @@ class Result(Plotted):
                          "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
                   for name, table in self.tables().items()}
         return json.dumps({"result": type(self).__name__, "complete": self.complete, "provenance": dict(self.origin()),
-                           "tables": tables, **more}, allow_nan=False)
+                           "tables": tables, **_json(more)}, allow_nan=False)
 
     def to_pandas(self, table: str | None = None) -> Any:
         """Return a table as a ``pandas.DataFrame``: the main one, or that of a name.
