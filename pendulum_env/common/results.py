@@ -92,11 +92,12 @@ class Result(Plotted):
         its "units" and "columns", lists by name; ``more`` are further keys. nan is null, an infinite number the text
         "inf" or "-inf".
         """
+        more = {name: _json(value) for name, value in more.items()}
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
                          "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
                   for name, table in self.tables().items()}
         return json.dumps({"result": type(self).__name__, "complete": self.complete, "provenance": dict(self.origin()),
-                           "tables": tables, **_json(more)}, allow_nan=False)
+                           "tables": tables, **more}, allow_nan=False)
 
     def to_pandas(self, table: str | None = None) -> Any:
         """Return a table as a ``pandas.DataFrame``: the main one, or that of a name.
