@@ -40,5 +40,5 @@ def effects(
         paths = [] if out is None else write(report, out, svg)
     simpler = f"\nSimplified equation: {plain.equation()}" if plain.effects != place.effects else ""
     print_result(
-        report, paths, as_json, after=f"{report.audit.text}\n\n{report.text}{simpler}",
+        report, paths, as_json, simplification=report.numbers, after=f"{report.audit.text}\n\n{report.text}{simpler}",
         before=f"{place.name}: {place.equation()}, from {math.degrees(angle):g}°, tolerance {tolerance:g}")

@@ -421,7 +421,7 @@ def test_files_carry_the_data_and_where_they_come_from(exercise, tmp_path):
     for name in FIGURES:
         with Image.open(folder / f"{name}.png") as image:
             assert json.loads(image.info["scene"])["name"] == "exercise"
-            assert image.info["dt"] == "0.01"
+            assert (image.info["dt"], image.info["Title"]) == ("0.01", name)
     lines = (folder / "comparison.csv").read_text().splitlines()
     comments = [line for line in lines if line.startswith("# ")]
     assert any(line.startswith("# Software: lab-pendulum") for line in comments)

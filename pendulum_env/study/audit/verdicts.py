@@ -201,6 +201,11 @@ class Simplification(Result):
         """Table of the effects and their verdicts."""
         return self.audit.table
 
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """What was left out and added, and the error of that, by the names of the attributes."""
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.name != "audit"}
+
     def _left_out(self) -> list[str]:
         """Return the effects that matter but are neither in the audited scene nor added by the simplification.
 
