@@ -7,10 +7,9 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pendulum_env.hard_cases.case import Case, Try
-from pendulum_env.hard_cases.predicted import Motion, expected, followed, unmet
+from pendulum_env.hard_cases.case import Case, follows, foreseen, unit
+from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     Gravity,
@@ -24,9 +23,9 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.piecewise import smooth
+from pendulum_env.truth.answer import Array
+from pendulum_env.truth.pieces import Force, in_turn
 
-Array = NDArray[np.float64]
 GROUP = "fast drive"
 
 # --- Kapitza's pendulum at the edges of stability --------------------------------------------------------------------
@@ -81,42 +80,42 @@ def edge(share: float) -> str:
     return f"upright, {where} the {name} edge"
 
 
-def shaken(share: float) -> Scene:
-    """Return the scene of Kapitza's pendulum with the pivot amplitude b/L = ``share``."""
-    return Scene("a pivot shaken fast", Body(length=1.0, mass=1.0), gravity=(SLOWNESS * SHAKEN) ** 2,
-                 effects=(Gravity(), VerticalDrive(vertical_amplitude=share, vertical_rate=SHAKEN)))
+def shaken(share: float) -> Motion:
+    """Return the motion of Kapitza's upright pendulum with the pivot amplitude b/L = ``share``."""
+    scene = unit("a pivot shaken fast", Gravity(), VerticalDrive(vertical_amplitude=share, vertical_rate=SHAKEN),
+                 gravity=(SLOWNESS * SHAKEN) ** 2)
+    return Motion(edge(share), scene, edge(share), math.pi - TILT, 0.0, 2.0 * math.pi / SHAKEN * PERIODS,
+                  marks=PERIODS, growth=5e4, largest=TILT, pace=SHAKEN, goal=1e-4, angles=True, sensitive=True)
 
 
 def _kapitza(share: float) -> Case:
     """Return the case of Kapitza's upright pendulum with the pivot amplitude b/L = ``share``."""
-    name, scene = edge(share), shaken(share)
-    return Case(
-        name, GROUP,
+    motion = shaken(share)
+    return foreseen(
+        GROUP, motion,
         "Close to the limit of stability errors grow as the square of the time and may make a stable motion grow.",
         "the tilt after each period of the pivot is Chebyshev's T_n of half the trace of Mathieu's equation; the "
         "error is that of the method's formula",
         "Hill 1886, Acta Math. 8, 1; Whittaker & Watson 1927, 19.42; edges: McLachlan 1947; DLMF 28.17",
-        scene, expected(name, MOTIONS[name]),
-        followed(scene, name, MOTIONS[name], lambda time: (math.pi - TILT * returns(share), time)), motion=name)
+        follows(motion, lambda time: (math.pi - TILT * returns(share), time)))
 
 
 # --- a motor that changes sign each step ----------------------------------------------------------------------------
 
 ANSWER = 0.05
 """Full torque over m g L, which is the equilibrium angle under full torque [rad]."""
-PUSHED = Scene("small angles with a motor", Body(length=1.0, mass=1.0), gravity=9.81,
-               effects=(SmallAngleGravity(), Motor(max_torque=ANSWER * 9.81)))
-def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Array]:
-    """Return the exact angle [rad] and velocity/omega0 of small swings after each control step, under given torques.
+PUSHED = unit("small angles with a motor", SmallAngleGravity(), Motor(max_torque=ANSWER * 9.81))
 
-    ``shares`` are the fractions of the full torque, one per control step; ``phase`` is omega0 times the control step.
-    The motion starts at rest at ``start`` [rad]. In each control step the state rotates about the equilibrium angle
-    (Landau & Lifshitz 1976, section 22).
+
+def turned(centres: Iterable[float], phase: float, start: float = 0.0) -> tuple[Array, Array]:
+    """Return the exact angle [rad] and velocity/omega0 of small swings from rest at ``start``, and after each torque.
+
+    ``centres`` are the equilibrium angles [rad] under torques that last for ``phase``/omega0 each. The state rotates
+    about them (Landau & Lifshitz 1976, section 22).
     """
     angle, speed, rows = start, 0.0, [(start, 0.0)]
     cosine, sine = math.cos(phase), math.sin(phase)
-    for share in shares:
-        centre = ANSWER * share
+    for centre in centres:
         offset = angle - centre
         angle, speed = centre + offset * cosine + speed * sine, speed * cosine - offset * sine
         rows.append((angle, speed))
@@ -124,31 +123,28 @@ def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Arra
     return states[:, 0], states[:, 1]
 
 
-def swung(shares: Array, phase: float, start: float) -> tuple[Array, Array]:
-    """Return the angle [rad] and velocity [rad/s] of :func:`pushed`."""
-    angle, speed = pushed(shares, phase, start)
-    return angle, speed * PUSHED.omega0
+def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Array]:
+    """Return the motion of :func:`turned` under fractions of the full torque, one per control step."""
+    return turned(ANSWER * shares, phase, start)
 
 
-def torqued(shares: Array, phase: float, start: float, most: int) -> Motion:
+def torqued(name: str, shares: Array, phase: float, start: float, most: int) -> Motion:
     """Return the motion of a small swing under fractions of the full torque, with 1 to ``most`` steps for each.
 
     ``phase`` is omega0 times the time of one torque; the motion starts at rest at ``start`` [rad].
     """
-    return Motion("linear", start, 0.0, phase * len(shares), marks=len(shares), torques=tuple(ANSWER * shares),
-                  largest=start + ANSWER, most=most, lacks=unmet(PUSHED))
+    return Motion(name, PUSHED, "linear", start, 0.0, phase * len(shares), marks=len(shares), most=most,
+                  torques=tuple(ANSWER * shares), largest=start + ANSWER)
 
 
-FLIPS = np.where(np.arange(60) % 2, -1.0, 1.0)
-"""Full torque that changes its sign at each control step."""
-CONTROLLED, COARSE = 2.0, 0.5
-"""omega0 times the control step, with as many steps as a method needs, and with a single one."""
-
-
-def _flipping(name: str) -> Try:
-    """Return a function that judges a method under full torque that changes sign at each control step."""
-    phase = MOTIONS[name].time / len(FLIPS)
-    return followed(PUSHED, name, MOTIONS[name], lambda _: swung(FLIPS, phase, 0.3))
+def _flipping(name: str, phase: float, most: int, why: str, each: str) -> Case:
+    """Return the case of full torque that changes its sign after ``phase``/omega0, in 1 to ``most`` steps."""
+    shares = np.where(np.arange(60) % 2, -1.0, 1.0)
+    motion = torqued(name, shares, phase, 0.3, most)
+    angle, speed = pushed(shares, phase, 0.3)
+    return foreseen(GROUP, motion, why, f"a rotation for each {each}; the error is that of the method's formula",
+                    "rotations about the equilibrium angle (Landau & Lifshitz 1976, section 22)",
+                    follows(motion, lambda _: (angle, speed * PUSHED.omega0)))
 
 
 # --- gusts ----------------------------------------------------------------------------------------------------------
@@ -204,57 +200,38 @@ def airs() -> tuple[float, ...]:
 @lru_cache(maxsize=2)
 def blown(airs: tuple[float, ...]) -> tuple[Array, Array]:
     """Return the exact angle and velocity [rad, rad/s] after each control step in a wind [m/s] constant in each."""
-    state, rows = (TURNED, 0.0), [(TURNED, 0.0)]
-    for k, air in enumerate(airs):
 
-        def force(_t: float, q: float, v: float, air: float = air) -> float:
+    def within(air: float) -> Force:
+        def force(_t: float, q: float, v: float) -> float:
             slip, across = LENGTH * v - air * math.cos(q), air * math.sin(q)
             drag = -AREA * math.hypot(slip, across) * slip
             return drag / (MASS * LENGTH) - 9.81 * math.sin(q) / LENGTH - LINEAR * slip / LENGTH
 
-        state = smooth(force, state, k * CONTROL, (k + 1) * CONTROL)
-        rows.append(state)
-    states = np.array(rows)
-    return states[:, 0], states[:, 1]
+        return force
+
+    return in_turn(map(within, airs), (TURNED, 0.0), CONTROL)
 
 
-def in_wind(name: str, scene: Scene, count: int) -> Motion:
-    """Return the motion of a scene whose wind changes ``count`` times; ``name`` is that of its equation."""
-    return Motion(name, TURNED, 0.0, CONTROL * scene.omega0 * count, marks=count, growth=10.0, pace=2.0, goal=1e-5,
-                  most=64, sensitive=True, lacks=unmet(scene))
+def in_wind(scene: Scene, count: int) -> Motion:
+    """Return the motion of a scene whose wind changes ``count`` times."""
+    return Motion(scene.name, scene, scene.name, TURNED, 0.0, CONTROL * scene.omega0 * count, marks=count, growth=10.0,
+                  pace=2.0, goal=1e-5, most=64, sensitive=True)
 
 
 SHARES = (0.9 * LOWER, LOWER, 1.1 * LOWER, 0.97 * UPPER, UPPER, 1.03 * UPPER)
 """Amplitudes b/L of the pivot on both sides of the stability edges."""
-EVERY_STEP, EVERY_CONTROL = "torque changing sign each step", "torque changing sign each control step"
-GUSTY = "gusts"
-MOTIONS = {
-    **{edge(share): Motion(edge(share), math.pi - TILT, 0.0, 2.0 * math.pi / SHAKEN * PERIODS, marks=PERIODS,
-                           growth=5e4, largest=TILT, pace=SHAKEN, goal=1e-4, angles=True, sensitive=True,
-                           lacks=unmet(shaken(share))) for share in SHARES},
-    EVERY_CONTROL: torqued(FLIPS, CONTROLLED, 0.3, 64),
-    EVERY_STEP: torqued(FLIPS, COARSE, 0.3, 1),
-    GUSTY: in_wind(GUSTY, WINDY, COUNT),
-}
-"""Motions with predicted errors."""
-ROTATIONS = "rotations about the equilibrium angle (Landau & Lifshitz 1976, section 22)"
+GUSTY = in_wind(WINDY, COUNT)
 
 CASES = (
     *(_kapitza(share) for share in SHARES),
-    Case(EVERY_CONTROL, GROUP, "The force jumps at each control step, and its mean is nearly zero.",
-         "a rotation for each control step; the error is that of the method's formula", ROTATIONS, PUSHED,
-         expected(EVERY_CONTROL, MOTIONS[EVERY_CONTROL]), _flipping(EVERY_CONTROL), motion=EVERY_CONTROL),
-    Case(EVERY_STEP, GROUP,
-         "The force jumps at each step, so that forces of earlier steps say nothing about the next step.",
-         "a rotation for each step; the error is that of the method's formula", ROTATIONS, PUSHED,
-         expected(EVERY_STEP, MOTIONS[EVERY_STEP]), _flipping(EVERY_STEP), motion=EVERY_STEP),
-    Case(GUSTY, GROUP,
-         "Gusts change the wind speed at random at each control step and not between, so that the force jumps.",
-         "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the error is that of the "
-         "method's formula",
-         "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",
-         WINDY, expected(GUSTY, MOTIONS[GUSTY]), followed(WINDY, GUSTY, MOTIONS[GUSTY], lambda _: blown(airs()), SEED),
-         motion=GUSTY),
+    _flipping("torque changing sign each control step", 2.0, 64,
+              "The force jumps at each control step, and its mean is nearly zero.", "control step"),
+    _flipping("torque changing sign each step", 0.5, 1,
+              "The force jumps at each step, so that forces of earlier steps say nothing about the next step.", "step"),
+    foreseen(GROUP, GUSTY,
+             "Gusts change the wind speed at random at each control step and not between, so that the force jumps.",
+             "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the error is that of "
+             "the method's formula",
+             "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",
+             follows(GUSTY, lambda _: blown(airs()), seed=SEED)),
 )
-KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> reason of a known failure."""

@@ -14,7 +14,7 @@ from scipy.special import mathieu_a, mathieu_b, mathieu_cem
 
 from pendulum_env.hard_cases import fast_drive, non_smooth
 from pendulum_env.physics import exact
-from pendulum_env.truth.piecewise import path
+from pendulum_env.truth.pieces import Force, traced
 
 # --- piecewise integration ------------------------------------------------------------------------------------------
 
@@ -22,8 +22,8 @@ from pendulum_env.truth.piecewise import path
 def test_sticking_and_sliding_by_turns_is_the_motion_of_30_digits() -> None:
     """The reference has closed forms between 13 events, located with mpmath."""
     _, angle, velocity = by_turns()
-    found = path(non_smooth.turns_force, non_smooth.LIMIT, (0.0, 0.0), [5.0, 20.0])
-    assert (found.angle[-1], found.velocity[-1]) == pytest.approx((angle, velocity), abs=2e-13)
+    found = traced(non_smooth.turns_force, non_smooth.LIMIT, (0.0, 0.0), [5.0, 20.0])
+    assert (found[0][-1], found[1][-1]) == pytest.approx((angle, velocity), abs=2e-13)
 
 
 def next_turn(start: mp.mpf, limit: float, drag: float) -> mp.mpf:
@@ -45,32 +45,32 @@ def test_quadratic_drag_and_dry_friction_rest_where_the_energy_says() -> None:
     side = 1
     while non_smooth.EARTH * mp.sin(angle) > limit:
         angle, side = -next_turn(angle, limit, non_smooth.DRAG), -side
-    found = path(non_smooth.swing_force, limit, (1.5, 0.0), [9.0])
-    assert found.velocity == [0.0]
-    assert found.angle[0] == pytest.approx(float(side * angle), abs=1e-12)
+    found = traced(non_smooth.swing_force, limit, (1.5, 0.0), [9.0])
+    assert found[1].tolist() == [0.0]
+    assert found[0][0] == pytest.approx(float(side * angle), abs=1e-12)
 
 
 def test_quadratic_drag_alone_turns_where_the_energy_says() -> None:
-    time = brentq(lambda t: path(non_smooth.swing_force, 0.0, (1.5, 0.0), [t]).velocity[0], 0.9, 1.4, xtol=1e-12)
-    turn = path(non_smooth.swing_force, 0.0, (1.5, 0.0), [time]).angle[0]
+    time = brentq(lambda t: traced(non_smooth.swing_force, 0.0, (1.5, 0.0), [t])[1][0], 0.9, 1.4, xtol=1e-12)
+    turn = traced(non_smooth.swing_force, 0.0, (1.5, 0.0), [time])[0][0]
     assert turn == pytest.approx(float(next_turn(mp.mpf("1.5"), 0.0, non_smooth.DRAG)), abs=1e-12)
     assert turn == pytest.approx(exact.quadratic_turning_point(1.5, non_smooth.DRAG), abs=1e-12)
 
 
 def test_dry_swings_are_cosines_about_the_edges() -> None:
     marks = np.linspace(0.0, 7.0 * math.pi, 50)[1:]
-    found = path(lambda _t, q, _v: -q, non_smooth.RATIO, (non_smooth.AMPLITUDE, 0.0), marks)
-    unit = np.stack([found.angle, found.velocity])
+    found = traced(lambda _t, q, _v: -q, non_smooth.RATIO, (non_smooth.AMPLITUDE, 0.0), marks)
+    unit = np.stack(found)
     assert np.stack(non_smooth.dry_swing(marks)) == pytest.approx(unit, abs=1e-12)
     assert unit[:, -1] == pytest.approx([0.02, 0.0], abs=1e-12)
 
 
 def test_what_a_rising_torque_lets_go_is_the_driven_oscillator() -> None:
     marks = np.array([40.0, non_smooth.LET_GO, 47.0, 48.0, 49.3])
-    found = path(lambda t, q, _v: non_smooth.PUSH * math.sin(non_smooth.SLOW * t) - q, non_smooth.LIMIT,
+    found = traced(lambda t, q, _v: non_smooth.PUSH * math.sin(non_smooth.SLOW * t) - q, non_smooth.LIMIT,
                  (0.0, 0.0), marks)
-    assert np.stack(non_smooth.risen(marks)) == pytest.approx(np.stack([found.angle, found.velocity]), abs=1e-13)
-    assert found.angle[1] == 0.0 < found.angle[2]
+    assert np.stack(non_smooth.risen(marks)) == pytest.approx(np.stack(found), abs=1e-13)
+    assert found[0][1] == 0.0 < found[0][2]
 
 
 @pytest.mark.slow
@@ -78,11 +78,11 @@ def test_what_a_rising_torque_lets_go_is_the_driven_oscillator() -> None:
     (non_smooth.many_force, non_smooth.LIMIT, 0.0, 0.13600493),
     (non_smooth.shaken_force, non_smooth.LIMIT, 0.3, 0.34176700),
 ])
-def test_motions_that_stick_do_so_in_another_integration(force: non_smooth.Force, limit: float, start: float,
+def test_motions_that_stick_do_so_in_another_integration(force: Force, limit: float, start: float,
                                                          angle: float) -> None:
     """Dry friction is replaced by a steep slope through zero, limit v/e with e = 1e-6 rad/s, in scipy's Radau."""
     end = {0.0: 20.0, 0.3: 12.0}[start]
-    q = path(force, limit, (start, 0.0), [end]).angle
+    q = traced(force, limit, (start, 0.0), [end])[0]
     soft = solve_ivp(lambda t, y: [y[1], force(t, y[0], y[1]) - limit * max(-1.0, min(1.0, y[1] / 1e-6))], (0.0, end),
                      [start, 0.0], method="Radau", rtol=1e-9, atol=1e-12, max_step=0.02)
     assert q[0] == pytest.approx(soft.y[0, -1], abs=3e-5)
@@ -108,18 +108,18 @@ def test_the_edges_are_mathieus() -> None:
 def test_the_tilt_after_each_period_is_mathieus_even_solution(share: float) -> None:
     """phi'' = (omega0² - (b/L) Omega² cos Omega t) phi, with the drive's phase as time, from rest at the upper end."""
     ends = 2.0 * math.pi * np.arange(fast_drive.PERIODS + 1)
-    found = path(lambda s, q, _v: (fast_drive.SLOWNESS**2 - share * math.cos(s)) * q, 0.0, (1.0, 0.0), ends[1:])
+    found = traced(lambda s, q, _v: (fast_drive.SLOWNESS**2 - share * math.cos(s)) * q, 0.0, (1.0, 0.0), ends[1:])
     wanted = fast_drive.returns(share)
-    assert found.angle == pytest.approx(wanted[1:], rel=1e-10, abs=1e-10)
+    assert found[0] == pytest.approx(wanted[1:], rel=1e-10, abs=1e-10)
 
 
 def test_at_the_lower_edge_the_motion_is_ce_0() -> None:
     phase = np.linspace(0.0, 360.0, 9)
     even, _ = mathieu_cem(0, -2.0 * fast_drive.LOWER, 0.5 * phase)
     share = fast_drive.LOWER
-    found = path(lambda s, q, _v: (fast_drive.SLOWNESS**2 - share * math.cos(s)) * q, 0.0, (1.0, 0.0),
+    found = traced(lambda s, q, _v: (fast_drive.SLOWNESS**2 - share * math.cos(s)) * q, 0.0, (1.0, 0.0),
                  np.radians(phase[1:]))
-    assert even[1:] / even[0] == pytest.approx(found.angle, abs=1e-9)
+    assert even[1:] / even[0] == pytest.approx(found[0], abs=1e-9)
 
 
 def test_pushed_swings_are_those_of_mpmath() -> None:

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from step_limit_truths import OSCILLATOR_LIMIT, drag_limit, oscillator_limit, regains
 
 from integrators import METHODS
+from pendulum_env.hard_cases import case as case_module
 from pendulum_env.hard_cases import step_limits as steps
 from pendulum_env.hard_cases import stiff_damping as stiff
 from pendulum_env.physics import exact
@@ -57,7 +58,7 @@ def test_drag_grows_where_published_limits_say_so(load: float) -> None:
     """Under drag alone, for methods without backward sub-steps, in which drag amplifies without a limit."""
     for name in DAMPED:
         if not stiff.backwards(METHODS[name]):
-            grown = stiff.growth(METHODS[name], 0.0, load, stiff.STEPS)
+            grown = steps.growth(METHODS[name], 0.0, stiff.STEPS, load)
             assert (grown > 1e-9) == (load > drag_limit(name)), name
 
 
@@ -196,7 +197,7 @@ def test_without_drag_nothing_slows_down_as_it_must(method: str, monkeypatch: py
     still = Scene("without drag")
     case, chosen = _case(stiff, "quadratic drag alone, c v0 h = 1e+06"), METHODS[method]
     assert case.as_expected(chosen, case.tried(chosen))
-    monkeypatch.setattr(stiff, "ran", lambda scene, *given, **options: real(still, *given, **options))
+    monkeypatch.setattr(stiff, "ran", lambda _scene, *given, **options: real(still, *given, **options))
     for name in ("quadratic drag alone, c v0 h = 1e+06", "linear drag, gamma h = 1000"):
         case = _case(stiff, name)
         assert not case.as_expected(chosen, case.tried(chosen))
@@ -206,15 +207,15 @@ def test_without_drag_nothing_slows_down_as_it_must(method: str, monkeypatch: py
 def test_another_method_another_gravity_and_an_early_stop_are_noticed(
     method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, chosen, case = steps.ran, METHODS[method], _case(steps, "omega0 h = 0.98, full gravity")
+    real, chosen, case = case_module.rollout, METHODS[method], _case(steps, "omega0 h = 0.98, full gravity")
     assert case.as_expected(chosen, case.tried(chosen))
 
-    def early(scene, method, **options):  # type: ignore[no-untyped-def]
-        if options["steps"] <= steps.FIRST:
-            return real(scene, method, **options)
-        return replace(real(scene, method, **{**options, "steps": 1, "every": 1}), stop_reason="diverged")
+    def early(scene, **options):  # type: ignore[no-untyped-def]
+        if options["duration"] <= steps.FIRST * options["dt"] * 1.001:
+            return real(scene, **options)
+        return replace(real(scene, **{**options, "duration": options["dt"], "every": 1}), stop_reason="diverged")
 
-    for mutant in (lambda scene, _, **options: real(scene, METHODS["forward_euler"], **options),
-                   lambda scene, *given, **options: real(replace(scene, gravity=5.0), *given, **options), early):
-        monkeypatch.setattr(steps, "ran", mutant)
+    for mutant in (lambda scene, **options: real(scene, **{**options, "integrator": METHODS["forward_euler"]}),
+                   lambda scene, **options: real(replace(scene, gravity=5.0), **options), early):
+        monkeypatch.setattr(case_module, "rollout", mutant)
         assert not case.as_expected(chosen, case.tried(chosen))
