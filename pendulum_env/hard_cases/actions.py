@@ -15,7 +15,7 @@ import numpy as np
 from integrators import Method
 from pendulum_env.engine.machine import ANGLE, VELOCITY, Machine
 from pendulum_env.hard_cases.case import ACCURATE, Case, Finding, Try, always, demand, followed, foreseen, sooner
-from pendulum_env.hard_cases.fast_drive import PUSHED, pushed, torqued
+from pendulum_env.hard_cases.fast_drive import PUSHED, torqued
 from pendulum_env.tasks.action import ActionError, torque_share
 
 GROUP = "actions"
@@ -86,8 +86,7 @@ def obeyed(name: str, start: Start = Motored) -> Try:
         agent = start(method, phase)
         rows = [(START, 0.0), *(agent.act(np.array([share], dtype=np.float32)) for share in shares)]
         angle, speed = np.array(rows).T
-        true = pushed(np.clip(shares, -1.0, 1.0), phase, START)
-        return followed(MOTIONS[name], method, angle, speed * PUSHED.omega0, (true[0], true[1] * PUSHED.omega0))
+        return followed(MOTIONS[name], method, angle, speed * PUSHED.omega0)
 
     return attempt
 
@@ -108,7 +107,8 @@ def refused(action: Any, start: Start = Motored) -> Try:
             except ActionError as error:
                 said = "" if "finite" in str(error) else f"the message does not state the reason: {error}"
             demand(not said, said)
-            demand(tried.act(np.array([-1.0])) == plain.act(np.array([-1.0])), "the refused action has changed the state")
+            same = tried.act(np.array([-1.0])) == plain.act(np.array([-1.0]))
+            demand(same, "the refused action has changed the state")
         return Finding(ACCURATE)
 
     return attempt

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -61,16 +62,6 @@ class Bound:
     size: float
     why: str = ""
 
-    @property
-    def share(self) -> float:
-        """Tolerance as a share of what it bounds; 0 if nothing may differ."""
-        return self.tolerance / self.size if self.tolerance else 0.0
-
-    @property
-    def loose(self) -> bool:
-        """True if the tolerance is more than LOOSE of what it bounds, to three digits: one of LOOSE adds rounding."""
-        return not self.share <= LOOSE * 1.001
-
 
 @dataclass(frozen=True)
 class Finding:
@@ -93,7 +84,7 @@ class Finding:
     bounds: tuple[Bound, ...] = ()
 
 
-class Ended(Exception):
+class FindingError(Exception):
     """Raised to end the test of a method with a finding."""
 
     def __init__(self, finding: Finding) -> None:
@@ -105,8 +96,6 @@ Try = Callable[[Method], Finding]
 """Test function of a hard case: it runs a method and judges the result."""
 Rule = Callable[[Method], frozenset[str]]
 """Function that returns the outcomes that a method may have in a hard case."""
-Exact = Callable[[Array], tuple[Any, Any]]
-"""Exact angle [rad] and velocity [rad/s] at some times [s]."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +134,7 @@ class Case:
             return self._refused(method, " and ".join(NEEDS.get(need, need) for need in sorted(missing)))
         try:
             return self.attempt(method)
-        except Ended as end:
+        except FindingError as end:
             return end.finding
         except (ArithmeticError, ValueError, RuntimeError, TypeError) as error:
             return Finding(WRONG, note=f"{type(error).__name__}: {error}")
@@ -225,7 +214,7 @@ def ran(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) 
     run = run_of(scene, method, dt=dt, steps=steps, **options)
     ended = stopped(run)
     if ended is not None:
-        raise Ended(ended)
+        raise FindingError(ended)
     return run
 
 
@@ -246,7 +235,7 @@ def stopped(run: Rollout) -> Finding | None:
 def demand(holds: Any, note: str, error: float = math.nan, tolerance: float = math.nan) -> None:
     """End the test of a method as WRONG, with the reason ``note``, unless something holds."""
     if not holds:
-        raise Ended(Finding(WRONG, error, tolerance, note))
+        raise FindingError(Finding(WRONG, error, tolerance, note))
 
 
 def graded(error: Any, tolerance: float, wrong: str = "", note: str = "", *, size: float = 1.0,
@@ -295,17 +284,13 @@ def every(*findings: Finding) -> Finding:
 # --- motions with predicted errors ----------------------------------------------------------------------------------
 
 
-def expected(motion: Motion) -> Rule:
-    """Return the rule of a motion: ACCURATE where the allowed error is small, else STABLE.
+def expected(motion: Motion, method: Method) -> frozenset[str]:
+    """Return the outcomes allowed for a method in a motion: ACCURATE where the allowed error is small, else STABLE.
 
     A run whose allowed error is larger than the motion may diverge, too.
     """
-
-    def may(method: Method) -> frozenset[str]:
-        most = motion.allowed(method)
-        return frozenset({ACCURATE} if most <= SMALL else {STABLE} if most <= 1.0 else {STABLE, DIVERGED})
-
-    return may
+    most = motion.allowed(method)
+    return frozenset({ACCURATE} if most <= SMALL else {STABLE} if most <= 1.0 else {STABLE, DIVERGED})
 
 
 def held(motion: Motion, method: Method, error: Any, grain: float = 0.0) -> Finding:
@@ -329,12 +314,12 @@ def held(motion: Motion, method: Method, error: Any, grain: float = 0.0) -> Find
     return Finding(outcome, largest, tolerance, why, bounds=off)
 
 
-def followed(motion: Motion, method: Method, angle: Array, velocity: Array, true: tuple[Any, Any],
-             grain: float = 0.0) -> Finding:
-    """Judge angles [rad] and velocities [rad/s] at a motion's marks by their difference from the true ones.
+def followed(motion: Motion, method: Method, angle: Array, velocity: Array, grain: float = 0.0) -> Finding:
+    """Judge angles [rad] and velocities [rad/s] at a motion's start and marks by their difference from the true ones.
 
     The largest one, relative to the motion's size, must be the predicted error, see :func:`held`.
     """
+    true = motion.true()
     error = np.abs(angle - true[0])
     if not motion.angles:
         error = np.maximum(error, np.abs(velocity - true[1]) / motion.scene.omega0 / motion.pace)
@@ -349,82 +334,66 @@ def ran_motion(motion: Motion, method: Method, **options: Any) -> Rollout:
                velocity=motion.velocity * motion.scene.omega0, **options)
 
 
-def driven(motion: Motion, method: Method) -> tuple[Array, Array, Array]:
-    """Run a method under the torques of a motion; return time [s], angle [rad] and velocity [rad/s] at the marks.
+def driven(motion: Motion, method: Method) -> tuple[Array, Array]:
+    """Run a method under the torques of a motion; return angle [rad] and velocity [rad/s] at the start and the marks.
 
-    The start is the first of them. A run that stops early ends the test as DIVERGED.
+    A run that stops early ends the test as DIVERGED.
     """
-    scene, (count, _), gap = motion.scene, motion.steps_and_error(method), motion.time / motion.marks
-    h = gap / count / scene.omega0
+    scene, (count, _) = motion.scene, motion.steps_and_error(method)
+    h = motion.time / motion.marks / count / scene.omega0
     machine = Machine(scene, method, backend=sooner(method, count * motion.marks))
     full = next(effect.max_torque for effect in scene.effects if effect.controlled)  # type: ignore[attr-defined]
     share = scene.gravity * scene.weight_moment / full
     state = machine.state(motion.angle, motion.velocity * scene.omega0)
-    rows = [(0.0, motion.angle, motion.velocity * scene.omega0)]
-    for k, torque in enumerate(motion.torques):
+    rows = [(motion.angle, motion.velocity * scene.omega0)]
+    for torque in motion.torques:
         if machine.advance(state, torque * share, h, count):
-            raise Ended(Finding(DIVERGED, stop_time=float(state[INDEX]) * h))
-        rows.append(((k + 1) * gap / scene.omega0, float(state[ANGLE]) + TWO_PI * float(state[TURNS]),
-                     float(state[VELOCITY])))
-    time, angle, velocity = np.array(rows).T
-    return time, angle, velocity
+            raise FindingError(Finding(DIVERGED, stop_time=float(state[INDEX]) * h))
+        rows.append((float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])))
+    angle, velocity = np.array(rows).T
+    return angle, velocity
 
 
-def follows(motion: Motion, true: Exact, fault: Callable[[Rollout], None] | None = None, grain: float = 0.0,
-            **options: Any) -> Try:
-    """Return a function that judges a method in a motion by its error at the marks, which must be as predicted.
+def follows(motion: Motion, method: Method, fault: Callable[[Rollout], None] | None = None, grain: float = 0.0,
+            seed: int | None = None) -> Finding:
+    """Judge a method in a motion by its error at the marks, which must be as predicted.
 
-    ``true`` gives the exact motion. ``fault`` looks at the run first, and demands what else must hold. ``grain`` is a
-    further rounding error, and ``options`` are arguments of ``rollout``; with a ``seed`` of gusts the wind changes at
-    each mark.
+    ``fault`` looks at the run first, and demands what else must hold. ``grain`` is a further rounding error. With the
+    ``seed`` of gusts the wind changes at each mark.
     """
-
-    def attempt(method: Method) -> Finding:
-        if motion.torques:
-            time, angle, velocity = driven(motion, method)
-        else:
-            gusts = {"substeps": motion.steps_and_error(method)[0]} if "seed" in options else {}
-            run = ran_motion(motion, method, **options, **gusts)
-            time, angle, velocity = run.time, run.angle, run.velocity
-            if fault is not None:
-                fault(run)
-        return followed(motion, method, angle, velocity, true(time), grain)
-
-    return attempt
+    if motion.torques:
+        return followed(motion, method, *driven(motion, method), grain)
+    gusts = {} if seed is None else {"seed": seed, "substeps": motion.steps_and_error(method)[0]}
+    run = ran_motion(motion, method, **gusts)
+    if fault is not None:
+        fault(run)
+    return followed(motion, method, run.angle, run.velocity, grain)
 
 
-def let_go_at(time: float) -> Callable[[Rollout], None]:
-    """Return a function of a run that demands that dry friction holds the bob until a time [s], and not a step more."""
-
-    def fault(run: Rollout) -> None:
-        before, after = run.time <= time, run.time > time + run.dt
-        demand(not (np.any(run.velocity[before]) or np.any(run.angle[before])), "the bob starts to slide too early")
-        demand(np.all(run.velocity[after] > 0.0), "the bob starts to slide too late")
-
-    return fault
+def let_go_at(time: float, run: Rollout) -> None:
+    """Demand that in a run dry friction holds the bob until a time [s], and not a step more."""
+    before, after = run.time <= time, run.time > time + run.dt
+    demand(not (np.any(run.velocity[before]) or np.any(run.angle[before])), "the bob starts to slide too early")
+    demand(np.all(run.velocity[after] > 0.0), "the bob starts to slide too late")
 
 
-def then(first: Try, second: Try) -> Try:
-    """Return a function that judges a method by ``second``, unless ``first`` finds it wrong or diverged.
+def then(first: Try, second: Try, method: Method) -> Finding:
+    """Judge a method by ``second``, unless ``first`` finds it wrong or diverged.
 
     ``first`` tests a motion whose error is predicted; ``second`` a property, such as a growth or an angle at rest.
     """
-
-    def attempt(method: Method) -> Finding:
-        found = first(method)
-        return found if found.outcome in (WRONG, DIVERGED) else also(second(method), *found.bounds)
-
-    return attempt
+    found = first(method)
+    return found if found.outcome in (WRONG, DIVERGED) else also(second(method), *found.bounds)
 
 
-def foreseen(group: str, motion: Motion, why: str, truth: str, source: str, attempt: Try, may: Rule | None = None,
-             long: bool = False, name: str = "") -> Case:
+def foreseen(group: str, motion: Motion, why: str, truth: str, source: str, attempt: Try | None = None,
+             may: Rule | None = None, long: bool = False, name: str = "") -> Case:
     """Return a hard case in which a method must err as predicted in a motion, after which it is named by default.
 
-    The outcomes are those of the predicted error, unless ``may`` gives others.
+    The outcomes are those of the predicted error, unless ``may`` gives others; ``attempt`` tests more than the error.
     """
-    return Case(name or motion.name, group, why, truth, source, motion.scene, may or expected(motion), attempt, long,
-                motion)
+    return Case(name or motion.name, group, why, truth, source, motion.scene, may or partial(expected, motion),
+                attempt or partial(follows, motion), long, motion)
 
 
 def check_unique(cases: tuple[Case, ...]) -> tuple[Case, ...]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import takewhile
 from typing import Any
 
@@ -27,7 +28,6 @@ from pendulum_env.hard_cases.case import (
     WRONG,
     Case,
     Finding,
-    Try,
     always,
     demand,
     every,
@@ -47,7 +47,6 @@ from pendulum_env.truth import chaos as true
 from pendulum_env.truth.answer import Array, Truth
 from pendulum_env.truth.bounds import error_constant, rounding_factor
 from pendulum_env.truth.chaos import AMPLIFIED, MOTION, PERIOD
-from pendulum_env.truth.pieces import in_turn
 
 GROUP = "chaos"
 SCENE = SCENES["chaotic"]
@@ -163,53 +162,45 @@ def _quiet(method: Method) -> Finding:
     return graded(largest + 0.5 * DAMPING, own(method) + ROUNDING, size=0.5 * DAMPING, of="the exponent")
 
 
-def _doubling(truth: true.Doubling) -> Try:
-    """Return a function that judges a method by the drive strength at which its motion doubles its period.
+def _doubling(truth: true.Doubling, method: Method) -> Finding:
+    """Judge a method by the drive strength at which its motion doubles its period.
 
     At a doubling a multiplier is -1, so that 1 + trace + determinant of the Poincaré map's Jacobian is zero. The zero
     is computed by Newton's method, with the derivative by the strength from the reference solution.
     """
-
-    def attempt(method: Method) -> Finding:
-        if own(method) > LOOSE * truth.range:
-            return Finding(STABLE, note="its error is too large for the range of drive strengths with this orbit")
-        strength, state = truth.strength, state_of(truth.orbit)
-        for _ in range(12):
-            state, jacobian = Stroboscope(strength, method, 16 * truth.periods).orbit(state, truth.periods)
-            change = (1.0 + float(np.trace(jacobian)) + float(np.linalg.det(jacobian))) / truth.slope
-            strength -= change
-            if abs(change) < 0.1 * ROUNDING or not abs(strength - truth.strength) < truth.range:
-                break
-        return graded(strength - truth.strength, own(method) + ROUNDING, "the period doubles at another drive strength",
-                      size=truth.range, of="the range of drive strengths with this orbit")
-
-    return attempt
+    if own(method) > LOOSE * truth.range:
+        return Finding(STABLE, note="its error is too large for the range of drive strengths with this orbit")
+    strength, state = truth.strength, state_of(truth.orbit)
+    for _ in range(12):
+        state, jacobian = Stroboscope(strength, method, 16 * truth.periods).orbit(state, truth.periods)
+        change = (1.0 + float(np.trace(jacobian)) + float(np.linalg.det(jacobian))) / truth.slope
+        strength -= change
+        if abs(change) < 0.1 * ROUNDING or not abs(strength - truth.strength) < truth.range:
+            break
+    return graded(strength - truth.strength, own(method) + ROUNDING, "the period doubles at another drive strength",
+                  size=truth.range, of="the range of drive strengths with this orbit")
 
 
-def _exponent(strength: float) -> Try:
-    """Return a function that judges a method by its largest Lyapunov exponent.
+def _exponent(strength: float, method: Method) -> Finding:
+    """Judge a method by its largest Lyapunov exponent.
 
     The exponent is the mean rate at which two motions separate, with their distance reset to 1e-8 after each period.
     """
     truth, periods, apart = true.EXPONENTS[strength], MEAN_OF, 1e-8
-
-    def attempt(method: Method) -> Finding:
-        if own(method) > DOUBTFUL * truth.value:
-            return Finding(STABLE, note=f"its error is more than {DOUBTFUL:.0%} of the exponent")
-        advance = Stroboscope(strength, method, 2 * periods)
-        state, direction, log_growth = np.array([0.2, 0.0]), np.array([1.0, 0.0]), 0.0
-        for i in range(-50, periods):
-            near, far = advance(state), advance(state + apart * direction)
-            size = float(np.hypot(*(far - near)))
-            direction = (far - near) / size
-            state = np.array([math.remainder(near[0], TWO_PI), near[1]])
-            log_growth += math.log(size / apart) if i >= 0 else 0.0
-        allowed = RARE * math.hypot(truth.error, truth.spread(periods)) + own(method)
-        exponent = log_growth / (periods * PERIOD)
-        return graded(exponent - truth.value, allowed, "neighbouring motions separate at another mean rate",
-                      size=truth.value, of="the exponent")
-
-    return attempt
+    if own(method) > DOUBTFUL * truth.value:
+        return Finding(STABLE, note=f"its error is more than {DOUBTFUL:.0%} of the exponent")
+    advance = Stroboscope(strength, method, 2 * periods)
+    state, direction, log_growth = np.array([0.2, 0.0]), np.array([1.0, 0.0]), 0.0
+    for i in range(-50, periods):
+        near, far = advance(state), advance(state + apart * direction)
+        size = float(np.hypot(*(far - near)))
+        direction = (far - near) / size
+        state = np.array([math.remainder(near[0], TWO_PI), near[1]])
+        log_growth += math.log(size / apart) if i >= 0 else 0.0
+    allowed = RARE * math.hypot(truth.error, truth.spread(periods)) + own(method)
+    exponent = log_growth / (periods * PERIOD)
+    return graded(exponent - truth.value, allowed, "neighbouring motions separate at another mean rate",
+                  size=truth.value, of="the exponent")
 
 
 def _first_period(name: str, strength: float, start: tuple[float, float]) -> Motion:
@@ -220,10 +211,8 @@ def _first_period(name: str, strength: float, start: tuple[float, float]) -> Mot
 HORIZON = replace(_first_period("driven at 1.5", STRENGTH, (0.2, 0.0)), name="an honest horizon")
 
 
-def first_period(method: Method) -> Finding:
-    """Judge a method by its run over the first period of the drive."""
-    ends = [0.2, MOTION.angle[0]], [0.0, MOTION.velocity[0]]
-    return follows(HORIZON, lambda _: (np.array(ends[0]), np.array(ends[1])))(method)
+first_period = partial(follows, HORIZON)
+"""Function that judges a method by its run over the first period of the drive."""
 
 
 def _apart(method: Method) -> Finding:
@@ -278,17 +267,13 @@ def doubled(truth: true.Doubling) -> Motion:
 def _doubles(truth: true.Doubling) -> Case:
     """Return the case of a period doubling."""
     motion = doubled(truth)
-
-    def force(t: float, q: float, v: float) -> float:
-        return truth.strength * math.cos(t * (2.0 / 3.0)) - math.sin(q) - DAMPING * v
-
-    on_orbit = follows(motion, lambda _: in_turn([force], (motion.angle, motion.velocity), PERIOD))
     return foreseen(
         GROUP, motion, "Close to a period doubling, the motion approaches its periodic orbit arbitrarily slowly.",
         f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}; the error of the orbit's "
         "first period is that of the formula",
         "Taylor 2005, Classical Mechanics, table 12.1, and Floquet multipliers by DOP853, to 9 digits",
-        then(on_orbit, _doubling(truth)), known(own, LOOSE * truth.range, STABLE), truth.periods > 1)
+        partial(then, partial(follows, motion), partial(_doubling, truth)),
+        known(own, LOOSE * truth.range, STABLE), truth.periods > 1)
 
 
 def _claimed(method: Method) -> Finding:
@@ -328,8 +313,8 @@ CASES = (
              "formula", MATRICES, _apart, PREDICTABLE, name="neighbours part"),
     foreseen(GROUP, HORIZON, "Every error grows until the motion is unpredictable, sooner for less accurate methods.",
              "the motion in 40 digits while the method's amplified error is below 0.1 rad; then |v| <= q (1 + g); the "
-             "error after the first period is that of the method's formula", MATRICES, then(first_period, _horizon),
-             PREDICTABLE),
+             "error after the first period is that of the method's formula", MATRICES,
+             partial(then, first_period, _horizon), PREDICTABLE),
     Case("no claims beyond the horizon", GROUP,
          "An error estimate from two runs could be small by chance although both runs are wrong.",
          "errors are below ten times error_estimate, which is inf when the motion is unpredictable", MATRICES,
@@ -339,7 +324,7 @@ CASES = (
              "Two chaotic motions that look right may separate from each other at a wrong rate.",
              f"{truth.value:.5f} +- {truth.error:.5f} 1/s, within {RARE:g} standard errors of {MEAN_OF} periods",
              "8 million periods by the first variation and by two motions; see pendulum_env.truth.chaos",
-             driven(strength), known(own, DOUBTFUL * truth.value, STABLE), _exponent(strength), True)
+             driven(strength), known(own, DOUBTFUL * truth.value, STABLE), partial(_exponent, strength), True)
         for strength, truth in true.EXPONENTS.items()
     ),
 )

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ from pendulum_env.hard_cases.case import (
     stopped,
     unit,
 )
-from pendulum_env.hard_cases.magnitudes import apart, pendulum
+from pendulum_env.hard_cases.magnitudes import RIGHT, pendulum, similar
 from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
@@ -194,32 +195,21 @@ def _stuck(method: Method) -> Finding:
 # --- sizes of 1e-300 and 1e300 --------------------------------------------------------------------------------------
 
 
-def _sized(scene: Scene, method: Method, **size: float) -> Rollout:
+_sized = partial(pendulum, powered=True, name="extreme sizes")
+USUAL = _sized()
+
+
+def _run(method: Method, **size: float) -> Rollout:
     """Run a method from rest on a pendulum with the size changed, under the full torque of its motor."""
-    other = scene.replace(**size)
+    other = USUAL.replace(**size)
     return run_of(other, method, dt=0.1 / other.omega0, steps=200, angle=2.0, velocity=0.0, control=1.0)
-
-
-def _similar(scene: Scene) -> Try:
-    """Return a function that judges a method by its run on a pendulum of extreme size, from rest.
-
-    In dimensionless units the run must equal that on the pendulum of 1 m and 1 kg.
-    """
-
-    def attempt(method: Method) -> Finding:
-        runs = [_sized(one, method) for one in (scene, USUAL)]
-        ended = stopped(runs[0]) or stopped(runs[1])
-        return ended or graded(apart(*runs), rounding(method) * 20.0,
-                               "the motion depends on the unit of length, mass or time")
-
-    return attempt
 
 
 def _refused(method: Method) -> Finding:
     """Judge a method on pendulums that a scene must refuse with a SceneError: omega0, m g L or work underflows."""
     for size in ({"gravity": 1e-300}, {"length": 1e150}, {"gravity": 1e-200, "mass": 1e-200}):
         try:
-            _sized(USUAL, method, **size)
+            _run(method, **size)
         except SceneError:
             continue
         return Finding(WRONG, note=f"it runs with {size}, in which numbers underflow")
@@ -229,7 +219,7 @@ def _refused(method: Method) -> Finding:
 def _unbearable(method: Method) -> Finding:
     """Judge a method on pendulums on which a run must diverge, because energy or work overflows."""
     sizes: tuple[dict[str, float], ...] = ({"gravity": 1e300}, {"length": 1e-150})
-    return every(*(stopped(_sized(USUAL, method, **size))
+    return every(*(stopped(_run(method, **size))
                    or Finding(WRONG, note=f"it runs on with {size}, in which numbers overflow") for size in sizes))
 
 
@@ -255,32 +245,28 @@ def _with(*effects: Effect) -> Scene:
     return Scene("extreme strengths", Body(length=1.0, mass=1.0), AIR, gravity=EARTH, effects=(Gravity(), *effects))
 
 
-def _negligible(scene: Scene) -> Try:
-    """Return a function that judges a method by a run with an effect of the strength 1e-300.
+def _negligible(scene: Scene, method: Method) -> Finding:
+    """Judge a method by a run with an effect of the strength 1e-300.
 
     Motion and energy must be those without the effect; a method that locates zeros of the velocity for dry friction
     divides its steps there, and may differ by the error of its order.
     """
-
-    def attempt(method: Method) -> Finding:
-        finer = 16 if method.order == 1 else 1
-        settings = {"dt": STEP / finer, "steps": COUNT * finer, "angle": TILT, "velocity": 0.0}
-        run, divided = ran(scene, method, **settings), 0.0
-        # The energy errs twice as much as the amplitude.
-        high = 1.0 - math.cos(TILT)
-        size = np.array([[TILT], [TILT], [2.0 * high]])
-        if scene.has("coulomb_friction"):  # it divides a step at each zero of the velocity: the truth is the closed form
-            divided = order_bound(method, RATE * STEP / finer, RATE * STEP * COUNT)
-            angle, velocity = exact.pendulum(run.time, TILT, 0.0, RATE)
-            truth = angle, velocity / RATE, np.full(len(angle), high)
-        else:
-            free = ran(_with(), method, **settings)
-            truth = free.angle, free.velocity / RATE, free.energy / EARTH
-        error = np.array([run.angle, run.velocity / RATE, run.energy / EARTH]) - np.array(truth)
-        return graded(error / size, divided + rounding(method) * COUNT * finer * RATE * STEP,
-                      "an effect of the strength 1e-300 changes the motion")
-
-    return attempt
+    finer = 16 if method.order == 1 else 1
+    settings: dict[str, Any] = {"dt": STEP / finer, "steps": COUNT * finer, "angle": TILT, "velocity": 0.0}
+    run, divided = ran(scene, method, **settings), 0.0
+    # The energy errs twice as much as the amplitude.
+    high = 1.0 - math.cos(TILT)
+    size = np.array([[TILT], [TILT], [2.0 * high]])
+    if scene.has("coulomb_friction"):  # it divides a step at each zero of the velocity
+        divided = order_bound(method, RATE * STEP / finer, RATE * STEP * COUNT)
+        angle, velocity = exact.pendulum(run.time, TILT, 0.0, RATE)
+        truth = angle, velocity / RATE, np.full(len(angle), high)
+    else:
+        free = ran(_with(), method, **settings)
+        truth = free.angle, free.velocity / RATE, free.energy / EARTH
+    error = np.array([run.angle, run.velocity / RATE, run.energy / EARTH]) - np.array(truth)
+    return graded(error / size, divided + rounding(method) * COUNT * finer * RATE * STEP,
+                  "an effect of the strength 1e-300 changes the motion")
 
 
 def _overwhelmed(method: Method) -> frozenset[str]:
@@ -297,29 +283,21 @@ def _overwhelmed(method: Method) -> frozenset[str]:
     return frozenset({ACCURATE, STABLE, DIVERGED} if "split" in method.needs else {ACCURATE, DIVERGED})
 
 
-def _held(scene: Scene, tolerance: float) -> Try:
-    """Return a function that judges a method on a bob that drag or dry friction of the strength 1e300 holds.
+def _held(scene: Scene, tolerance: float, method: Method) -> Finding:
+    """Judge a method on a bob that drag or dry friction of the strength 1e300 holds.
 
     The angle may change by ``tolerance`` [rad]. Stable: the bob falls slowly, as it does in splittings.
     """
-
-    def attempt(method: Method) -> Finding:
-        run = ran(scene, method, dt=STEP, steps=COUNT, angle=TILT, velocity=0.0)
-        falls = np.all(np.diff(run.angle) <= 0.0) and run.angle[-1] >= 0.0
-        return graded(run.angle - TILT, tolerance, "" if falls and tolerance else "it moves, although it is held",
-                      size=TILT)
-
-    return attempt
+    run = ran(scene, method, dt=STEP, steps=COUNT, angle=TILT, velocity=0.0)
+    falls = np.all(np.diff(run.angle) <= 0.0) and run.angle[-1] >= 0.0
+    return graded(run.angle - TILT, tolerance, "" if falls and tolerance else "it moves, although it is held",
+                  size=TILT)
 
 
-def _impossible(scene: Scene) -> Try:
-    """Return a function that judges a method on a scene whose motion has no finite numbers: it must diverge."""
-
-    def attempt(method: Method) -> Finding:
-        run = run_of(scene, method, dt=STEP, steps=COUNT, angle=TILT, velocity=0.0)
-        return stopped(run) or Finding(WRONG, note="it continues although its energy exceeds the largest number")
-
-    return attempt
+def _impossible(scene: Scene, method: Method) -> Finding:
+    """Judge a method on a scene whose motion has no finite numbers: it must diverge."""
+    run = run_of(scene, method, dt=STEP, steps=COUNT, angle=TILT, velocity=0.0)
+    return stopped(run) or Finding(WRONG, note="it continues although its energy exceeds the largest number")
 
 
 # --- a start with a million turns -----------------------------------------------------------------------------------
@@ -339,13 +317,12 @@ def _wound(method: Method) -> Finding:
     It must equal the rotation from the same angle without the turns, and be right.
     """
     far, near = ran_motion(replace(MILLION, angle=WOUND), method), ran_motion(MILLION, method)
-    true = exact.pendulum(far.time, BEYOND, SPEED * RATE, RATE)
-    turned = float(true[0][-1] - true[0][0])
+    turned = float(np.ptp(MILLION.true()[0]))
     carried = rounding(method) * turned * (1.0 + 0.5 * turned)
     lost = np.maximum(np.abs(far.angle - WOUND - (near.angle - BEYOND)) - 2.0 * math.ulp(WOUND), 0.0)
     off = float(np.max(np.maximum(lost, np.abs(far.velocity - near.velocity) / RATE)))
     demand(off <= carried, "it depends on the turns at its start", off, carried)
-    return also(followed(MILLION, method, near.angle, far.velocity, true), Bound("a radian", carried, 1.0))
+    return also(followed(MILLION, method, near.angle, far.velocity), Bound("a radian", carried, 1.0))
 
 
 # --- the cases ------------------------------------------------------------------------------------------------------
@@ -354,25 +331,14 @@ COULOMB = "Coulomb 1785: at rest, friction balances all other torques up to its 
 RANGE = "the range of double precision (IEEE 754)"
 
 
+ALWAYS = always(ACCURATE)
+
+
 def _case(name: str, scene: Scene, why: str, truth: str, source: str, attempt: Try,
-          may: Rule = always(ACCURATE)) -> Case:
+          may: Rule = ALWAYS) -> Case:
     """Return a hard case of the group of extremes without a predicted error."""
     return Case(name, GROUP, why, truth, source, scene, may, attempt)
 
-
-USUAL = pendulum(powered=True, name="extreme sizes")
-SIZES = (
-    ("a bob of 1e-300 kg", pendulum(mass=1e-300, powered=True, name="extreme sizes")),
-    ("a bob of 1e300 kg", pendulum(mass=1e300, powered=True, name="extreme sizes")),
-    ("1e300 m, 1e-300 kg, 1e300 m/s2", pendulum(1e300, 1e-300, 1e300, True, "extreme sizes")),
-    ("1e-150 m, 1e300 kg, 1e-150 m/s2", pendulum(1e-150, 1e300, 1e-150, True, "extreme sizes")),
-)
-IMPOSSIBLE = (
-    ("a periodic torque of 1e300 N m", _with(PeriodicTorque(LARGE, 1.0))),
-    ("a periodic torque of 1e300 rad/s", _with(PeriodicTorque(1.0, LARGE))),
-    ("a pivot shaken by 1e300 m", _with(VerticalDrive(LARGE, 1.0))),
-    ("a wind of 1e300 m/s", _with(QuadraticDrag(c=DRAG), Wind(LARGE))),
-)
 
 CASES = (
     *(
@@ -388,10 +354,15 @@ CASES = (
           "Dry friction has to stop velocities of 1e-15 to 1e-300 rad/s within a part of the first step.",
           "rest from the first step on, at float(pi) to an ulp", COULOMB, _stuck),
     *(
-        _case(name, scene, "Products of such numbers underflow or overflow unless they are taken in the right order.",
-              "angle, velocity/omega0, and energy and work over m g L equal those of the pendulum of 1 m and 1 kg, to "
-              "rounding", "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", _similar(scene))
-        for name, scene in SIZES
+        Case(name, GROUP, "Products of such numbers underflow or overflow unless they are taken in the right order.",
+             "angle, velocity/omega0, and energy and work over m g L equal those of the pendulum of 1 m and 1 kg, to "
+             "rounding, whose error is that of the method's formula",
+             "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", scene, ALWAYS, partial(similar, scene),
+             motion=RIGHT[True])
+        for name, scene in (
+            ("a bob of 1e-300 kg", _sized(mass=1e-300)), ("a bob of 1e300 kg", _sized(mass=1e300)),
+            ("1e300 m, 1e-300 kg, 1e300 m/s2", _sized(length=1e300, mass=1e-300, gravity=1e300)),
+            ("1e-150 m, 1e300 kg, 1e-150 m/s2", _sized(length=1e-150, mass=1e300, gravity=1e-150)))
     ),
     _case("too slow for double precision", USUAL, "Work and torque underflow, while angle and velocity do not.",
           "a SceneError for g = 1e-300 m/s2, for a length of 1e150 m, and for g = 1e-200 m/s2 with 1e-200 kg", RANGE,
@@ -402,7 +373,7 @@ CASES = (
         _case(f"{name} of 1e-300", _with(strength(SMALL)),
               "Such an effect is far below rounding, but may divide by a quantity that underflows.",
               "the motion without the effect, to rounding", "the limit of a vanishing strength",
-              _negligible(_with(strength(SMALL))))
+              partial(_negligible, _with(strength(SMALL))))
         for name, strength in STRENGTHS.items()
     ),
     *(
@@ -410,15 +381,19 @@ CASES = (
               "A step is 1e298 times as long as the time in which drag acts.",
               "the angle stays, as the bob falls by less than 1e-149 rad. Stable: it falls slowly. Diverged: methods "
               "with a stability limit, and those whose equations cannot be solved", "theta' = -g sin(theta)/(L gamma)",
-              _held(_with(STRENGTHS[name](LARGE)), 1e-12), _overwhelmed)
+              partial(_held, _with(STRENGTHS[name](LARGE)), 1e-12), _overwhelmed)
         for name in ("linear drag", "quadratic drag")
     ),
     _case("dry friction of 1e300", _with(CoulombFriction(LARGE)), "Its sum with any other torque is lost in rounding.",
-          "no bit changes", COULOMB, _held(_with(CoulombFriction(LARGE)), 0.0)),
+          "no bit changes", COULOMB, partial(_held, _with(CoulombFriction(LARGE)), 0.0)),
     *(
         _case(name, scene, "Its torque, energy or phase exceeds the largest number.",
-              "reported divergence with the last finite state", RANGE, _impossible(scene), always(DIVERGED))
-        for name, scene in IMPOSSIBLE
+              "reported divergence with the last finite state", RANGE, partial(_impossible, scene), always(DIVERGED))
+        for name, scene in (
+            ("a periodic torque of 1e300 N m", _with(PeriodicTorque(LARGE, 1.0))),
+            ("a periodic torque of 1e300 rad/s", _with(PeriodicTorque(1.0, LARGE))),
+            ("a pivot shaken by 1e300 m", _with(VerticalDrive(LARGE, 1.0))),
+            ("a wind of 1e300 m/s", _with(QuadraticDrag(c=DRAG), Wind(LARGE))))
     ),
     foreseen(GROUP, MILLION, "An angle of a million turns has digits down to 1e-9 rad, and its turns must be taken off "
              "exactly.", "the error is that of the method's formula, the angle has all digits",

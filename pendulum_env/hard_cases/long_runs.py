@@ -26,7 +26,6 @@ from pendulum_env.hard_cases.case import (
     DIVERGED,
     NEWTON,
     STABLE,
-    WRONG,
     Bound,
     Case,
     Finding,
@@ -111,7 +110,7 @@ def _run(method: Method, steps: int) -> Rollout:
 
 FIRST = Motion("1e5 steps, phase", SCENE, "pendulum", 1.0, 0.0, 20.0, marks=20, growth=20.0, most=64)
 """The first three swings of the short runs, in longer steps, whose error is predicted."""
-first_swings = follows(FIRST, lambda time: exact.pendulum(time, 1.0, 0.0, SCENE.omega0))
+first_swings = partial(follows, FIRST)
 """Function that judges a method by the first swings."""
 
 
@@ -239,7 +238,7 @@ def _first_and(second: Try, bound: Callable[[Method], float], name: str, why: st
 
     A method must be ACCURATE if the ``bound`` of its error is at most SMALL; else STABLE or DIVERGED are allowed.
     """
-    return foreseen(GROUP, FIRST, why, truth, source, then(first_swings, second),
+    return foreseen(GROUP, FIRST, why, truth, source, partial(then, first_swings, second),
                     known(bound, SMALL, STABLE, DIVERGED), long, name)
 
 

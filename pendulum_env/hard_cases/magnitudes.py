@@ -7,10 +7,9 @@ or a smallest number, become visible.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -23,7 +22,6 @@ from pendulum_env.hard_cases.case import (
     Bound,
     Case,
     Finding,
-    Try,
     also,
     always,
     demand,
@@ -38,16 +36,14 @@ from pendulum_env.hard_cases.case import (
     stopped,
 )
 from pendulum_env.hard_cases.predicted import Motion
-from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, Motor, PeriodicTorque, SmallAngleGravity
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.bounds import rounding, rounding_factor
-from pendulum_env.truth.pieces import in_turn
 
 GROUP = "magnitudes"
-TIME, MARKS = 20.0, 20
-"""Duration of the swings times omega0, and marks in it."""
+TIME = 20.0
+"""Duration of the swings times omega0."""
 SHARE = 0.05
 """Torque of the motor in units of m g L."""
 
@@ -77,7 +73,7 @@ def apart(run: Rollout, other: Rollout) -> float:
 def _right(powered: bool) -> Motion:
     """Return the motion of the pendulum of 1 m and 1 kg from 2 rad, without or under the motor's full torque."""
     return Motion(f"right at 1 m and 1 kg{', with a motor' if powered else ''}", pendulum(powered=powered),
-                  "pendulum pushed by 0.05" if powered else "pendulum", 2.0, 0.3, TIME, marks=MARKS, growth=20.0,
+                  "pendulum pushed by 0.05" if powered else "pendulum", 2.0, 0.3, TIME, marks=20, growth=20.0,
                   largest=2.0, pace=1.7, most=64)
 
 
@@ -93,31 +89,24 @@ def unit_run(method: Method, powered: bool) -> Rollout:
 
 @cache
 def unit_finding(method: Method, powered: bool) -> Finding:
-    """Judge a method's run on the pendulum of 1 m and 1 kg against the closed form, under a torque by integration."""
-    run, square = unit_run(method, powered), RIGHT[powered].scene.omega0**2
-    start, rate = (2.0, 0.3 * math.sqrt(square)), math.sqrt(square)
-    true = (in_turn([lambda _t, q, _v: square * (SHARE - math.sin(q))] * MARKS, start, TIME / MARKS / rate) if powered
-            else exact.pendulum(run.time, *start, rate))
-    return followed(RIGHT[powered], method, run.angle, run.velocity, true)
+    """Judge a method's run on the pendulum of 1 m and 1 kg against the true motion."""
+    run = unit_run(method, powered)
+    return followed(RIGHT[powered], method, run.angle, run.velocity)
 
 
-def _similar(scene: Scene) -> Try:
-    """Return a function that judges a method by its run on a pendulum of very small or large size.
+def similar(scene: Scene, method: Method) -> Finding:
+    """Judge a method by its run on a pendulum of very small or large size.
 
     In dimensionless units this run must equal that on the pendulum of 1 m and 1 kg, which must be right.
     """
-
-    def attempt(method: Method) -> Finding:
-        powered = len(scene.effects) > 1
-        run = ran_motion(replace(RIGHT[powered], scene=scene), method, control=1.0)
-        right = unit_finding(method, powered)
-        if right.outcome == WRONG:
-            return right
-        found = graded(apart(run, unit_run(method, powered)), rounding(method) * TIME,
-                       "the motion depends on the unit of length, mass or time", of="the motion at 1 m and 1 kg")
-        return also(found, *right.bounds)
-
-    return attempt
+    powered = len(scene.effects) > 1
+    run = ran_motion(replace(RIGHT[powered], scene=scene), method, control=1.0)
+    right = unit_finding(method, powered)
+    if right.outcome == WRONG:
+        return right
+    found = graded(apart(run, unit_run(method, powered)), rounding(method) * TIME,
+                   "the motion depends on the unit of length, mass or time", of="the motion at 1 m and 1 kg")
+    return also(found, *right.bounds)
 
 
 FREE_SPEED = 1e6
@@ -132,24 +121,20 @@ def _free(method: Method) -> Finding:
     return graded(error, rounding(method), "the speed changes although no force acts")
 
 
-def _small(scene: Scene, angle: float) -> Try:
-    """Return a function that judges a method on a tiny swing, whose angle is ``angle`` cos(omega0 t).
+def _small(scene: Scene, angle: float, method: Method) -> Finding:
+    """Judge a method on a tiny swing, whose angle is ``angle`` cos(omega0 t).
 
     The square of the angle is negligible or underflows.
     """
     motion = replace(SMALL, scene=scene, angle=angle)
-
-    def attempt(method: Method) -> Finding:
-        run = ran_motion(motion, method)
-        phase = scene.omega0 * run.time
-        error = np.maximum(np.abs(run.angle / angle - np.cos(phase)),
-                           np.abs(run.velocity / angle / scene.omega0 + np.sin(phase)))
-        # Each addition to angle and velocity rounds to a multiple of 2**-1074.
-        count, _ = motion.steps_and_error(method)
-        grain = 2.0**-1074 / angle * max(1.0, scene.omega0, 1.0 / scene.omega0) * count * motion.marks * 20.0
-        return held(motion, method, error, grain * rounding_factor(method))
-
-    return attempt
+    run = ran_motion(motion, method)
+    phase = scene.omega0 * run.time
+    error = np.maximum(np.abs(run.angle / angle - np.cos(phase)),
+                       np.abs(run.velocity / angle / scene.omega0 + np.sin(phase)))
+    # Each addition to angle and velocity rounds to a multiple of 2**-1074.
+    count, _ = motion.steps_and_error(method)
+    grain = 2.0**-1074 / angle * max(1.0, scene.omega0, 1.0 / scene.omega0) * count * motion.marks * 20.0
+    return held(motion, method, error, grain * rounding_factor(method))
 
 
 def _lost_phase(method: Method) -> Finding:
@@ -189,8 +174,8 @@ CASES = (
         Case(name, GROUP, "Absolute tolerances or smallest numbers in the code would be wrong at such sizes.",
              "angle, velocity/omega0 and energy/(m g L) equal those of the pendulum of 1 m and 1 kg, to rounding, "
              "whose error is that of the method's formula",
-             "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", scene, always(ACCURATE), _similar(scene),
-             motion=RIGHT[len(scene.effects) > 1])
+             "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", scene, always(ACCURATE),
+             partial(similar, scene), motion=RIGHT[len(scene.effects) > 1])
         for name, scene in SIMILAR
     ),
     foreseen(GROUP, RIGHT[False],
@@ -204,7 +189,8 @@ CASES = (
         Case(f"{angle:g} rad, {scene.effects[0].name}", GROUP,
              "The swing is so small that the squared angle, and finally the angle itself, underflows to 0.",
              "angle cos(omega0 t); the error is that of the method's formula",
-             "the linear pendulum; sin(x) = x to x**3/6", scene, expected(SMALL), _small(scene, angle), motion=SMALL)
+             "the linear pendulum; sin(x) = x to x**3/6", scene,
+             partial(expected, SMALL), partial(_small, scene, angle), motion=SMALL)
         for scene in (TINY, LINEAR) for angle in ANGLES
     ),
     Case("a drive of lost phase", GROUP,

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from pendulum_env.hard_cases.case import (
     WRONG,
     Case,
     Finding,
-    Try,
     always,
     demand,
     every,
@@ -50,9 +48,7 @@ from pendulum_env.physics.effects import (
     VerticalDrive,
 )
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.answer import Array
 from pendulum_env.truth.bounds import order_bound
-from pendulum_env.truth.pieces import Force, traced
 
 GROUP = "non-smooth"
 ROUNDING = 1e-12
@@ -89,27 +85,6 @@ SMALL_REST = _motion("Coulomb friction to rest, small angles", LINEAR_REST, "lin
                      (HALVES + 1) * math.pi, 25, most=1024)
 
 
-def dry_swing(phase: Array) -> tuple[Array, Array]:
-    """Return the exact angle and velocity/omega0 of a small swing under dry friction, at the phases omega0 t.
-
-    The swing starts at AMPLITUDE. Half swing k is a cosine about (-1)^k RATIO; it lasts pi/omega0 and reduces the
-    amplitude by 2 RATIO.
-    """
-    half = np.minimum(np.floor(phase / math.pi), HALVES)
-    moving, size = half < HALVES, AMPLITUDE - 2.0 * RATIO * half
-    side = 1.0 - 2.0 * (half % 2)
-    within = np.where(moving, phase, 0.0) - math.pi * half
-    angle = side * (RATIO + (size - RATIO) * np.cos(within))
-    speed = -side * (size - RATIO) * np.sin(within)
-    return np.where(moving, angle, side * size), np.where(moving, speed, 0.0)
-
-
-def rests(time: Array) -> tuple[Array, Array]:
-    """Return the exact angle [rad] and velocity [rad/s] of :func:`dry_swing`."""
-    angle, speed = dry_swing(LINEAR_REST.omega0 * time)
-    return angle, LINEAR_REST.omega0 * speed
-
-
 def linear_rest(method: Method) -> Finding:
     """Judge a method on a small swing to rest under dry friction: its motion, its rest and its heat.
 
@@ -122,7 +97,7 @@ def linear_rest(method: Method) -> Finding:
     most = min(3.0 * HALVES * SMALL_REST.allowed(method) + ROUNDING, 0.25 * WAYS[-1])
     heat = graded(run.ledger.heat[-1] / (RATIO * EARTH) - sum(WAYS), most,
                   "its heat is not friction times the distance", size=sum(WAYS), of="the way in the heat")
-    return every(heat, followed(SMALL_REST, method, run.angle, run.velocity, rests(run.time)))
+    return every(heat, followed(SMALL_REST, method, run.angle, run.velocity))
 
 
 COARSE = 0.5
@@ -138,8 +113,8 @@ def coarse_rest(method: Method) -> Finding:
         at_rest(0.9, run)
         demand(abs(run.angle[-1]) <= RATIO, "it rests at an angle where dry friction cannot hold it")
     if COARSE_REST.foretells(method):
-        return followed(COARSE_REST, method, run.angle, run.velocity, rests(run.time))
-    off = run.angle[-1] - rests(run.time)[0][-1], run.velocity[-1] / LINEAR_REST.omega0
+        return followed(COARSE_REST, method, run.angle, run.velocity)
+    off = run.angle[-1] - COARSE_REST.true()[0][-1], run.velocity[-1] / LINEAR_REST.omega0
     return graded(off, AMPLITUDE * order_bound(method, COARSE, HALVES * math.pi), size=AMPLITUDE,
                   of="the angle at rest, as a part of the amplitude")
 
@@ -149,7 +124,7 @@ def rests_coarsely(method: Method) -> frozenset[str]:
 
     Splittings, whose error is not predicted, may rest at another angle.
     """
-    named = expected(COARSE_REST)(method)
+    named = expected(COARSE_REST, method)
     return named if COARSE_REST.foretells(method) else named | {ACCURATE, STABLE}
 
 
@@ -172,7 +147,7 @@ def steep_rest(method: Method) -> Finding:
 
     Successive turning angles t0 and -t1 obey cos t1 - cos t0 = ratio (t0 + t1); the last one is the angle at rest.
     """
-    found, run = piecewise(LARGE_REST, steep_force, STEEP_RATIO * EARTH)(method), ran_motion(LARGE_REST, method)
+    found, run = follows(LARGE_REST, method, partial(stays, LARGE_REST)), ran_motion(LARGE_REST, method)
     at_rest(0.97, run)
     most = min(STEEP_START * LARGE_REST.allowed(method) + ROUNDING, LOOSE * STEEP_RATIO)
     end = exact.coulomb_turning_points(STEEP_START, STEEP_RATIO, 100)[-1]
@@ -205,12 +180,6 @@ A_HAIR = _motion("a hair beyond the band", EDGED, "linear, dry friction of 0.1",
                  growth=1.0, largest=EDGE * HAIR, goal=1e-4)
 
 
-def slides(time: Array) -> tuple[Any, Any]:
-    """Return the exact motion from EDGE (1 + HAIR): half a swing about EDGE by 2 EDGE HAIR, then rest."""
-    phase, size = np.minimum(EDGED.omega0 * time, math.pi), EDGE * HAIR
-    return EDGE + size * np.cos(phase), -EDGED.omega0 * size * np.sin(phase)
-
-
 # --- breakaway under a rising torque --------------------------------------------------------------------------------
 
 LIMIT, PUSH, SLOW = 0.8, 1.0, 0.02
@@ -223,19 +192,6 @@ RISES = _motion("a slowly rising torque", RISING, "linear, dry friction, a slowl
                 60, largest=3.0 * PUSH * SLOW * math.cos(SLOW * LET_GO))
 
 
-def risen(time: Array) -> tuple[Array, Array]:
-    """Return the exact motion of the oscillator under the torque PUSH sin(SLOW t), held by dry friction at first.
-
-    The bob slides from rest at LET_GO [s] on, against the friction LIMIT.
-    """
-    since = np.maximum(time - LET_GO, 0.0)
-    answer = PUSH / (1.0 - SLOW * SLOW)
-    even, odd = LIMIT - answer * math.sin(SLOW * LET_GO), -answer * SLOW * math.cos(SLOW * LET_GO)
-    angle = answer * np.sin(SLOW * time) - LIMIT + even * np.cos(since) + odd * np.sin(since)
-    velocity = answer * SLOW * np.cos(SLOW * time) - even * np.sin(since) + odd * np.cos(since)
-    return np.where(since > 0.0, angle, 0.0), np.where(since > 0.0, velocity, 0.0)
-
-
 # --- piece by piece --------------------------------------------------------------------------------------------------
 
 DRAG, WITH_BOTH = 0.3, 0.05
@@ -244,60 +200,16 @@ TORQUE, RATE, WEAK = 1.2, 1.3, 0.2
 """Drive torque [N m], its angular frequency [rad/s], and drag [1/rad], with omega0 = 1."""
 
 
-def swing_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration of a pendulum under gravity and quadratic drag."""
-    return -EARTH * math.sin(q) - DRAG * abs(v) * v
+def stays(motion: Motion, run: Rollout) -> None:
+    """Demand that the bob of a run is at rest at the end if it is so in the true motion."""
+    demand(motion.true()[1][-1] or not run.velocity[-1], "it moves although dry friction holds it")
 
 
-def turns_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration of a small-angle pendulum under a periodic torque."""
-    return TORQUE * math.cos(RATE * t) - q
-
-
-def many_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration of a pendulum under gravity, quadratic drag and a periodic torque."""
-    return TORQUE * math.cos(RATE * t) - math.sin(q) - WEAK * abs(v) * v
-
-
-def shaken_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration of a pendulum whose pivot moves as x = b sin(RATE t), under gravity.
-
-    The pivot's acceleration, with the opposite sign, acts along cos(theta).
-    """
-    return TORQUE * math.sin(RATE * t) * math.cos(q) - math.sin(q)
-
-
-def steep_force(t: float, q: float, v: float) -> float:
-    """Return the acceleration of a pendulum under gravity."""
-    return -EARTH * math.sin(q)
-
-
-@lru_cache(maxsize=16)
-def marked(motion: Motion, force: Force, limit: float) -> tuple[Array, Array]:
-    """Return the exact angle and velocity at a motion's marks, under a hand-written force and dry friction."""
-    gap, omega0 = motion.time / motion.marks / motion.scene.omega0, motion.scene.omega0
-    return traced(force, limit, (motion.angle, motion.velocity * omega0), [gap * k for k in range(motion.marks + 1)])
-
-
-def piecewise(motion: Motion, force: Force, limit: float) -> Try:
-    """Return a function that judges a method under dry friction by an independent integration.
-
-    That one integrates the hand-written ``force`` from one stop or turn to the next. ``limit`` is the limit of dry
-    friction.
-    """
-
-    def fault(run: Rollout) -> None:
-        moves = limit > 0.0 and marked(motion, force, limit)[1][-1] == 0.0 and run.velocity[-1]
-        demand(not moves, "it moves although dry friction holds it")
-
-    return follows(motion, lambda _: marked(motion, force, limit), fault)
-
-
-def _pieces(why: str, motion: Motion, force: Force, limit: float = LIMIT) -> Case:
+def _pieces(why: str, motion: Motion) -> Case:
     """Return the case of a motion that is integrated from one zero of the velocity to the next."""
     return foreseen(GROUP, motion, why, "piecewise integration; the error is that of the method's formula",
                     "scipy's DOP853 at 3e-14 from one zero of the velocity to the next (Hairer, Norsett & Wanner 1993, "
-                    "II.5-6)", piecewise(motion, force, limit))
+                    "II.5-6)", partial(follows, motion, fault=partial(stays, motion)))
 
 
 # --- a wire that goes slack -----------------------------------------------------------------------------------------
@@ -306,11 +218,6 @@ LAUNCH = math.sqrt(3.5)
 """Velocity at the bottom over omega0: the wire goes slack at 120 degrees."""
 WIRE = Scene("a wire", Body(length=1.0, mass=1.0, suspension="wire"), effects=(Gravity(),), gravity=EARTH)
 CATCHES = Motion("a wire that catches again", WIRE, "pendulum", 0.0, LAUNCH, 1.4, marks=2, growth=10.0, pace=LAUNCH)
-
-
-def _swinging(time: Array) -> tuple[Any, Any]:
-    """Return the exact angle and velocity of the bob on a wire before it goes slack."""
-    return exact.pendulum(time, 0.0, LAUNCH * WIRE.omega0, WIRE.omega0)
 
 
 def _slack(method: Method) -> Finding:
@@ -368,39 +275,38 @@ CASES = (
              "half a cosine from 1e-8 rad beyond the edge to 1e-8 rad within, then permanent rest; the error is that "
              "of the method's formula", LAPIDUS,
              # In each step the angle is rounded to 1e-9 of the way.
-             follows(A_HAIR, slides, partial(at_rest, 1.1 * math.pi / 4.8), 1e-7)),
+             partial(follows, A_HAIR, fault=partial(at_rest, 1.1 * math.pi / 4.8), grain=1e-7)),
     foreseen(GROUP, RISES, "Dry friction must hold the bob for 46 s and let it slide from the right step on.",
              "no bit changes until arcsin(0.8)/0.02 s, then the driven oscillator; the error is that of the method's "
              "formula", "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)",
-             follows(RISES, risen, let_go_at(LET_GO), ROUNDING / RISES.largest)),
+             partial(follows, RISES, fault=partial(let_go_at, LET_GO), grain=ROUNDING / RISES.largest)),
     _pieces("13 stops and starts at times that are not known in advance.",
             _motion("sticking and sliding by turns", unit("dry friction under a torque", SmallAngleGravity(),
                                                           PeriodicTorque(TORQUE, RATE), FRICTION, gravity=1.0),
-                    "linear, dry friction, a torque", 0.0, 20.0, 50, pace=RATE), turns_force),
+                    "linear, dry friction, a torque", 0.0, 20.0, 50, pace=RATE)),
     # Methods with mean forces take the push of the pivot in the middle of a step.
     _pieces("Whether dry friction holds the bob depends on both time and angle.",
             _motion("let go by a shaken pivot", unit("dry friction on a shaken pivot", Gravity(),
                                                      HorizontalDrive(TORQUE / RATE**2, RATE, -0.5 * math.pi),
                                                      FRICTION, gravity=1.0),
-                    "dry friction, a shaken pivot", 0.3, 12.0, 30, pace=RATE, lacks=frozenset({"split", "mean"})),
-            shaken_force),
+                    "dry friction, a shaken pivot", 0.3, 12.0, 30, pace=RATE, lacks=frozenset({"split", "mean"}))),
     _pieces("Friction jumps and drag has a kink at each zero of the velocity, where methods of high order lose "
             "accuracy.",
             _motion("quadratic drag to rest in dry friction", unit("dry friction and quadratic drag", Gravity(),
                                                                    QuadraticDrag(c=DRAG),
                                                                    CoulombFriction(WITH_BOTH * EARTH)),
-                    "quadratic drag of 0.3, dry friction", 1.5, 28.0, 70), swing_force, WITH_BOTH * EARTH),
+                    "quadratic drag of 0.3, dry friction", 1.5, 28.0, 70)),
     _pieces("The torque has jumps and kinks in time, and the bob sticks and slides in turn.",
             _motion("dry friction, quadratic drag and a torque",
                     unit("dry friction, quadratic drag and a torque", Gravity(), QuadraticDrag(c=WEAK),
                          PeriodicTorque(TORQUE, RATE), FRICTION, gravity=1.0),
-                    "quadratic drag of 0.2, dry friction, a torque", 0.0, 20.0, 50, pace=RATE), many_force),
+                    "quadratic drag of 0.2, dry friction, a torque", 0.0, 20.0, 50, pace=RATE)),
     foreseen(GROUP, CATCHES, "The wire goes slack within a step; the bob then flies, and the wire would catch it.",
              "the run ends when 3 cos(theta) = 2 - v0²/(g L), by the elliptic integral, and says that the wire would "
              "catch the bob after 4 v_z/g, to (omega0 h)^p omega0 t; before that, the error is that of the method's "
              "formula", "Newton's law for the tension; a parabola within a circle",
-             then(follows(CATCHES, _swinging), _slack), resolved),
+             partial(then, partial(follows, CATCHES), _slack), resolved),
     _pieces("The second derivative of the torque jumps at each zero of the velocity, within a step.",
             _motion("the kinks of quadratic drag", unit("quadratic drag", Gravity(), QuadraticDrag(c=DRAG)),
-                    "quadratic drag of 0.3", 1.5, 16.0, 40, split=True), swing_force, 0.0),
+                    "quadratic drag of 0.3", 1.5, 16.0, 40, split=True)),
 )

@@ -1,7 +1,8 @@
 """Motions in hard cases, and predicted errors of methods in them, from 40 digits that use no code of the methods.
 
-``predictions.json`` holds for each motion and method the number of steps per mark and the error that the method's
-formula leaves in exact arithmetic. ``python tests/support/forty_digits.py`` computes it. A run's error may differ from
+``true_motions.json`` holds the exact angles and velocities at the marks of each motion, and ``predictions.json`` for
+each motion and method the number of steps per mark and the error that the method's formula leaves in exact arithmetic.
+``python tests/support/forty_digits.py`` computes both. A run's error may differ from
 the predicted one by the share OFF and by rounding, and no more: a larger error is that of a wrong step, a smaller one
 that of another method.
 """
@@ -14,14 +15,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from integrators import Method
-from integrators.method import NEEDS
-from pendulum_env.engine.machine import offers
-from pendulum_env.engine.starts import ENOUGH
 from pendulum_env.physics.scene import Scene
+from pendulum_env.truth.answer import Array
 from pendulum_env.truth.bounds import UNIT, order_bound, rounding_factor
 
-FILE = Path(__file__).with_name("predictions.json")
+FILE, TRUTHS = (Path(__file__).with_name(name) for name in ("predictions.json", "true_motions.json"))
 OFF = 0.02
 """Share of the predicted error by which an error may differ from it, besides rounding."""
 TOO_LARGE = 100.0
@@ -78,19 +79,10 @@ class Motion:
         """Return the angle [rad] to which errors are relative, with the exact angle at the end."""
         return abs(math.pi - end) if self.from_top else self.largest
 
-    def least(self, method: Method) -> int:
-        """Return the fewest steps per mark of a method; a multistep method needs some times its history.
-
-        It needs them in the whole motion or, where torques change or the motion is ``sensitive``, for each mark.
-        """
-        each = bool(self.torques) or self.sensitive
-        past = ENOUGH * method.past if each else math.ceil(ENOUGH * method.past / self.marks)
-        return self.fewest if self.most == 1 else max(self.fewest, past)
-
-    def fits(self, method: Method) -> bool:
-        """Return True if the motion is predicted for a method: it meets its needs, and the error is not zero."""
-        unmet = (frozenset(NEEDS) - offers(self.scene)) | self.lacks
-        return not (method.exact or method.needs & unmet or (self.explicit and method.implicit))
+    def true(self) -> tuple[Array, Array]:
+        """Return the exact angle [rad] and velocity [rad/s] at the start and at the marks."""
+        angle, velocity = _truths()[self.name]
+        return np.array([self.angle, *angle]), self.scene.omega0 * np.array([self.velocity, *velocity])
 
     def known(self, method: Method) -> bool:
         """Return True if the file has a prediction for a method."""
@@ -128,4 +120,11 @@ class Motion:
 def _stored() -> dict[str, dict[str, tuple[int, float]]]:
     """Return the file of predictions."""
     values: dict[str, dict[str, tuple[int, float]]] = json.loads(FILE.read_text(encoding="utf-8"))
+    return values
+
+
+@cache
+def _truths() -> dict[str, tuple[list[float], list[float]]]:
+    """Return the file of exact motions: angles [rad] and velocities [omega0] at the marks of each."""
+    values: dict[str, tuple[list[float], list[float]]] = json.loads(TRUTHS.read_text(encoding="utf-8"))
     return values

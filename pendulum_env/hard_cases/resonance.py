@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from pendulum_env.hard_cases.case import (
     STABLE,
     Case,
     Finding,
-    Rule,
-    Try,
     bounded,
     demand,
     follows,
@@ -82,56 +79,48 @@ def absurd_from(states: Array) -> int | None:
     return int(beyond[0]) if beyond.size else None
 
 
-def _tuned_rule(z: float, steps: int) -> Rule:
-    """Return the rule of allowed outcomes in ``steps`` steps of ``z`` = omega0 h.
+def _tuned_rule(z: float, steps: int, method: Method) -> frozenset[str]:
+    """Return the allowed outcomes of a method in ``steps`` steps of ``z`` = omega0 h.
 
     Methods whose step is a 2 x 2 matrix must follow its powers, to the step at which they count as divergence. For
     others the rule follows from the spectral radius.
     """
-
-    def may(method: Method) -> frozenset[str]:
-        found = matrix_of(method, z)
-        if found is not None:
-            return frozenset({ACCURATE if absurd_from(powers(found[0], steps)) is None else DIVERGED})
-        return growth_rule(growth(method, z, steps), STABLE)
-
-    return may
+    found = matrix_of(method, z)
+    if found is not None:
+        return frozenset({ACCURATE if absurd_from(powers(found[0], steps)) is None else DIVERGED})
+    return growth_rule(growth(method, z, steps), STABLE)
 
 
-def _tuned(z: float, steps: int) -> Try:
-    """Return a function that judges a method by the powers of its own step's matrix, in steps of ``z`` = omega0 h.
+def _tuned(z: float, steps: int, method: Method) -> Finding:
+    """Judge a method by the powers of its own step's matrix, in steps of ``z`` = omega0 h.
 
     Near an eigenvalue -1 an error d of the matrix changes the eigenvalues by d/sqrt(|trace²/4 - 1|), at most by
     sqrt(d).
     """
-
-    def attempt(method: Method) -> Finding:
-        run = run_of(LINEAR, method, dt=z / LINEAR.omega0, steps=steps, angle=START, velocity=0.0)
-        ended, found, count = stopped(run), matrix_of(method, z), len(run.time) - 1
-        if found is None:
-            if ended is not None:
-                demand(in_time(method, z, count), f"it stopped after {count} steps, not when it has grown")
-                return ended
-            size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
-            most = spread(method, z) * math.exp(max(growth(method, z, steps), 0.0)) * (1.0 + 1e-6)
-            grown = float(np.max(size) / np.max(size[: steps // 10]))
-            return bounded(grown, most, "growth, bounded by the eigenvalues", CEILING)
-        matrix, rounded = found
-        states = powers(matrix, steps)
-        last = absurd_from(states)
+    run = run_of(LINEAR, method, dt=z / LINEAR.omega0, steps=steps, angle=START, velocity=0.0)
+    ended, found, count = stopped(run), matrix_of(method, z), len(run.time) - 1
+    if found is None:
         if ended is not None:
-            demand(last is not None and abs(count + 1 - last) <= 1, f"it stopped after {count} steps instead of {last}")
+            demand(in_time(method, z, count), f"it stopped after {count} steps, not when it has grown")
             return ended
-        demand(last is None, f"it continues although its energy is absurd after {last} steps")
-        apart = math.sqrt(abs(0.25 * float(np.trace(matrix)) ** 2 - 1.0))
-        drift = rounded / max(apart, math.sqrt(rounded))
-        envelope = np.maximum.accumulate(np.hypot(*states.T)) * (1.0 + 1.0 / max(apart, math.sqrt(rounded)))
-        missed = np.hypot(run.angle - states[:, 0], run.velocity / LINEAR.omega0 - states[:, 1])
-        allowed = 10.0 * drift * np.arange(1.0, steps + 2.0)
-        return graded(missed / envelope / allowed, 1.0, "it differs from the powers of its own matrix",
-                      size=1.0 / float(allowed[-1]), of="the largest motion until then")
-
-    return attempt
+        size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
+        most = spread(method, z) * math.exp(max(growth(method, z, steps), 0.0)) * (1.0 + 1e-6)
+        grown = float(np.max(size) / np.max(size[: steps // 10]))
+        return bounded(grown, most, "growth, bounded by the eigenvalues", CEILING)
+    matrix, rounded = found
+    states = powers(matrix, steps)
+    last = absurd_from(states)
+    if ended is not None:
+        demand(last is not None and abs(count + 1 - last) <= 1, f"it stopped after {count} steps instead of {last}")
+        return ended
+    demand(last is None, f"it continues although its energy is absurd after {last} steps")
+    apart = math.sqrt(abs(0.25 * float(np.trace(matrix)) ** 2 - 1.0))
+    drift = rounded / max(apart, math.sqrt(rounded))
+    envelope = np.maximum.accumulate(np.hypot(*states.T)) * (1.0 + 1.0 / max(apart, math.sqrt(rounded)))
+    missed = np.hypot(run.angle - states[:, 0], run.velocity / LINEAR.omega0 - states[:, 1])
+    allowed = 10.0 * drift * np.arange(1.0, steps + 2.0)
+    return graded(missed / envelope / allowed, 1.0, "it differs from the powers of its own matrix",
+                  size=1.0 / float(allowed[-1]), of="the largest motion until then")
 
 
 # --- a drive at 2 omega0 for 100 000 periods ------------------------------------------------------------------------
@@ -146,7 +135,7 @@ FORCED = unit("a torque at 2 omega0", SmallAngleGravity(), LinearDrag(gamma=LOSS
               gravity=1.0)
 
 
-def steady(time: Array) -> tuple[Array, Array]:
+def steady(time: Any) -> tuple[Any, Any]:
     """Return the exact angle and velocity of the forced oscillation after all transients."""
     answer = PUSH / complex(1.0 - 4.0, 2.0 * LOSS)
     wave = answer * np.exp(2.0j * time)
@@ -154,7 +143,7 @@ def steady(time: Array) -> tuple[Array, Array]:
 
 
 TWICE = Motion("a torque at 2 omega0 for 1e5 periods", FORCED, "a torque at 2 omega0 for 1e5 periods",
-               *(float(x[0]) for x in steady(np.zeros(1))), 4.0 * math.pi, marks=16, largest=PUSH / 3.0, pace=2.0,
+               *map(float, steady(0.0)), 4.0 * math.pi, marks=16, largest=PUSH / 3.0, pace=2.0,
                most=64)
 """Four periods of the drive, whose error is predicted."""
 
@@ -234,18 +223,18 @@ CASES = (
         Case(f"omega0 h = {z:g}, steps of half a period", GROUP,
              f"A composition can be unstable in a narrow band far below its stability limit: {which}.",
              f"the powers of the step's own matrix over {SOME} steps. Stable: methods with a memory that grow no "
-             "faster than their eigenvalues", POWERS, LINEAR, _tuned_rule(z, SOME), _tuned(z, SOME))
+             "faster than their eigenvalues", POWERS, LINEAR, partial(_tuned_rule, z, SOME), partial(_tuned, z, SOME))
         for z, which in TUNED
     ),
     Case("omega0 h = 3.1416 for 1e5 steps", GROUP,
          "A growth of 4e-4 per step is hidden in few steps, but must be reported as divergence in many.",
          "the powers of the step's own matrix, to the step at which its energy is absurd", POWERS, LINEAR,
-         _tuned_rule(TUNED[0][0], MANY), _tuned(TUNED[0][0], MANY), True),
+         partial(_tuned_rule, TUNED[0][0], MANY), partial(_tuned, TUNED[0][0], MANY), True),
     foreseen(GROUP, TWICE, "The phase of the drive must not lose digits, and no part of the motion may grow.",
              "the forced oscillation; the tolerance is (Omega h)^p 2 Omega/gamma of its amplitude, whatever the time; "
              "the error of the first periods is that of the formula",
              "the driven oscillator in closed form (Landau & Lifshitz 1976, section 26)",
-             then(follows(TWICE, steady), _forced), resolved, True),
+             partial(then, partial(follows, TWICE), _forced), resolved, True),
     Case("a pivot shaken at 2 omega0 for 1e5 periods", GROUP,
          "A swing grows by parametric resonance only if the method's frequency is right to 6e-5.",
          "cosh(n mu) with Mathieu's exponent mu after n periods, if (omega0 h)^p is small enough; else no faster "

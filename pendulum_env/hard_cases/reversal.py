@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,6 @@ from pendulum_env.hard_cases.case import (
     Bound,
     Case,
     Finding,
-    Try,
     also,
     always,
     graded,
@@ -43,62 +43,54 @@ RESTARTS = 24
 """Number of steps of a run that is saved and resumed after each step."""
 
 
-def _back(angle: float, speed: float, pace: float, growth: float) -> Try:
-    """Return a function that judges a method by a run forwards and back from ``angle`` [rad].
+def _back(angle: float, speed: float, pace: float, growth: float, method: Method) -> Finding:
+    """Judge a method by a run forwards and back from ``angle`` [rad].
 
     ``speed`` is the initial velocity and ``pace`` the rate at which forces change, both in units of omega0. ``growth``
     is the factor by which the motion amplifies errors. About ten ulps of rounding are allowed per step.
     """
-
-    def attempt(method: Method) -> Finding:
-        start = np.array([angle, speed * SCENE.omega0])
-        options: dict[str, Any] = {"dt": PRODUCT / SCENE.omega0, "steps": STEPS, "every": STEPS}
-        there = ran(SCENE, method, angle=start[0], velocity=start[1], **options)
-        back = ran(SCENE, method, angle=there.angle[-1], velocity=-there.velocity[-1], **options)
-        error = [back.angle[-1] - angle, -back.velocity[-1] / SCENE.omega0 - speed]
-        size = 1.0 + abs(there.angle[-1]) + speed
-        rounding = 10.0 * rounding_factor(method) * UNIT * size * growth * 2.0 * STEPS
-        order = 0.0 if math.isinf(method.order) else (pace * PRODUCT) ** method.order * pace * PRODUCT * STEPS * growth
-        finding = graded(error, rounding, size=size)
-        if finding.outcome == ACCURATE or retraces(method):
-            return finding
-        wrong = "" if finding.error <= order + rounding else "it misses the start by more than its order allows"
-        bound = Bound("the return to the start", order + rounding, size, CEILING)
-        return also(Finding(WRONG if wrong else STABLE, finding.error, order + rounding, wrong), bound)
-
-    return attempt
+    start = np.array([angle, speed * SCENE.omega0])
+    options: dict[str, Any] = {"dt": PRODUCT / SCENE.omega0, "steps": STEPS, "every": STEPS}
+    there = ran(SCENE, method, angle=start[0], velocity=start[1], **options)
+    back = ran(SCENE, method, angle=there.angle[-1], velocity=-there.velocity[-1], **options)
+    error = [back.angle[-1] - angle, -back.velocity[-1] / SCENE.omega0 - speed]
+    size = 1.0 + abs(there.angle[-1]) + speed
+    rounding = 10.0 * rounding_factor(method) * UNIT * size * growth * 2.0 * STEPS
+    order = 0.0 if math.isinf(method.order) else (pace * PRODUCT) ** method.order * pace * PRODUCT * STEPS * growth
+    finding = graded(error, rounding, size=size)
+    if finding.outcome == ACCURATE or retraces(method):
+        return finding
+    wrong = "" if finding.error <= order + rounding else "it misses the start by more than its order allows"
+    bound = Bound("the return to the start", order + rounding, size, CEILING)
+    return also(Finding(WRONG if wrong else STABLE, finding.error, order + rounding, wrong), bound)
 
 
-def _resumed(scene: Scene, hold: int, compiled: bool = False) -> Try:
-    """Return a function that judges a method by resuming a run from a saved state after every step.
+def _resumed(scene: Scene, hold: int, compiled: bool, method: Method) -> Finding:
+    """Judge a method by resuming a run from a saved state after every step.
 
     Its end must equal that of the uninterrupted run bit for bit. The run has RESTARTS steps and a new control every
     ``hold`` steps.
     """
+    backend = "auto" if compiled else sooner(method, RESTARTS * RESTARTS)
+    h = min(0.02, PRODUCT * 2.0 / scene.omega0)
+    original, other = (Machine(scene, method, ("energy",), backend, hold=hold) for _ in range(2))
 
-    def attempt(method: Method) -> Finding:
-        backend = "auto" if compiled else sooner(method, RESTARTS * RESTARTS)
-        h = min(0.02, PRODUCT * 2.0 / scene.omega0)
-        original, other = (Machine(scene, method, ("energy",), backend, hold=hold) for _ in range(2))
+    def go(machine: Machine, state: Any, first: int, end: int = RESTARTS) -> Any:
+        for step in range(first, end):
+            if machine.advance(state, (0.5, -1.0, 0.25)[step // hold % 3], h, 1):
+                raise ArithmeticError("the run stopped although the motion is bounded")
+        return state
 
-        def go(machine: Machine, state: Any, first: int, end: int = RESTARTS) -> Any:
-            for step in range(first, end):
-                if machine.advance(state, (0.5, -1.0, 0.25)[step // hold % 3], h, 1):
-                    raise ArithmeticError("the run stopped although the motion is bounded")
-            return state
-
-        uninterrupted = np.array(go(original, _start(original), 0), dtype=float)
-        state = _start(original)
-        for step in range(RESTARTS):
-            saved = json.loads(json.dumps([float(value) for value in state]))
-            resumed = np.array(go(other, other.array(saved), step), dtype=float)
-            if uninterrupted.tobytes() != resumed.tobytes():
-                difference = float(np.max(np.abs(uninterrupted - resumed)))
-                return Finding(WRONG, difference, 0.0, f"resumed after {step} steps, the run ends in another state")
-            go(original, state, step, step + 1)
-        return Finding(ACCURATE, 0.0, 0.0)
-
-    return attempt
+    uninterrupted = np.array(go(original, _start(original), 0), dtype=float)
+    state = _start(original)
+    for step in range(RESTARTS):
+        saved = json.loads(json.dumps([float(value) for value in state]))
+        resumed = np.array(go(other, other.array(saved), step), dtype=float)
+        if uninterrupted.tobytes() != resumed.tobytes():
+            difference = float(np.max(np.abs(uninterrupted - resumed)))
+            return Finding(WRONG, difference, 0.0, f"resumed after {step} steps, the run ends in another state")
+        go(original, state, step, step + 1)
+    return Finding(ACCURATE, 0.0, 0.0)
 
 
 def _start(machine: Machine) -> Any:
@@ -127,15 +119,15 @@ CASES = (
         Case(f"there and back, {name}", GROUP,
              "A symmetric method retraces its steps, so that forward and backward steps may differ only by rounding.",
              BACK, HLW, SCENE, lambda method: frozenset({ACCURATE} if retraces(method) else {ACCURATE, STABLE}),
-             _back(angle, speed, pace, growth))
+             partial(_back, angle, speed, pace, growth))
         for name, angle, speed, pace, growth in FROM
     ),
     *(
         Case(f"resumed at any step, {name}", GROUP, "The history of methods and effects must be saved with the state.",
-             SAVED, THE_FUTURE, SCENES[name], always(ACCURATE), _resumed(SCENES[name], hold))
+             SAVED, THE_FUTURE, SCENES[name], always(ACCURATE), partial(_resumed, SCENES[name], hold, False))
         for name, hold in SCENES_TO_RESUME
     ),
     Case("resumed at any step, compiled", GROUP,
          "Compiled programs store their state in an array of their own, which must be saved and restored, too.", SAVED,
-         THE_FUTURE, SCENE, always(ACCURATE), _resumed(SCENE, 1, True), True),
+         THE_FUTURE, SCENE, always(ACCURATE), partial(_resumed, SCENE, 1, True), True),
 )

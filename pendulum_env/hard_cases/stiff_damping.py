@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,15 +33,13 @@ from pendulum_env.hard_cases.case import (
     followed,
     graded,
     ran,
+    ran_motion,
 )
 from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.hard_cases.step_limits import growth
-from pendulum_env.physics import exact
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.answer import Truth
-from pendulum_env.truth.reference import reference
 
 GROUP = "stiff damping"
 ANGLE, FAST = 0.5, 1e4
@@ -87,23 +85,17 @@ def layered(name: str, scene: Scene, way: float, angle: float = 0.0) -> Motion:
                   pace=FAST / rate / way, most=1)
 
 
-def _slowed(motion: Motion, true: Callable[[Any], tuple[Any, Any]], judge: Callable[[Method, Rollout, Any], Finding],
-            ) -> Try:
-    """Return a function that judges a method by its predicted error, and by ``judge`` of the run and the exact motion.
+def _slowed(motion: Motion, judge: Callable[[Method, Rollout, Any, Any], Finding], method: Method) -> Finding:
+    """Judge a method by its predicted error, and by ``judge``.
 
-    ``true`` gives the exact angle and velocity at some times.
+    ``judge`` takes the method, the run, and the true angle and velocity at each step.
     """
-
-    def attempt(method: Method) -> Finding:
-        run = ran(motion.scene, method, dt=STEP, steps=STEPS, angle=motion.angle, velocity=FAST)
-        exactly = true(run.time)
-        found = judge(method, run, exactly)
-        if method.exact or not motion.foretells(method):
-            return found
-        formula = followed(motion, method, run.angle, run.velocity, exactly)
-        return formula if formula.outcome == WRONG else also(found, *formula.bounds)
-
-    return attempt
+    run = ran_motion(motion, method)
+    found = judge(method, run, *motion.true())
+    if method.exact or not motion.foretells(method):
+        return found
+    formula = followed(motion, method, run.angle, run.velocity)
+    return formula if formula.outcome == WRONG else also(found, *formula.bounds)
 
 
 # --- linear drag ----------------------------------------------------------------------------------------------------
@@ -114,22 +106,18 @@ def linear_scene(gamma_h: float) -> Scene:
     return Scene("linear drag", effects=(SmallAngleGravity(), LinearDrag(gamma=gamma_h / STEP)))
 
 
-def _linear_rule(gamma_h: float) -> Rule:
-    """Return the rule of allowed outcomes under linear drag with this ``gamma h``.
+def _linear_rule(gamma_h: float, method: Method) -> frozenset[str]:
+    """Return the allowed outcomes of a method under linear drag with this ``gamma h``.
 
     The rule follows from a method's spectral radius and L-stability.
     """
     scene = linear_scene(gamma_h)
-
-    def may(method: Method) -> frozenset[str]:
-        grown = growth(method, scene.omega0 * STEP, STEPS, gamma_h)
-        if grown > GONE + 3.0 or (method.explicit_first_stage and gamma_h > ABSURD + 1.0):
-            return frozenset({DIVERGED})
-        if method.l_stable or method.exact:
-            return frozenset({ACCURATE})
-        return BOUNDED if grown < 0.0 else BOUNDED | {DIVERGED}
-
-    return may
+    grown = growth(method, scene.omega0 * STEP, STEPS, gamma_h)
+    if grown > GONE + 3.0 or (method.explicit_first_stage and gamma_h > ABSURD + 1.0):
+        return frozenset({DIVERGED})
+    if method.l_stable or method.exact:
+        return frozenset({ACCURATE})
+    return BOUNDED if grown < 0.0 else BOUNDED | {DIVERGED}
 
 
 def _linear(gamma_h: float) -> Case:
@@ -137,16 +125,16 @@ def _linear(gamma_h: float) -> Case:
     scene, far = linear_scene(gamma_h), ANGLE + FAST * STEP / gamma_h
     motion = layered(f"linear drag, gamma h = {gamma_h:g}", scene, far, ANGLE)
 
-    def judge(method: Method, run: Rollout, true: Any) -> Finding:
-        error = np.maximum(np.abs(run.angle - true[0]) / far, np.abs(run.velocity - true[1]) / FAST)
+    def judge(method: Method, run: Rollout, angle: Any, velocity: Any) -> Finding:
+        error = np.maximum(np.abs(run.angle - angle) / far, np.abs(run.velocity - velocity) / FAST)
         if method.exact:
             return graded(error, 1e-12, "it is not exact")
         return graded(error[LAYER:], SHARE, _flight(run, ANGLE))
 
     return _case(motion, f"the damped oscillator. Accurate, required of L-stable methods: within 1 % after {LAYER} "
-                 "steps", "Landau & Lifshitz, Mechanics (1976), section 25; R(-gamma h) of each method (Hairer & Wanner "
-                 "1996, IV.3)", _linear_rule(gamma_h),
-                 _slowed(motion, lambda t: exact.linear(t, ANGLE, FAST, scene.omega0, gamma_h / STEP), judge))
+                 "steps",
+                 "Landau & Lifshitz, Mechanics (1976), section 25; R(-gamma h) of each method (Hairer & Wanner 1996, "
+                 "IV.3)", partial(_linear_rule, gamma_h), partial(_slowed, motion, judge))
 
 
 # --- quadratic drag -------------------------------------------------------------------------------------------------
@@ -160,61 +148,48 @@ def quadratic_scene(load: float, *effects: Any) -> Scene:
     return Scene("quadratic drag", effects=(*effects, QuadraticDrag(c=load / (FAST * STEP))))
 
 
-def _quadratic_rule(load: float, alone: bool) -> Rule:
-    """Return the rule of allowed outcomes under quadratic drag c v², with ``load`` = c v0 h.
+def _quadratic_rule(load: float, alone: bool, method: Method) -> frozenset[str]:
+    """Return the allowed outcomes of a method under quadratic drag c v², with ``load`` = c v0 h.
 
     The initial velocity is v0 and the step h. ``alone`` is True if there is no gravity.
     """
-
-    def may(method: Method) -> frozenset[str]:
-        if math.isfinite(damping_limit(method)):  # all limits are below 2 load, the drag's derivative times h
-            return frozenset({DIVERGED})
-        if backwards(method) and load * method.furthest_back < -1.0:
-            return frozenset({DIVERGED})
-        if method.explicit_first_stage and load > ABSURD + 1.0:
-            return frozenset({DIVERGED})
-        if alone:
-            return frozenset({ACCURATE}) if "split" in method.needs else BOUNDED
-        return BOUNDED | {DIVERGED} if backwards(method) else BOUNDED  # after a kick, drag may run back too far
-
-    return may
+    if math.isfinite(damping_limit(method)):  # all limits are below 2 load, the drag's derivative times h
+        return frozenset({DIVERGED})
+    if backwards(method) and load * method.furthest_back < -1.0:
+        return frozenset({DIVERGED})
+    if method.explicit_first_stage and load > ABSURD + 1.0:
+        return frozenset({DIVERGED})
+    if alone:
+        return frozenset({ACCURATE}) if "split" in method.needs else BOUNDED
+    return BOUNDED | {DIVERGED} if backwards(method) else BOUNDED  # after a kick, drag may run back too far
 
 
 def _alone(load: float) -> Case:
     """Return the case of quadratic drag alone, with the velocity v0/(1 + c v0 t)."""
-    scene, c = quadratic_scene(load), load / (FAST * STEP)
-    motion = layered(f"quadratic drag alone, c v0 h = {load:g}", scene, math.log1p(load * STEPS) / c)
+    way = math.log1p(load * STEPS) * FAST * STEP / load
+    motion = layered(f"quadratic drag alone, c v0 h = {load:g}", quadratic_scene(load), way)
 
-    def judge(method: Method, run: Rollout, true: Any) -> Finding:
+    def judge(method: Method, run: Rollout, _angle: Any, velocity: Any) -> Finding:
         own = 1e-13 * (1 + len(method.sub_flows)) if "split" in method.needs else SHARE
-        return graded(run.velocity / true[1] - 1.0, own, _flight(run, 0.0))
+        return graded(run.velocity / velocity - 1.0, own, _flight(run, 0.0))
 
     return _case(motion, "v0/(1 + c v0 t), to rounding for exact drag flows. Accurate for other methods: within 1 %",
-                 "Bernoulli's equation, separated; growth: Hairer & Wanner 1996, IV.12", _quadratic_rule(load, True),
-                 _slowed(motion, lambda t: exact.drag_only(t, FAST, 0.0, c), judge))
-
-
-@lru_cache(maxsize=4)
-def falling_truth(load: float) -> Truth:
-    """Return the reference solution under gravity and quadratic drag c v², with ``load`` = c v0 h."""
-    return reference(quadratic_scene(load, Gravity()), 0.0, FAST, STEP * np.arange(STEPS + 1))
+                 "Bernoulli's equation, separated; growth: Hairer & Wanner 1996, IV.12",
+                 partial(_quadratic_rule, load, True), partial(_slowed, motion, judge))
 
 
 def _under_gravity() -> Case:
     """Return the case of gravity and quadratic drag c v² with c v0 h = 1e6, against the reference solution."""
     motion = layered("quadratic drag and gravity, c v0 h = 1e6", quadratic_scene(1e6, Gravity()), FALLEN)
 
-    def true(time: Any) -> tuple[Any, Any]:
-        truth = falling_truth(1e6)
-        return truth.angle, truth.velocity
-
-    def judge(method: Method, run: Rollout, true: Any) -> Finding:
-        way = float(np.max(np.abs(true[0])))
-        return graded(run.angle - true[0], SHARE * way, _flight(run, 0.0), size=way)
+    def judge(method: Method, run: Rollout, angle: Any, _velocity: Any) -> Finding:
+        way = float(np.max(np.abs(angle)))
+        return graded(run.angle - angle, SHARE * way, _flight(run, 0.0), size=way)
 
     return _case(motion, "two high-order solutions that agree. Accurate: within 1 % of the way",
-                 "truth/reference.py: Gragg 1965 and Dormand & Prince's order 8, with adaptive steps",
-                 _quadratic_rule(1e6, False), _slowed(motion, true, judge))
+                 "Taylor series in 40 digits with adaptive steps, and truth/reference.py: Gragg 1965 and Dormand & "
+                 "Prince's order 8",
+                 partial(_quadratic_rule, 1e6, False), partial(_slowed, motion, judge))
 
 
 # --- creep ----------------------------------------------------------------------------------------------------------

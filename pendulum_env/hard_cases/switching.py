@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -35,7 +34,6 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Array
-from pendulum_env.truth.pieces import Force, in_turn
 
 GROUP = "switching"
 RATE = math.sqrt(EARTH)
@@ -55,26 +53,15 @@ def shares(count: int) -> Array:
     return np.random.default_rng(3).uniform(-1.0, 1.0, count)
 
 
-@lru_cache(maxsize=4)
-def thrown(drag: float) -> tuple[Array, Array]:
-    """Return the exact angle [rad] and velocity [rad/s] after each step under :func:`shares`, with quadratic drag."""
-
-    def under(torque: float) -> Force:
-        return lambda _t, q, v: torque - EARTH * math.sin(q) - drag * abs(v) * v
-
-    return in_turn((under(STRENGTH * EARTH * share) for share in shares(STEPS).tolist()), (START, 0.0), PHASE / RATE)
-
-
-def _thrown(name: str, equation: str, drag: float, *drags: QuadraticDrag) -> Case:
-    """Return the case of a torque that has another size and sign in each step, with a coefficient of drag."""
+def _thrown(name: str, equation: str, *drags: QuadraticDrag) -> Case:
+    """Return the case of a torque that has another size and sign in each step."""
     scene = unit("a motor of 2 m g L", Gravity(), *drags, Motor(max_torque=STRENGTH * EARTH))
     motion = Motion(f"a random torque in each step, {name}", scene, equation, START, 0.0, PHASE * STEPS, marks=STEPS,
                     growth=1e3, largest=10.0, pace=3.0, most=1, torques=tuple(STRENGTH * shares(STEPS)))
     return foreseen(GROUP, motion, "A torque of up to 2 m g L jumps at each step, so that forces of earlier steps say "
                     "nothing about the next.",
                     "numerical integration of each step; the error is that of the method's formula",
-                    "scipy's DOP853 at 3e-14 in each step (Hairer, Norsett & Wanner 1993, II.5)",
-                    follows(motion, lambda _: thrown(drag)))
+                    "scipy's DOP853 at 3e-14 in each step (Hairer, Norsett & Wanner 1993, II.5)")
 
 
 # --- a wind that reverses -------------------------------------------------------------------------------------------
@@ -86,12 +73,6 @@ REVERSING = Scene("a wind that reverses", fast_drive.BODY, fast_drive.AIR, gravi
                            LinearDrag(gamma=fast_drive.LINEAR),
                            Gusts(gust_speed=STORM, gust_time=fast_drive.GUST_TIME)))
 REVERSES = fast_drive.in_wind(REVERSING, COUNT)
-
-
-def airs() -> tuple[float, ...]:
-    """Return the wind [m/s] in each control step of the case of a wind that reverses."""
-    gusts = fast_drive.gust_path(SEED, fast_drive.CONTROL, COUNT) * (STORM / fast_drive.GUST)
-    return tuple(gusts.tolist())
 
 
 # --- dry friction that yields at one torque -------------------------------------------------------------------------
@@ -108,18 +89,6 @@ YIELDS = Motion("a torque that takes 11 days to rise", WEEK, "a torque that take
                 LET_GO + AFTER, marks=10, largest=AFTER * SLOW, goal=1e-5, most=64, lacks=frozenset({"split"}))
 
 
-def yielded(time: Array) -> tuple[Any, Any]:
-    """Return the exact angle and velocity of a bob that slides from LET_GO [s] on.
-
-    The excess of the torque is ``0.6 s - 0.4 s² - 0.1 s³`` with s = SLOW times the time since then, and smaller terms.
-    """
-    since = np.maximum(time - LET_GO, 0.0)
-    # theta'' + theta = excess, from rest: t -> t - sin(t), t² -> t² - 2 + 2 cos(t).
-    angle = 0.6 * SLOW * (since - np.sin(since)) - 0.4 * SLOW**2 * (since**2 - 4.0 * np.sin(0.5 * since) ** 2)
-    velocity = 0.6 * SLOW * 2.0 * np.sin(0.5 * since) ** 2 - 0.8 * SLOW**2 * (since - np.sin(since))
-    return angle, velocity
-
-
 GRAIN, HOLDS, SLIDES = 2.0**-20, 25, 5
 """Growth of the torque per mark over its limit of 0.5 N m, marks until the limit, and marks after it."""
 TURN = 1.0
@@ -132,24 +101,13 @@ EXCEEDS = Motion("a torque that exceeds dry friction by one part in 1e6", STAIRS
                  torques=tuple(0.5 + k * GRAIN for k in range(1 - HOLDS, SLIDES + 1)))
 
 
-def climbed() -> tuple[Array, Array]:
-    """Return the exact angle [rad] and velocity [rad/s] at the start and at all marks.
-
-    The bob is at rest until the torque exceeds the limit. In the k-th part of the time after that it turns about the
-    angle k GRAIN, as the torque exceeds the limit by k GRAIN.
-    """
-    angle, speed = fast_drive.turned(range(1, SLIDES + 1), TURN)
-    still = np.zeros(HOLDS)
-    return GRAIN * np.concatenate([still, angle]), GRAIN * np.concatenate([still, speed])
-
-
 def _climbs(method: Method) -> Finding:
     """Judge a method by dry friction that holds the bob at exactly its limit, and yields one part in 2**20 above it."""
-    _, angle, velocity = driven(EXCEEDS, method)
+    angle, velocity = driven(EXCEEDS, method)
     demand(not (np.any(angle[: HOLDS + 1]) or np.any(velocity[: HOLDS + 1])),
            "the bob slides although the torque is not above the limit")
     demand(np.all(velocity[HOLDS + 1:] > 0.0), "the bob stays although the torque is above the limit")
-    return followed(EXCEEDS, method, angle, velocity, climbed(), 1e-8)
+    return followed(EXCEEDS, method, angle, velocity, 1e-8)
 
 
 # --- the cases ------------------------------------------------------------------------------------------------------
@@ -157,20 +115,20 @@ def _climbs(method: Method) -> Finding:
 COULOMB = "Coulomb 1785; the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)"
 
 CASES = (
-    _thrown("full gravity", "pendulum", 0.0),
-    _thrown("quadratic drag", "quadratic drag of 0.1", DRAG, QuadraticDrag(c=DRAG)),
+    _thrown("full gravity", "pendulum"),
+    _thrown("quadratic drag", "quadratic drag of 0.1", QuadraticDrag(c=DRAG)),
     foreseen(GROUP, REVERSES,
              "The wind changes its sign every few control steps, and with it the slip, where drag has a kink.",
              "numerical integration of each control step, with gusts computed independently; the error is that of the "
              "method's formula",
              "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",
-             follows(REVERSES, lambda _: fast_drive.blown(airs()), seed=SEED)),
+             partial(follows, REVERSES, seed=SEED)),
     foreseen(GROUP, YIELDS,
              "In a step the torque rises by 3e-8 of the limit of dry friction, which must yield in the right one.",
              "no bit changes until the torque is 0.8 N m, then 6e-7 (t - sin t) rad; the error is that of the method's "
              "formula", COULOMB,
              # Torques of the size of the limit are rounded, and so is the time at which they reach it.
-             follows(YIELDS, yielded, let_go_at(LET_GO), 2.0**-52 / SLOW * AFTER**2)),
+             partial(follows, YIELDS, fault=partial(let_go_at, LET_GO), grain=2.0**-52 / SLOW * AFTER**2)),
     foreseen(GROUP, EXCEEDS,
              "The torque rises by 2^-20 N m every second and equals the limit of dry friction exactly in one of them.",
              "no bit changes up to the time of equality, from then on rotations about the angle of equilibrium; the "

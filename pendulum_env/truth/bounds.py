@@ -1,4 +1,4 @@
-"""Bounds that follow from a method's order and coefficients: its truncation error, its rounding, and its early growth."""
+"""Bounds that follow from a method's order and coefficients: its truncation error, rounding, and early growth."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def error_constant(method: Method) -> float:
     return min(0.5, max(1.0, *added) / math.factorial(power))
 
 
-def too_early(method: Any, angle: float, velocity: float, z: float, count: int) -> str:
+def too_early(method: Method, angle: float, velocity: float, z: float, count: int) -> str:
     """Return the reason why a run cannot have diverged within its first ``count`` steps; "" if it can.
 
     A run diverges when its energy, in units of m g L, differs from the initial energy E by ABSURD times (1 + E). Forces
@@ -81,7 +81,7 @@ def too_early(method: Any, angle: float, velocity: float, z: float, count: int) 
     """
     start = 0.5 * velocity * velocity + 1.0 - math.cos(angle)
     needed = math.sqrt(2.0 * max(ABSURD * (1.0 + start) + start - 2.0, 0.0))
-    weights = _parts(method, KICK, PUSH) or getattr(method, "corrector", ()) or getattr(method, "b", ())
+    weights = _parts(method, KICK, PUSH) or getattr(method, "corrector", None) or getattr(method, "b", None) or []
     gain = z * float(sum(map(abs, weights))) * (count + 1)
     few = weights and abs(velocity) + gain < needed
     return f"it stopped after {count} steps, too few to gain enough energy to diverge" if few else ""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 import integrators
 from integrators import Method
-from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, offers
 from pendulum_env.engine.problem import moving

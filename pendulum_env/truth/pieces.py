@@ -256,16 +256,6 @@ def by_hand(force: Force, limit: float = 0.0) -> SceneEquation:
     return SceneEquation(lambda t, q, v, direction: force(t, q, v) - direction * limit, limit, SHORT, (), [], limit > 0)
 
 
-def traced(force: Force, limit: float, start: State, marks: Iterable[float]) -> tuple[Array, Array]:
-    """Return angle and velocity under a hand-written force and dry friction at the times ``marks`` [s], from 0 on.
-
-    ``limit`` is the largest acceleration by dry friction [rad/s²]; 0: no friction. Errors are below 1e-12 of the
-    largest angle, which closed forms and 30 digits confirm.
-    """
-    angle, velocity = np.array(path(by_hand(force, limit), dormand_prince, start, marks)).T
-    return angle, velocity
-
-
 def in_turn(forces: Iterable[Force], start: State, gap: float) -> tuple[Array, Array]:
     """Return angle and velocity at the start, and after each of several smooth forces has acted for ``gap`` [s]."""
     rows = [start]

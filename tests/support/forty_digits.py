@@ -1,16 +1,17 @@
 """Predicted errors of hard cases: each method's steps in 40-digit arithmetic, written from the formulas of the books.
 
-``python tests/support/forty_digits.py`` computes ``pendulum_env/hard_cases/predictions.json``: for each case and method
-the number of steps, and the error that exact arithmetic leaves. With names of cases as arguments only these are
-computed anew. Nothing here calls a step of the package: the coefficients come from its tables, which other tests
-compare with the published ones; forces, stages, starting values and the exact motion are computed here. gmpy2, if
-installed, makes it several times faster.
+``python tests/support/forty_digits.py`` computes two files of ``pendulum_env/hard_cases``: ``true_motions.json`` with
+the exact motion of each case, and ``predictions.json`` with the number of steps of each method in it, and the error
+that exact arithmetic leaves. With names of cases as arguments only these are computed anew. Nothing here calls a step
+of the package: the coefficients come from its tables, which other tests compare with the published ones; forces,
+stages, starting values and the exact motion are computed here. gmpy2, if installed, makes it several times faster.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,15 +19,20 @@ from fractions import Fraction
 from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from operator import mul
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hard_truths import airs
 from readme_code import ROOT
 
 import integrators
+from integrators.method import NEEDS
+from pendulum_env.engine.machine import offers
+from pendulum_env.engine.starts import ENOUGH
 from pendulum_env.hard_cases import chaos, fast_drive, resonance, switching
 from pendulum_env.hard_cases.catalogue import MOTIONS
-from pendulum_env.hard_cases.predicted import FILE, Motion
+from pendulum_env.hard_cases.predicted import FILE, TRUTHS, Motion
 from pendulum_env.truth.chaos import DOUBLINGS
 
 try:  # ten times as fast
@@ -630,8 +636,8 @@ EQUATIONS: dict[str, Problem | tuple[Problem, ...]] = {
     switching.YIELDS.equation: Problem(_risen_slowly, dry=0.8),
     switching.EXCEEDS.equation: Problem(lambda t, q: -q, dry=0.5),
     resonance.TWICE.equation: Problem(lambda t, q: mpf(resonance.PUSH) * cos(2 * t) - q, linear=0.2, rate=2.0),
-    fast_drive.GUSTY.equation: tuple(in_wind(air) for air in fast_drive.airs()),
-    switching.REVERSES.equation: tuple(in_wind(air) for air in switching.airs()),
+    fast_drive.GUSTY.equation: tuple(in_wind(air) for air in airs(fast_drive.GUSTY.name)),
+    switching.REVERSES.equation: tuple(in_wind(air) for air in airs(switching.REVERSES.name)),
     "driven at 1.5": driven_at(1.5),
     **{chaos.doubled(one).equation: driven_at(one.strength) for one in DOUBLINGS},
     **{f"linear drag, gamma h = {load:g}": Problem(lambda t, q: -q, linear=load / 0.01 / math.sqrt(9.81), closed=True)
@@ -684,24 +690,48 @@ def error(method: Any, motion: Motion, true: Sequence[State], count: int) -> flo
     return worst
 
 
+def fits(motion: Motion, method: Any) -> bool:
+    """Return True if a motion is predicted for a method: it meets its needs, and the error is not zero."""
+    unmet = (frozenset(NEEDS) - offers(motion.scene)) | motion.lacks
+    return not (method.exact or method.needs & unmet or (motion.explicit and method.implicit))
+
+
+def least(motion: Motion, method: Any) -> int:
+    """Return the fewest steps per mark of a method in a motion; a multistep method needs some times its history.
+
+    It needs them in the whole motion or, where torques change or the motion is ``sensitive``, for each mark.
+    """
+    each = bool(motion.torques) or motion.sensitive
+    past = ENOUGH * method.past if each else math.ceil(ENOUGH * method.past / motion.marks)
+    return motion.fewest if motion.most == 1 else max(motion.fewest, past)
+
+
 def predicted(method: Any, motion: Motion, true: Sequence[State]) -> tuple[int, float]:
     """Return the fewest steps per mark with which a method errs by at most the motion's goal, and its error.
 
     The numbers of steps double, from ``motion.fewest`` to ``motion.most``, and are skipped where the order implies that
     they are too few.
     """
-    count = motion.least(method)
+    count = least(motion, method)
     while True:
         try:
             found = error(method, motion, true, count)
         except (ArithmeticError, np.linalg.LinAlgError):
             found = math.inf
-        if found <= motion.goal or count >= max(motion.most, motion.least(method)):
+        if found <= motion.goal or count >= max(motion.most, least(motion, method)):
             return count, found
         ratio = MORE
         if found < 1.0:
             ratio = max(MORE, 0.8 * (found / motion.goal) ** (1.0 / method.order))
-        count = min(max(motion.most, motion.least(method)), count * 2 ** math.floor(math.log2(ratio)))
+        count = min(max(motion.most, least(motion, method)), count * 2 ** math.floor(math.log2(ratio)))
+
+
+def write(file: Path, name: str, entry: str) -> None:
+    """Write the entry of a motion to a file, in the place that the motion has in the catalogue."""
+    entries = dict(re.findall(r'^"(.+?)": ([{[].*?[}\]])(?:,\n|\n}$)', file.read_text(encoding="utf-8"), re.M | re.S))
+    entries[name] = entry
+    lines = [f'"{key}": {entries[key]}' for key in MOTIONS if key in entries]
+    file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 def main(names: Sequence[str]) -> None:
@@ -709,14 +739,12 @@ def main(names: Sequence[str]) -> None:
     for name in names or MOTIONS:
         true, row = truth(MOTIONS[name]), {}
         for method in integrators.METHODS.values():
-            if MOTIONS[name].fits(method):
+            if fits(MOTIONS[name], method):
                 row[method.name] = predicted(method, MOTIONS[name], true)
-        stored = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
-        stored[name] = {key: [count, float(f"{found:.4g}")] for key, (count, found) in row.items()}
         print(name, len(row), flush=True)
-        lines = [f'"{key}": {{\n ' + ",\n ".join(f'"{one}": {json.dumps(pair)}' for one, pair in stored[key].items())
-                 + "\n}" for key in MOTIONS if key in stored]
-        FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+        rounded = {key: [count, float(f"{found:.4g}")] for key, (count, found) in row.items()}
+        write(FILE, name, "{\n " + ",\n ".join(f'"{one}": {json.dumps(pair)}' for one, pair in rounded.items()) + "\n}")
+        write(TRUTHS, name, json.dumps([[float(x) for x in column] for column in zip(*true, strict=True)]))
     assert str(FILE).startswith(str(ROOT))
 
 

@@ -13,6 +13,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from forty_digits import fits
 
 from integrators import METHODS, Method
 from pendulum_env.engine.machine import offers
@@ -79,7 +80,7 @@ def lower(name: str) -> Mutant:
 
 def smallest(name: str) -> float:
     """Return the smallest error that a case allows a method."""
-    return min(motion.allowed(METHODS[name]) for motion in MOTIONS.values() if motion.fits(METHODS[name]))
+    return min(motion.allowed(METHODS[name]) for motion in MOTIONS.values() if fits(motion, METHODS[name]))
 
 
 def mutants(name: str) -> Iterator[Mutant]:
