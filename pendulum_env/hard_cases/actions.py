@@ -11,16 +11,13 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.engine.machine import ANGLE, VELOCITY, Machine
-from pendulum_env.hard_cases.case import ACCURATE, WRONG, Case, Finding, Try, always, sooner
-from pendulum_env.hard_cases.fast_drive import PUSHED, pushed, torqued
-from pendulum_env.hard_cases.predicted import expected, held, steps_and_error
+from pendulum_env.hard_cases.case import ACCURATE, Case, Finding, Try, always, demand, followed, foreseen, sooner
+from pendulum_env.hard_cases.fast_drive import PUSHED, torqued
 from pendulum_env.tasks.action import ActionError, torque_share
 
-Array = NDArray[np.float64]
 GROUP = "actions"
 PHASE, STEPS, START = 2.0, 40, 0.2
 """omega0 times the control step, number of control steps of a run, and initial angle [rad]."""
@@ -47,11 +44,20 @@ class Agent(Protocol):
 Start = Callable[[Method, float], Agent]
 """``start(method, phase)`` returns an Agent at rest at START, with control steps of ``phase`` = omega0 dt."""
 
+# Uniform random actions, rounded to float32, of which every tenth is 1.5 times as large, so that some must be clipped.
+RANDOM = np.random.default_rng(20).uniform(-1.0, 1.0, STEPS) * np.where(np.arange(STEPS) % 10, 1.0, 1.5)
+# Full torque in phase with the swing: its amplitude grows by 2 ANSWER in each half period of the pendulum.
+RESONANT = np.where(np.arange(STEPS) % 2, 1.0, -1.0)
+ACTIONS = {"random actions": (RANDOM.astype(np.float32).astype(np.float64), PHASE), "bang-bang": (RESONANT, math.pi)}
+"""Name of a case -> its actions, and omega0 times the control step."""
+MOTIONS = {name: torqued(name, np.clip(shares, -1.0, 1.0), phase, START, 64)
+           for name, (shares, phase) in ACTIONS.items()}
+
 
 def hold(method: Method, phase: float) -> int:
     """Return the number of integration steps of a method in a control step of ``phase`` = omega0 dt."""
     name = next((name for name, (_, other) in ACTIONS.items() if other == phase), "random actions")
-    return steps_and_error(name, MOTIONS[name], method)[0]
+    return MOTIONS[name].steps_and_error(method)[0]
 
 
 class Motored:
@@ -72,36 +78,17 @@ class Motored:
         return float(self._state[ANGLE]), float(self._state[VELOCITY]) / PUSHED.omega0
 
 
-def followed(name: str, start: Start = Motored) -> Try:
+def obeyed(name: str, start: Start = Motored) -> Try:
     """Return a function that judges a method by its motion under the actions of a case, against the closed form."""
     shares, phase = ACTIONS[name]
 
     def attempt(method: Method) -> Finding:
         agent = start(method, phase)
-        rows = np.array([(START, 0.0), *(agent.act(np.array([share], dtype=np.float32)) for share in shares)])
-        truth = np.stack(pushed(np.clip(shares, -1.0, 1.0), phase, START))
-        return held(name, MOTIONS[name], method, (rows.T - truth) / MOTIONS[name].largest)
+        rows = [(START, 0.0), *(agent.act(np.array([share], dtype=np.float32)) for share in shares)]
+        angle, speed = np.array(rows).T
+        return followed(MOTIONS[name], method, angle, speed * PUSHED.omega0)
 
     return attempt
-
-
-def random_shares() -> Array:
-    """Return uniform random actions, rounded to float32.
-
-    Every tenth is 1.5 times as large, so that some lie beyond the bounds -1 and 1 and must be clipped.
-    """
-    generator = np.random.default_rng(20)
-    shares = generator.uniform(-1.0, 1.0, STEPS)
-    shares[::10] *= 1.5
-    return shares.astype(np.float32).astype(np.float64)
-
-
-def resonant_shares() -> Array:
-    """Return actions of full torque that change sign after every control step, which is half a period of the pendulum.
-
-    The amplitude of the swing grows by 2 ANSWER in each half period.
-    """
-    return np.where(np.arange(STEPS) % 2, 1.0, -1.0)
 
 
 def refused(action: Any, start: Start = Motored) -> Try:
@@ -114,15 +101,14 @@ def refused(action: Any, start: Start = Motored) -> Try:
         tried, plain = start(method, PHASE), start(method, PHASE)
         for _ in range(3):
             tried.act(np.array([0.5])), plain.act(np.array([0.5]))
+            said = "it accepts an action that is not finite"
             try:
                 tried.act(action)
             except ActionError as error:
-                if "finite" not in str(error):
-                    return Finding(WRONG, note=f"the message does not state the reason: {error}")
-            else:
-                return Finding(WRONG, note="it accepts an action that is not finite")
-            if tried.act(np.array([-1.0])) != plain.act(np.array([-1.0])):
-                return Finding(WRONG, note="the refused action has changed the state")
+                said = "" if "finite" in str(error) else f"the message does not state the reason: {error}"
+            demand(not said, said)
+            same = tried.act(np.array([-1.0])) == plain.act(np.array([-1.0]))
+            demand(same, "the refused action has changed the state")
         return Finding(ACCURATE)
 
     return attempt
@@ -136,16 +122,11 @@ def clipped(action: Any, bound: float, start: Start = Motored) -> Try:
 
     def attempt(method: Method) -> Finding:
         tried, plain = start(method, PHASE), start(method, PHASE)
-        equal = all(tried.act(action) == plain.act(np.array([bound])) for _ in range(5))
-        return Finding(ACCURATE) if equal else Finding(WRONG, note="it is not clipped to the bound")
+        for _ in range(5):
+            demand(tried.act(action) == plain.act(np.array([bound])), "it is not clipped to the bound")
+        return Finding(ACCURATE)
 
     return attempt
-
-
-ACTIONS = {"random actions": (random_shares(), PHASE), "bang-bang": (resonant_shares(), math.pi)}
-"""Name of a case -> its actions, and omega0 times the control step."""
-MOTIONS = {name: torqued(np.clip(shares, -1.0, 1.0), phase, START, 64) for name, (shares, phase) in ACTIONS.items()}
-"""Motions with predicted errors."""
 
 
 def attempts(start: Start = Motored) -> dict[str, Try]:
@@ -154,7 +135,7 @@ def attempts(start: Start = Motored) -> dict[str, Try]:
     ``start`` creates the agent that takes the control steps.
     """
     return {
-        **{name: followed(name, start) for name in ACTIONS},
+        **{name: obeyed(name, start) for name in ACTIONS},
         "NaN": refused(np.array([math.nan]), start),
         "infinity": refused(np.array([math.inf], dtype=np.float32), start),
         "minus infinity": refused(np.array([-math.inf]), start),
@@ -163,29 +144,26 @@ def attempts(start: Start = Motored) -> dict[str, Try]:
     }
 
 
-_CLOSED = "a rotation about the equilibrium angle in each control step; the error is that of the method's formula"
-_ROTATIONS = "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)"
-_BOX = "the action space Box(-1, 1) and its clipping, as documented for gym.make"
-_REFUSED = "ActionError, then exactly the motion without this action"
-_INFINITE = "An infinite action is beyond the action space and cannot be scaled to a torque."
-_OVERFLOW = "If such an action were scaled to a torque before it is clipped, it would overflow."
-_TEXTS = {
-    "random actions": ("The torque jumps at random, and some actions lie beyond the bounds -1 and 1.", _CLOSED,
-                       _ROTATIONS),
-    "bang-bang": ("Full torque in phase with the swing increases the amplitude and every phase error.", _CLOSED,
-                  _ROTATIONS),
-    "NaN": ("A single action of NaN would make the state NaN for the rest of the run.", _REFUSED, _BOX),
-    "infinity": (_INFINITE, _REFUSED, _BOX),
-    "minus infinity": (_INFINITE, _REFUSED, _BOX),
-    "1e308": (_OVERFLOW, "exactly the motion of action 1", _BOX),
-    "minus 1e308": (_OVERFLOW, "exactly the motion of action -1", _BOX),
+_WHY = {
+    "random actions": "The torque jumps at random, and some actions lie beyond the bounds -1 and 1.",
+    "bang-bang": "Full torque in phase with the swing increases the amplitude and every phase error.",
+    "NaN": "A single action of NaN would make the state NaN for the rest of the run.",
+    "infinity": "An infinite action is beyond the action space and cannot be scaled to a torque.",
+    "minus infinity": "An infinite action is beyond the action space and cannot be scaled to a torque.",
 }
 
-CASES = tuple(
-    Case(name, GROUP, *_TEXTS[name], PUSHED,
-         expected(name, MOTIONS[name]) if name in MOTIONS else always(ACCURATE), attempt,
-         motion=name if name in MOTIONS else "")
-    for name, attempt in attempts().items()
-)
-KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> reason of a known failure."""
+
+def _case(name: str, attempt: Try) -> Case:
+    """Return the case of a name; those of no motion end in an error or as another action does."""
+    if name in MOTIONS:
+        return foreseen(GROUP, MOTIONS[name], _WHY[name], "a rotation about the equilibrium angle in each control "
+                        "step; the error is that of the method's formula",
+                        "the driven oscillator in closed form (Landau & Lifshitz 1976, section 22)", attempt)
+    why = _WHY.get(name, "If such an action were scaled to a torque before it is clipped, it would overflow.")
+    truth = ("ActionError, then exactly the motion without this action" if name in _WHY
+             else f"exactly the motion of action {'-1' if 'minus' in name else '1'}")
+    return Case(name, GROUP, why, truth, "the action space Box(-1, 1) and its clipping, as documented for gym.make",
+                PUSHED, always(ACCURATE), attempt)
+
+
+CASES = tuple(_case(name, attempt) for name, attempt in attempts().items())

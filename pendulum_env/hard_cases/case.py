@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,14 @@ import numpy as np
 from integrators import METHODS, Method, MethodError
 from integrators.method import NEEDS
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import offers
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, offers
 from pendulum_env.engine.rollout import Rollout, rollout
+from pendulum_env.hard_cases.predicted import OFF, Motion
+from pendulum_env.physics.body import Body
+from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
+from pendulum_env.truth.answer import Array
 
 ACCURATE, STABLE, DIVERGED, REFUSED, WRONG = "accurate", "stable", "diverged", "refused", "wrong"
 OUTCOMES = (ACCURATE, STABLE, DIVERGED, REFUSED, WRONG)
@@ -36,6 +41,10 @@ NEWTON = 30.0
 """Cost of an evaluation of an implicit method, relative to an explicit one, with Newton's iterations and algebra."""
 LOOSE = 0.1
 """Largest share of what it bounds that a tolerance may have without a reason."""
+SMALL = 0.3
+"""Largest allowed error, relative to the motion, of a run that counts as accurate."""
+EARTH = 9.81
+"""Gravity [m/s²]."""
 
 
 @dataclass(frozen=True)
@@ -52,16 +61,6 @@ class Bound:
     tolerance: float
     size: float
     why: str = ""
-
-    @property
-    def share(self) -> float:
-        """Tolerance as a share of what it bounds; 0 if nothing may differ."""
-        return self.tolerance / self.size if self.tolerance else 0.0
-
-    @property
-    def loose(self) -> bool:
-        """True if the tolerance is more than LOOSE of what it bounds, to three digits: one of LOOSE adds rounding."""
-        return not self.share <= LOOSE * 1.001
 
 
 @dataclass(frozen=True)
@@ -85,6 +84,14 @@ class Finding:
     bounds: tuple[Bound, ...] = ()
 
 
+class FindingError(Exception):
+    """Raised to end the test of a method with a finding."""
+
+    def __init__(self, finding: Finding) -> None:
+        super().__init__(finding.note)
+        self.finding = finding
+
+
 Try = Callable[[Method], Finding]
 """Test function of a hard case: it runs a method and judges the result."""
 Rule = Callable[[Method], frozenset[str]]
@@ -106,7 +113,7 @@ class Case:
             only if the scene does not meet a need of the method.
         attempt: test function, which runs a method that fits the scene and returns a Finding.
         long: True if the case takes more than a few seconds with most methods.
-        motion: name of the motion in ``predictions.json`` whose error the case expects; "" if it tests no accuracy.
+        motion: the motion whose predicted error the case expects; None if it tests no accuracy.
     """
 
     name: str
@@ -118,7 +125,7 @@ class Case:
     may: Rule
     attempt: Try
     long: bool = False
-    motion: str = ""
+    motion: Motion | None = None
 
     def tried(self, method: Method) -> Finding:
         """Run a method in this hard case and return its result; an exception counts as WRONG."""
@@ -127,6 +134,8 @@ class Case:
             return self._refused(method, " and ".join(NEEDS.get(need, need) for need in sorted(missing)))
         try:
             return self.attempt(method)
+        except FindingError as end:
+            return end.finding
         except (ArithmeticError, ValueError, RuntimeError, TypeError) as error:
             return Finding(WRONG, note=f"{type(error).__name__}: {error}")
 
@@ -186,10 +195,27 @@ def sooner(method: Method, steps: float) -> Backend:
     return "python" if work < COMPILING else "auto"
 
 
-def ran(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) -> Rollout:
-    """Run a rollout of ``steps`` steps of ``dt`` [s]; ``options`` are further arguments of ``rollout``."""
+def unit(name: str, *effects: Effect, gravity: float = EARTH) -> Scene:
+    """Return a scene with a bob of 1 kg at 1 m, in which torques equal angular accelerations."""
+    return Scene(name, Body(length=1.0, mass=1.0), effects=effects, gravity=gravity)
+
+
+def run_of(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) -> Rollout:
+    """Run a rollout of ``steps`` steps of ``dt`` [s], which may stop early.
+
+    ``options`` are further arguments of ``rollout``.
+    """
     settings = {"backend": sooner(method, steps), "warn": False, **options}
     return rollout(scene, integrator=method, dt=dt, duration=steps * dt, **settings)
+
+
+def ran(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) -> Rollout:
+    """Return a rollout as :func:`run_of` does; one that stops early ends the test, see :func:`stopped`."""
+    run = run_of(scene, method, dt=dt, steps=steps, **options)
+    ended = stopped(run)
+    if ended is not None:
+        raise FindingError(ended)
+    return run
 
 
 def stopped(run: Rollout) -> Finding | None:
@@ -206,14 +232,10 @@ def stopped(run: Rollout) -> Finding | None:
     return Finding(DIVERGED, stop_time=end)
 
 
-def judged(run: Rollout, error: Any, tolerance: float, wrong: str = "", *, size: float = 1.0,
-           of: str = "the motion") -> Finding:
-    """Judge a run by its errors: ACCURATE within ``tolerance``, else STABLE, or WRONG if ``wrong`` gives a reason.
-
-    A run that stopped early is DIVERGED or WRONG whatever its error, see :func:`stopped`. ``size`` and ``of`` are those
-    of :func:`graded`.
-    """
-    return stopped(run) or graded(error, tolerance, wrong, size=size, of=of)
+def demand(holds: Any, note: str, error: float = math.nan, tolerance: float = math.nan) -> None:
+    """End the test of a method as WRONG, with the reason ``note``, unless something holds."""
+    if not holds:
+        raise FindingError(Finding(WRONG, error, tolerance, note))
 
 
 def graded(error: Any, tolerance: float, wrong: str = "", note: str = "", *, size: float = 1.0,
@@ -257,6 +279,121 @@ def every(*findings: Finding) -> Finding:
         return OUTCOMES.index(one.outcome), near
 
     return replace(max(findings, key=badness), bounds=tuple(bound for one in findings for bound in one.bounds))
+
+
+# --- motions with predicted errors ----------------------------------------------------------------------------------
+
+
+def expected(motion: Motion, method: Method) -> frozenset[str]:
+    """Return the outcomes allowed for a method in a motion: ACCURATE where the allowed error is small, else STABLE.
+
+    A run whose allowed error is larger than the motion may diverge, too.
+    """
+    most = motion.allowed(method)
+    return frozenset({ACCURATE} if most <= SMALL else {STABLE} if most <= 1.0 else {STABLE, DIVERGED})
+
+
+def held(motion: Motion, method: Method, error: Any, grain: float = 0.0) -> Finding:
+    """Judge errors, relative to the motion's size: WRONG if the largest one is not the predicted error.
+
+    A run whose error is as predicted is ACCURATE if that is small, else STABLE. ``grain`` is a rounding error that is
+    allowed beside the usual one.
+    """
+    most, largest = motion.allowed(method) + grain, float(np.max(np.abs(error)))
+    _, implied = motion.steps_and_error(method)
+    known = motion.known(method)
+    # A predicted error larger than the motion, as of a method that grows, is itself what the tolerance bounds.
+    off = (Bound("the predicted error, relative to the motion", most - implied, max(1.0, implied)) if known
+           else Bound("the motion, by the order", most, 1.0),)
+    why, tolerance = "", most
+    if not largest <= most:
+        why = "its error exceeds that of its formula in exact arithmetic"
+    elif known and largest < (1.0 - OFF) * implied - motion.rounding(method) - grain:
+        why, tolerance = "its error is smaller than that of its formula in exact arithmetic", implied
+    outcome = WRONG if why else ACCURATE if most <= SMALL else STABLE
+    return Finding(outcome, largest, tolerance, why, bounds=off)
+
+
+def followed(motion: Motion, method: Method, angle: Array, velocity: Array, grain: float = 0.0) -> Finding:
+    """Judge angles [rad] and velocities [rad/s] at a motion's start and marks by their difference from the true ones.
+
+    The largest one, relative to the motion's size, must be the predicted error, see :func:`held`.
+    """
+    true = motion.true()
+    error = np.abs(angle - true[0])
+    if not motion.angles:
+        error = np.maximum(error, np.abs(velocity - true[1]) / motion.scene.omega0 / motion.pace)
+    return held(motion, method, error / motion.size(float(true[0][-1])), grain)
+
+
+def ran_motion(motion: Motion, method: Method, **options: Any) -> Rollout:
+    """Run a method in a motion and return the run at its marks; one that stops early ends the test."""
+    count, _ = motion.steps_and_error(method)
+    h = motion.time / motion.marks / count / motion.scene.omega0
+    return ran(motion.scene, method, dt=h, steps=count * motion.marks, every=count, angle=motion.angle,
+               velocity=motion.velocity * motion.scene.omega0, **options)
+
+
+def driven(motion: Motion, method: Method) -> tuple[Array, Array]:
+    """Run a method under the torques of a motion; return angle [rad] and velocity [rad/s] at the start and the marks.
+
+    A run that stops early ends the test as DIVERGED.
+    """
+    scene, (count, _) = motion.scene, motion.steps_and_error(method)
+    h = motion.time / motion.marks / count / scene.omega0
+    machine = Machine(scene, method, backend=sooner(method, count * motion.marks))
+    full = next(effect.max_torque for effect in scene.effects if effect.controlled)  # type: ignore[attr-defined]
+    share = scene.gravity * scene.weight_moment / full
+    state = machine.state(motion.angle, motion.velocity * scene.omega0)
+    rows = [(motion.angle, motion.velocity * scene.omega0)]
+    for torque in motion.torques:
+        if machine.advance(state, torque * share, h, count):
+            raise FindingError(Finding(DIVERGED, stop_time=float(state[INDEX]) * h))
+        rows.append((float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])))
+    angle, velocity = np.array(rows).T
+    return angle, velocity
+
+
+def follows(motion: Motion, method: Method, fault: Callable[[Rollout], None] | None = None, grain: float = 0.0,
+            seed: int | None = None) -> Finding:
+    """Judge a method in a motion by its error at the marks, which must be as predicted.
+
+    ``fault`` looks at the run first, and demands what else must hold. ``grain`` is a further rounding error. With the
+    ``seed`` of gusts the wind changes at each mark.
+    """
+    if motion.torques:
+        return followed(motion, method, *driven(motion, method), grain)
+    gusts = {} if seed is None else {"seed": seed, "substeps": motion.steps_and_error(method)[0]}
+    run = ran_motion(motion, method, **gusts)
+    if fault is not None:
+        fault(run)
+    return followed(motion, method, run.angle, run.velocity, grain)
+
+
+def let_go_at(time: float, run: Rollout) -> None:
+    """Demand that in a run dry friction holds the bob until a time [s], and not a step more."""
+    before, after = run.time <= time, run.time > time + run.dt
+    demand(not (np.any(run.velocity[before]) or np.any(run.angle[before])), "the bob starts to slide too early")
+    demand(np.all(run.velocity[after] > 0.0), "the bob starts to slide too late")
+
+
+def then(first: Try, second: Try, method: Method) -> Finding:
+    """Judge a method by ``second``, unless ``first`` finds it wrong or diverged.
+
+    ``first`` tests a motion whose error is predicted; ``second`` a property, such as a growth or an angle at rest.
+    """
+    found = first(method)
+    return found if found.outcome in (WRONG, DIVERGED) else also(second(method), *found.bounds)
+
+
+def foreseen(group: str, motion: Motion, why: str, truth: str, source: str, attempt: Try | None = None,
+             may: Rule | None = None, long: bool = False, name: str = "") -> Case:
+    """Return a hard case in which a method must err as predicted in a motion, after which it is named by default.
+
+    The outcomes are those of the predicted error, unless ``may`` gives others; ``attempt`` tests more than the error.
+    """
+    return Case(name or motion.name, group, why, truth, source, motion.scene, may or partial(expected, motion),
+                attempt or partial(follows, motion), long, motion)
 
 
 def check_unique(cases: tuple[Case, ...]) -> tuple[Case, ...]:

@@ -26,6 +26,8 @@ GROUPS = (near_top, step_limits, stiff_damping, non_smooth, fast_drive, chaos, l
 """Modules of hard cases, one per group."""
 CASES: tuple[Case, ...] = check_unique(tuple(case for group in GROUPS for case in group.CASES))
 """All hard cases; the command line, the tests and the documentation read this tuple."""
+MOTIONS = {case.motion.name: case.motion for case in CASES if case.motion is not None}
+"""Motions with predicted errors, by name."""
 KNOWN_FAILURES: Mapping[tuple[str, str], str] = {
     pair: why for group in GROUPS for pair, why in getattr(group, "KNOWN", {}).items()
 }

@@ -4,7 +4,7 @@ theta'' + theta'/q + sin(theta) = g cos(2t/3) with q = 2 (Baker & Gollub 1996, C
 Classical Mechanics, chapter 12, uses the same pendulum in other units). The state once per period of the drive is a
 Poincaré map; the cases test this map, its derivatives, and how long the motion can be predicted.
 
-The error of a step is like that of a force error ``C PACE (PACE h)**p``, see :func:`.steps.error_constant`. At time t
+The error of a step is like that of a force error ``C PACE (PACE h)**p``, see :func:`.bounds.error_constant`. At time t
 it has grown to at most this force error times the integral over s of |D(t) D(s)⁻¹|, where D is the derivative of the
 motion by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
 """
@@ -12,11 +12,12 @@ motion by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import partial
 from itertools import takewhile
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from integrators import Method
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine
@@ -27,40 +28,27 @@ from pendulum_env.hard_cases.case import (
     WRONG,
     Case,
     Finding,
-    Rule,
-    Try,
-    also,
     always,
+    demand,
     every,
+    follows,
+    foreseen,
     graded,
     known,
     named,
     ran,
     sooner,
-    stopped,
+    then,
 )
-from pendulum_env.hard_cases.predicted import Motion, followed, formula_first, unmet
+from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.answer import Truth
-from pendulum_env.truth.chaos import (
-    AMPLIFIED,
-    BY_START,
-    DOUBLINGS,
-    EXPONENTS,
-    MOTION,
-    PERIOD,
-    QUIET,
-    QUIET_STRENGTH,
-    Doubling,
-)
-from pendulum_env.truth.piecewise import smooth
-from pendulum_env.truth.steps import error_constant, rounding_factor
+from pendulum_env.truth import chaos as true
+from pendulum_env.truth.answer import Array, Truth
+from pendulum_env.truth.bounds import error_constant, rounding_factor
+from pendulum_env.truth.chaos import AMPLIFIED, MOTION, PERIOD
 
 GROUP = "chaos"
-KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> reason of a known failure, and what the method does instead."""
-
 SCENE = SCENES["chaotic"]
 DAMPING, STRENGTH = 0.5, 1.5
 """Damping 1/q [1/s], and drive strength of most cases."""
@@ -81,8 +69,6 @@ MEAN_OF, RARE = 5000, 4.0
 DOUBTFUL = 0.02
 """Largest error of a method, as a share of an exponent, with which the exponent is measured."""
 TOO_CRUDE = "its error is too large to predict even the first period"
-
-Array = NDArray[np.float64]
 
 
 def steps_of(method: Method) -> int:
@@ -161,8 +147,7 @@ def _areas(method: Method) -> Finding:
     """
     jacobian = Stroboscope(STRENGTH, method, 4).derivative(np.array([0.2, 0.0]))
     area = float(np.linalg.det(jacobian))
-    if area <= 0.0:
-        return Finding(WRONG, note=f"the map changes areas by the factor {area:.3g}, which must be positive")
+    demand(area > 0.0, f"the map changes areas by the factor {area:.3g}, which must be positive")
     allowed = 0.0 if "split" in method.needs else own(method)
     return graded(math.log(area) / PERIOD + DAMPING, allowed + ROUNDING, size=DAMPING, of="the sum of the exponents")
 
@@ -172,84 +157,75 @@ def _quiet(method: Method) -> Finding:
 
     Both exponents are equal, as the orbit's multipliers are complex conjugates.
     """
-    _, jacobian = Stroboscope(QUIET_STRENGTH, method, 20).orbit(state_of(QUIET), 1)
+    _, jacobian = Stroboscope(true.QUIET_STRENGTH, method, 20).orbit(state_of(true.QUIET), 1)
     largest = math.log(float(np.max(np.abs(np.linalg.eigvals(jacobian))))) / PERIOD
     return graded(largest + 0.5 * DAMPING, own(method) + ROUNDING, size=0.5 * DAMPING, of="the exponent")
 
 
-def _doubling(truth: Doubling) -> Try:
-    """Return a function that judges a method by the drive strength at which its motion doubles its period.
+def _doubling(truth: true.Doubling, method: Method) -> Finding:
+    """Judge a method by the drive strength at which its motion doubles its period.
 
     At a doubling a multiplier is -1, so that 1 + trace + determinant of the Poincaré map's Jacobian is zero. The zero
     is computed by Newton's method, with the derivative by the strength from the reference solution.
     """
-
-    def attempt(method: Method) -> Finding:
-        if own(method) > LOOSE * truth.range:
-            return Finding(STABLE, note="its error is too large for the range of drive strengths with this orbit")
-        strength, state = truth.strength, state_of(truth.orbit)
-        for _ in range(12):
-            state, jacobian = Stroboscope(strength, method, 16 * truth.periods).orbit(state, truth.periods)
-            change = (1.0 + float(np.trace(jacobian)) + float(np.linalg.det(jacobian))) / truth.slope
-            strength -= change
-            if abs(change) < 0.1 * ROUNDING or not abs(strength - truth.strength) < truth.range:
-                break
-        return graded(strength - truth.strength, own(method) + ROUNDING, "the period doubles at another drive strength",
-                      size=truth.range, of="the range of drive strengths with this orbit")
-
-    return attempt
+    if own(method) > LOOSE * truth.range:
+        return Finding(STABLE, note="its error is too large for the range of drive strengths with this orbit")
+    strength, state = truth.strength, state_of(truth.orbit)
+    for _ in range(12):
+        state, jacobian = Stroboscope(strength, method, 16 * truth.periods).orbit(state, truth.periods)
+        change = (1.0 + float(np.trace(jacobian)) + float(np.linalg.det(jacobian))) / truth.slope
+        strength -= change
+        if abs(change) < 0.1 * ROUNDING or not abs(strength - truth.strength) < truth.range:
+            break
+    return graded(strength - truth.strength, own(method) + ROUNDING, "the period doubles at another drive strength",
+                  size=truth.range, of="the range of drive strengths with this orbit")
 
 
-def _exponent(strength: float) -> Try:
-    """Return a function that judges a method by its largest Lyapunov exponent.
+def _exponent(strength: float, method: Method) -> Finding:
+    """Judge a method by its largest Lyapunov exponent.
 
     The exponent is the mean rate at which two motions separate, with their distance reset to 1e-8 after each period.
     """
-    truth, periods, apart = EXPONENTS[strength], MEAN_OF, 1e-8
-
-    def attempt(method: Method) -> Finding:
-        if own(method) > DOUBTFUL * truth.value:
-            return Finding(STABLE, note=f"its error is more than {DOUBTFUL:.0%} of the exponent")
-        advance = Stroboscope(strength, method, 2 * periods)
-        state, direction, log_growth = np.array([0.2, 0.0]), np.array([1.0, 0.0]), 0.0
-        for i in range(-50, periods):
-            near, far = advance(state), advance(state + apart * direction)
-            size = float(np.hypot(*(far - near)))
-            direction = (far - near) / size
-            state = np.array([math.remainder(near[0], TWO_PI), near[1]])
-            log_growth += math.log(size / apart) if i >= 0 else 0.0
-        allowed = RARE * math.hypot(truth.error, truth.spread(periods)) + own(method)
-        exponent = log_growth / (periods * PERIOD)
-        return graded(exponent - truth.value, allowed, "neighbouring motions separate at another mean rate",
-                      size=truth.value, of="the exponent")
-
-    return attempt
+    truth, periods, apart = true.EXPONENTS[strength], MEAN_OF, 1e-8
+    if own(method) > DOUBTFUL * truth.value:
+        return Finding(STABLE, note=f"its error is more than {DOUBTFUL:.0%} of the exponent")
+    advance = Stroboscope(strength, method, 2 * periods)
+    state, direction, log_growth = np.array([0.2, 0.0]), np.array([1.0, 0.0]), 0.0
+    for i in range(-50, periods):
+        near, far = advance(state), advance(state + apart * direction)
+        size = float(np.hypot(*(far - near)))
+        direction = (far - near) / size
+        state = np.array([math.remainder(near[0], TWO_PI), near[1]])
+        log_growth += math.log(size / apart) if i >= 0 else 0.0
+    allowed = RARE * math.hypot(truth.error, truth.spread(periods)) + own(method)
+    exponent = log_growth / (periods * PERIOD)
+    return graded(exponent - truth.value, allowed, "neighbouring motions separate at another mean rate",
+                  size=truth.value, of="the exponent")
 
 
-def _first(method: Method) -> float:
-    """Return a bound of a method's error of the angle after one period of the drive [rad]."""
-    return float(own(method) * AMPLIFIED[0])
+def _first_period(name: str, strength: float, start: tuple[float, float]) -> Motion:
+    """Return the motion over the first period of the drive, whose error is predicted; ``name`` is also its equation."""
+    return Motion(name, driven(strength), name, *start, PERIOD, growth=AMPLIFIED[0], pace=PACE)
 
 
-def _periods(method: Method) -> int:
-    """Return the number of periods for which the motion is predictable with a method: its error is at most KNOWN_TO."""
-    return len(list(takewhile(lambda size: own(method) * size <= KNOWN_TO, AMPLIFIED)))
+HORIZON = replace(_first_period("driven at 1.5", STRENGTH, (0.2, 0.0)), name="an honest horizon")
+
+
+first_period = partial(follows, HORIZON)
+"""Function that judges a method by its run over the first period of the drive."""
 
 
 def _apart(method: Method) -> Finding:
     """Judge a method by the derivative of the motion by its starting angle, from two nearby starts.
 
-    Only the periods count after which the allowed error is less than LOOSE of the derivative. After the first period
-    the error of the motion itself must be that of the method's formula.
+    Only the periods count after which the allowed error is less than LOOSE of the derivative. The error of the motion
+    itself after the first period must be that of the method's formula.
     """
-    formula = first_period(method)
-    if formula.outcome not in (ACCURATE, STABLE):
-        return formula
+    advance, findings = Stroboscope(STRENGTH, method, 2 * len(AMPLIFIED)), [first_period(method)]
     if own(method) * AMPLIFIED[0] > KNOWN_TO:
-        return also(Finding(STABLE, note=TOO_CRUDE), *formula.bounds)
-    advance, findings = Stroboscope(STRENGTH, method, 2 * len(AMPLIFIED)), [formula]
+        return every(Finding(STABLE, note=TOO_CRUDE), *findings)
     above, below = np.array([0.2 + NEAR, 0.0]), np.array([0.2 - NEAR, 0.0])
-    for amplified, by_start in zip(AMPLIFIED, BY_START, strict=True):
+    for amplified, by_start in zip(AMPLIFIED, true.BY_START, strict=True):
         above, below = advance(above), advance(below)
         error = (above - below) / (2.0 * NEAR) - by_start
         # The derivative grows like the error of the motion, and an error of the motion adds one of the derivative.
@@ -265,57 +241,39 @@ def _apart(method: Method) -> Finding:
 def _horizon(method: Method) -> Finding:
     """Judge a method by the angle after each period of the drive, while the motion is predictable.
 
-    After the first period the error must be that of the method's formula. The motion is predictable while the method's
-    amplified error is below KNOWN_TO. After that only the speed is checked, which
-    stays below q (1 + g) because |v|' <= -|v|/q + 1 + g.
+    The motion is predictable while the method's amplified error is below KNOWN_TO. After that only the speed is
+    checked, which stays below q (1 + g) because |v|' <= -|v|/q + 1 + g.
     """
-    periods = _periods(method)
-    formula = first_period(method)
-    if formula.outcome not in (ACCURATE, STABLE):
-        return formula
+    periods = len([*takewhile(lambda size: own(method) * size <= KNOWN_TO, AMPLIFIED)])
     advance, state = Stroboscope(STRENGTH, method, len(AMPLIFIED)), np.array([0.2, 0.0])
     note = f"predictable for {periods} periods" if periods else TOO_CRUDE
     findings = [] if periods else [Finding(STABLE, note=note)]
     for i, amplified in enumerate(AMPLIFIED):
         state = advance(state)
-        if not abs(state[1]) <= (1.0 + STRENGTH) / DAMPING:
-            return Finding(WRONG, abs(state[1]), note="it is faster than this drive allows")
+        demand(abs(state[1]) <= (1.0 + STRENGTH) / DAMPING, "it is faster than this drive allows", abs(state[1]))
         if i < periods:
             allowed = (own(method) + 1e-14) * amplified
             findings.append(graded(state[0] - MOTION.angle[i], allowed,
                                    "its error is larger than the amplified error of its order", note, of="a radian"))
-    return also(every(*findings), *formula.bounds)
+    return every(*findings)
 
 
-def doubled(truth: Doubling) -> str:
-    """Return the name of the case of a period doubling."""
-    return f"the doubling to {2 * truth.periods} periods"
+def doubled(truth: true.Doubling) -> Motion:
+    """Return the first period of an orbit at the drive at which its period doubles."""
+    start = float(truth.orbit.angle[0]), float(truth.orbit.velocity[0])
+    return _first_period(f"the doubling to {2 * truth.periods} periods", truth.strength, start)
 
 
-def _on_orbit(truth: Doubling) -> Try:
-    """Return a function that judges a method by its error over the first period of the orbit that doubles."""
-    name, start = doubled(truth), (float(truth.orbit.angle[0]), float(truth.orbit.velocity[0]))
-
-    def force(t: float, q: float, v: float) -> float:
-        return truth.strength * math.cos(t * (2.0 / 3.0)) - math.sin(q) - DAMPING * v
-
-    def true(_time: Array) -> tuple[Array, Array]:
-        angle, velocity = np.array([start, smooth(force, start, 0.0, PERIOD)]).T
-        return angle, velocity
-
-    return followed(driven(truth.strength), name, MOTIONS[name], true)
-
-
-HORIZON = "an honest horizon"
-MOTIONS = {HORIZON: Motion("driven at 1.5", 0.2, 0.0, PERIOD, growth=AMPLIFIED[0], pace=PACE, most=512,
-                           lacks=unmet(SCENE)),
-           **{doubled(truth): Motion(doubled(truth), float(truth.orbit.angle[0]), float(truth.orbit.velocity[0]),
-                                     PERIOD, growth=AMPLIFIED[0], pace=PACE, most=512, lacks=unmet(SCENE))
-              for truth in DOUBLINGS}}
-"""Motions with a predicted error: the first period of the drive."""
-first_period = followed(driven(STRENGTH), HORIZON, MOTIONS[HORIZON], lambda _: (
-    np.array([0.2, MOTION.angle[0]]), np.array([0.0, MOTION.velocity[0]])))
-"""Function that judges a method by its run over the first period of the drive."""
+def _doubles(truth: true.Doubling) -> Case:
+    """Return the case of a period doubling."""
+    motion = doubled(truth)
+    return foreseen(
+        GROUP, motion, "Close to a period doubling, the motion approaches its periodic orbit arbitrarily slowly.",
+        f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}; the error of the orbit's "
+        "first period is that of the formula",
+        "Taylor 2005, Classical Mechanics, table 12.1, and Floquet multipliers by DOP853, to 9 digits",
+        partial(then, partial(follows, motion), partial(_doubling, truth)),
+        known(own, LOOSE * truth.range, STABLE), truth.periods > 1)
 
 
 def _claimed(method: Method) -> Finding:
@@ -325,9 +283,8 @@ def _claimed(method: Method) -> Finding:
     """
     run = ran(driven(STRENGTH), method, dt=PERIOD / STEPS, steps=STEPS * len(AMPLIFIED), every=STEPS, angle=0.2,
               velocity=0.0, estimate_error=True)
-    ended = stopped(run)
-    if ended is not None or run.error_estimate is None:
-        return ended or Finding(WRONG, note="the run has no error estimate")
+    if run.error_estimate is None:
+        return Finding(WRONG, note="the run has no error estimate")
     error = np.abs(run.angle[1:] - MOTION.angle)
     estimates = np.maximum.accumulate(run.error_estimate[1:])
     ratios = np.maximum.accumulate(error) / (10.0 * estimates)
@@ -337,53 +294,37 @@ def _claimed(method: Method) -> Finding:
                   why="an estimate from two runs gives the size of an error, within a factor of ten")
 
 
-def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule, *, strength: float = STRENGTH,
-          long: bool = False) -> Case:
-    """Return a hard case of the chaotic driven pendulum."""
-    motion = HORIZON if attempt in (_horizon, _apart) else name if name in MOTIONS else ""
-    return Case(name, GROUP, why, truth, source, driven(strength), may, attempt, long, motion)
-
-
 MATRICES = "40-digit Taylor series of the motion and its first variation; see pendulum_env.truth.chaos"
-TAYLOR = "Taylor 2005, Classical Mechanics, table 12.1, and Floquet multipliers by DOP853, to 9 digits"
+PREDICTABLE = known(lambda method: own(method) * AMPLIFIED[0], KNOWN_TO, STABLE)
+"""Rule of the allowed outcomes: ACCURATE if a method's angle is predictable after one period of the drive."""
 
 CASES = (
-    _case("areas shrink by exp(-t/q)",
-          "The sum of the Lyapunov exponents is known exactly, so that small errors in the growth of areas show.",
-          "the Lyapunov exponents sum to -1/q, to rounding for methods with the exact flow of drag", _areas,
-          "Liouville's theorem; Baker & Gollub 1996, 5.5", always(ACCURATE)),
-    _case("a quiet drive's exponents",
-          "A periodic orbit has to be located although neighbouring motions spiral around it.",
-          "both exponents are -1/(2q) at g = 0.9", _quiet, "conjugate multipliers of product exp(-T/q) (Floquet)",
-          always(ACCURATE), strength=QUIET_STRENGTH),
+    Case("areas shrink by exp(-t/q)", GROUP,
+         "The sum of the Lyapunov exponents is known exactly, so that small errors in the growth of areas show.",
+         "the Lyapunov exponents sum to -1/q, to rounding for methods with the exact flow of drag",
+         "Liouville's theorem; Baker & Gollub 1996, 5.5", driven(STRENGTH), always(ACCURATE), _areas),
+    Case("a quiet drive's exponents", GROUP,
+         "A periodic orbit has to be located although neighbouring motions spiral around it.",
+         "both exponents are -1/(2q) at g = 0.9", "conjugate multipliers of product exp(-T/q) (Floquet)",
+         driven(true.QUIET_STRENGTH), always(ACCURATE), _quiet),
+    *map(_doubles, true.DOUBLINGS),
+    foreseen(GROUP, HORIZON, "The derivatives of the motion by its start grow a thousandfold within ten periods of the "
+             "drive.", "the derivative by the starting angle after each period; the error of the motion is that of the "
+             "formula", MATRICES, _apart, PREDICTABLE, name="neighbours part"),
+    foreseen(GROUP, HORIZON, "Every error grows until the motion is unpredictable, sooner for less accurate methods.",
+             "the motion in 40 digits while the method's amplified error is below 0.1 rad; then |v| <= q (1 + g); the "
+             "error after the first period is that of the method's formula", MATRICES,
+             partial(then, first_period, _horizon), PREDICTABLE),
+    Case("no claims beyond the horizon", GROUP,
+         "An error estimate from two runs could be small by chance although both runs are wrong.",
+         "errors are below ten times error_estimate, which is inf when the motion is unpredictable", MATRICES,
+         driven(STRENGTH), always(ACCURATE), _claimed, True),
     *(
-        _case(doubled(truth),
-              "Close to a period doubling, the motion approaches its periodic orbit arbitrarily slowly.",
-              f"a multiplier is -1 at g = {truth.strength:.8f}, published as {truth.published:g}; the error of the "
-              "orbit's first period is that of the formula", formula_first(_on_orbit(truth), _doubling(truth)),
-              TAYLOR, known(own, LOOSE * truth.range, STABLE), strength=truth.strength, long=truth.periods > 1)
-        for truth in DOUBLINGS
-    ),
-    _case("neighbours part",
-          "The derivatives of the motion by its start grow a thousandfold within ten periods of the drive.",
-          "the derivative by the starting angle after each period; the error of the motion is that of the formula",
-          _apart, MATRICES, known(_first, KNOWN_TO, STABLE)),
-    _case(HORIZON, "Every error grows until the motion is unpredictable, sooner for less accurate methods.",
-          "the motion in 40 digits while the method's amplified error is below 0.1 rad; then |v| <= q (1 + g); the "
-          "error after the first period is that of the method's formula",
-          _horizon, MATRICES, known(_first, KNOWN_TO, STABLE)),
-    _case("no claims beyond the horizon",
-          "An error estimate from two runs could be small by chance although both runs are wrong.",
-          "errors are below ten times error_estimate, which is inf when the motion is unpredictable", _claimed,
-          MATRICES,
-          always(ACCURATE), long=True),
-    *(
-        _case(f"the largest exponent at g = {strength:g}",
-              "Two chaotic motions that look right may separate from each other at a wrong rate.",
-              f"{truth.value:.5f} +- {truth.error:.5f} 1/s, within {RARE:g} standard errors of {MEAN_OF} periods",
-              _exponent(strength),
-              "8 million periods by the first variation and by two motions; see pendulum_env.truth.chaos",
-              known(own, DOUBTFUL * truth.value, STABLE), strength=strength, long=True)
-        for strength, truth in EXPONENTS.items()
+        Case(f"the largest exponent at g = {strength:g}", GROUP,
+             "Two chaotic motions that look right may separate from each other at a wrong rate.",
+             f"{truth.value:.5f} +- {truth.error:.5f} 1/s, within {RARE:g} standard errors of {MEAN_OF} periods",
+             "8 million periods by the first variation and by two motions; see pendulum_env.truth.chaos",
+             driven(strength), known(own, DOUBTFUL * truth.value, STABLE), partial(_exponent, strength), True)
+        for strength, truth in true.EXPONENTS.items()
     ),
 )

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pendulum_env.hard_cases.case import Case, Try
-from pendulum_env.hard_cases.predicted import Motion, expected, followed, unmet
+from pendulum_env.hard_cases.case import Case, follows, foreseen, unit
+from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     Gravity,
@@ -24,9 +22,8 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.piecewise import smooth
+from pendulum_env.truth.answer import Array
 
-Array = NDArray[np.float64]
 GROUP = "fast drive"
 
 # --- Kapitza's pendulum at the edges of stability --------------------------------------------------------------------
@@ -40,38 +37,6 @@ They solve a_0(2 b/L) = -4 ratio² = b_1(2 b/L) with Mathieu's characteristic va
 """
 PERIODS, TILT = 8, 1e-6
 """Periods of the run, and initial tilt [rad]."""
-TERMS = 20_000
-"""Terms of Hill's determinant on either side; the error decreases as TERMS**-3."""
-
-
-@lru_cache(maxsize=16)
-def half_trace(share: float) -> float:
-    """Return half the trace of the matrix that advances a small tilt near the top by one period of the pivot.
-
-    ``share`` is the pivot's amplitude b/L, and Omega its angular frequency. The tilt y obeys Mathieu's equation y'' +
-    (a - 2 q cos 2 tau) y = 0 with a = -4 ratio², q = -2 b/L, tau = Omega t/2. Half the trace is cos(pi nu) = 1 - 2 D
-    sin²(pi sqrt(a)/2), where D is the determinant with the rows (x_k, 1, x_k), x_k = q/(4 k² - a) (Hill 1886; Whittaker
-    & Watson 1927, 19.42).
-    """
-    a = -4.0 * SLOWNESS**2
-    before, last, x = 1.0, 1.0, 0.0
-    for k in range(-TERMS, TERMS + 1):
-        x, old = 2.0 * share / (4.0 * k * k - a), x
-        before, last = last, last - x * old * before
-    return 1.0 + 2.0 * last * math.sinh(0.5 * math.pi * math.sqrt(-a)) ** 2
-
-
-def returns(share: float) -> Array:
-    """Return the tilt of Kapitza's pendulum relative to its start, after each period of the pivot.
-
-    The pendulum starts at rest when the pivot is at its highest point; ``share`` is the pivot's amplitude b/L. The tilt
-    is Chebyshev's polynomial T_n of half the trace, because the motion is even in time there and the determinant is 1.
-    """
-    mean = half_trace(share)
-    tilts = [1.0, mean]
-    for _ in range(PERIODS - 1):
-        tilts.append(2.0 * mean * tilts[-1] - tilts[-2])
-    return np.array(tilts)
 
 
 def edge(share: float) -> str:
@@ -81,74 +46,47 @@ def edge(share: float) -> str:
     return f"upright, {where} the {name} edge"
 
 
-def shaken(share: float) -> Scene:
-    """Return the scene of Kapitza's pendulum with the pivot amplitude b/L = ``share``."""
-    return Scene("a pivot shaken fast", Body(length=1.0, mass=1.0), gravity=(SLOWNESS * SHAKEN) ** 2,
-                 effects=(Gravity(), VerticalDrive(vertical_amplitude=share, vertical_rate=SHAKEN)))
+def shaken(share: float) -> Motion:
+    """Return the motion of Kapitza's upright pendulum with the pivot amplitude b/L = ``share``."""
+    scene = unit("a pivot shaken fast", Gravity(), VerticalDrive(vertical_amplitude=share, vertical_rate=SHAKEN),
+                 gravity=(SLOWNESS * SHAKEN) ** 2)
+    return Motion(edge(share), scene, edge(share), math.pi - TILT, 0.0, 2.0 * math.pi / SHAKEN * PERIODS,
+                  marks=PERIODS, growth=5e4, largest=TILT, pace=SHAKEN, goal=1e-4, angles=True, sensitive=True)
 
 
 def _kapitza(share: float) -> Case:
     """Return the case of Kapitza's upright pendulum with the pivot amplitude b/L = ``share``."""
-    name, scene = edge(share), shaken(share)
-    return Case(
-        name, GROUP,
+    motion = shaken(share)
+    return foreseen(
+        GROUP, motion,
         "Close to the limit of stability errors grow as the square of the time and may make a stable motion grow.",
         "the tilt after each period of the pivot is Chebyshev's T_n of half the trace of Mathieu's equation; the "
         "error is that of the method's formula",
-        "Hill 1886, Acta Math. 8, 1; Whittaker & Watson 1927, 19.42; edges: McLachlan 1947; DLMF 28.17",
-        scene, expected(name, MOTIONS[name]),
-        followed(scene, name, MOTIONS[name], lambda time: (math.pi - TILT * returns(share), time)), motion=name)
+        "Hill 1886, Acta Math. 8, 1; Whittaker & Watson 1927, 19.42; edges: McLachlan 1947; DLMF 28.17")
 
 
 # --- a motor that changes sign each step ----------------------------------------------------------------------------
 
 ANSWER = 0.05
 """Full torque over m g L, which is the equilibrium angle under full torque [rad]."""
-PUSHED = Scene("small angles with a motor", Body(length=1.0, mass=1.0), gravity=9.81,
-               effects=(SmallAngleGravity(), Motor(max_torque=ANSWER * 9.81)))
-def pushed(shares: Array, phase: float, start: float = 0.0) -> tuple[Array, Array]:
-    """Return the exact angle [rad] and velocity/omega0 of small swings after each control step, under given torques.
-
-    ``shares`` are the fractions of the full torque, one per control step; ``phase`` is omega0 times the control step.
-    The motion starts at rest at ``start`` [rad]. In each control step the state rotates about the equilibrium angle
-    (Landau & Lifshitz 1976, section 22).
-    """
-    angle, speed, rows = start, 0.0, [(start, 0.0)]
-    cosine, sine = math.cos(phase), math.sin(phase)
-    for share in shares:
-        centre = ANSWER * share
-        offset = angle - centre
-        angle, speed = centre + offset * cosine + speed * sine, speed * cosine - offset * sine
-        rows.append((angle, speed))
-    states = np.array(rows)
-    return states[:, 0], states[:, 1]
+PUSHED = unit("small angles with a motor", SmallAngleGravity(), Motor(max_torque=ANSWER * 9.81))
 
 
-def swung(shares: Array, phase: float, start: float) -> tuple[Array, Array]:
-    """Return the angle [rad] and velocity [rad/s] of :func:`pushed`."""
-    angle, speed = pushed(shares, phase, start)
-    return angle, speed * PUSHED.omega0
-
-
-def torqued(shares: Array, phase: float, start: float, most: int) -> Motion:
+def torqued(name: str, shares: Array, phase: float, start: float, most: int) -> Motion:
     """Return the motion of a small swing under fractions of the full torque, with 1 to ``most`` steps for each.
 
     ``phase`` is omega0 times the time of one torque; the motion starts at rest at ``start`` [rad].
     """
-    return Motion("linear", start, 0.0, phase * len(shares), marks=len(shares), torques=tuple(ANSWER * shares),
-                  largest=start + ANSWER, most=most, lacks=unmet(PUSHED))
+    return Motion(name, PUSHED, "linear", start, 0.0, phase * len(shares), marks=len(shares), most=most,
+                  torques=tuple(ANSWER * shares), largest=start + ANSWER)
 
 
-FLIPS = np.where(np.arange(60) % 2, -1.0, 1.0)
-"""Full torque that changes its sign at each control step."""
-CONTROLLED, COARSE = 2.0, 0.5
-"""omega0 times the control step, with as many steps as a method needs, and with a single one."""
-
-
-def _flipping(name: str) -> Try:
-    """Return a function that judges a method under full torque that changes sign at each control step."""
-    phase = MOTIONS[name].time / len(FLIPS)
-    return followed(PUSHED, name, MOTIONS[name], lambda _: swung(FLIPS, phase, 0.3))
+def _flipping(name: str, phase: float, most: int, why: str, each: str) -> Case:
+    """Return the case of full torque that changes its sign after ``phase``/omega0, in 1 to ``most`` steps."""
+    shares = np.where(np.arange(60) % 2, -1.0, 1.0)
+    motion = torqued(name, shares, phase, 0.3, most)
+    return foreseen(GROUP, motion, why, f"a rotation for each {each}; the error is that of the method's formula",
+                    "rotations about the equilibrium angle (Landau & Lifshitz 1976, section 22)")
 
 
 # --- gusts ----------------------------------------------------------------------------------------------------------
@@ -166,95 +104,26 @@ SEED, CONTROL, COUNT, TURNED = 7, 0.1, 50, 0.5
 """Seed, control step [s], number of control steps, and initial angle [rad]."""
 
 
-def uniforms(state: Iterable[int]) -> Iterator[float]:
-    """Yield uniform random numbers of the generator MRG32k3a, computed in integers.
-
-    ``state`` holds three integers for each of its two recurrences (L'Ecuyer 1999, Operations Research 47, 159).
-    """
-    first, second = 2**32 - 209, 2**32 - 22853
-    a, b, c, d, e, f = state
-    while True:
-        a, b, c = b, c, (1403580 * b - 810728 * a) % first
-        d, e, f = e, f, (527612 * f - 1370589 * d) % second
-        yield ((c - f) % first or first) / (first + 1)
-
-
-def gust_path(seed: int, span: float, count: int) -> Array:
-    """Return the gusts [m/s] in successive control steps of ``span`` [s], by the exact Ornstein-Uhlenbeck recursion.
-
-    The random state comes from NumPy's generator with the seed, normal numbers from Box & Muller 1958. This is
-    independent of the engine's implementation.
-    """
-    generator = np.random.default_rng(seed)
-    draw = uniforms([int(generator.random() * 4294944442.0) + 1 for _ in range(6)])
-    correlation, gust, gusts = math.exp(-span / GUST_TIME), 0.0, []
-    for k in range(count):
-        share = correlation if k else 0.0
-        radius, turn = math.sqrt(-2.0 * math.log(next(draw))), 2.0 * math.pi * next(draw)
-        gust = share * gust + GUST * math.sqrt(1.0 - share * share) * radius * math.cos(turn)
-        gusts.append(gust)
-    return np.array(gusts)
-
-
-def airs() -> tuple[float, ...]:
-    """Return the wind [m/s] in each control step of the case of gusts."""
-    return tuple((WIND + gust_path(SEED, CONTROL, COUNT)).tolist())
-
-
-@lru_cache(maxsize=2)
-def blown(airs: tuple[float, ...]) -> tuple[Array, Array]:
-    """Return the exact angle and velocity [rad, rad/s] after each control step in a wind [m/s] constant in each."""
-    state, rows = (TURNED, 0.0), [(TURNED, 0.0)]
-    for k, air in enumerate(airs):
-
-        def force(_t: float, q: float, v: float, air: float = air) -> float:
-            slip, across = LENGTH * v - air * math.cos(q), air * math.sin(q)
-            drag = -AREA * math.hypot(slip, across) * slip
-            return drag / (MASS * LENGTH) - 9.81 * math.sin(q) / LENGTH - LINEAR * slip / LENGTH
-
-        state = smooth(force, state, k * CONTROL, (k + 1) * CONTROL)
-        rows.append(state)
-    states = np.array(rows)
-    return states[:, 0], states[:, 1]
-
-
-def in_wind(name: str, scene: Scene, count: int) -> Motion:
-    """Return the motion of a scene whose wind changes ``count`` times; ``name`` is that of its equation."""
-    return Motion(name, TURNED, 0.0, CONTROL * scene.omega0 * count, marks=count, growth=10.0, pace=2.0, goal=1e-5,
-                  most=64, sensitive=True, lacks=unmet(scene))
+def in_wind(scene: Scene, count: int) -> Motion:
+    """Return the motion of a scene whose wind changes ``count`` times."""
+    return Motion(scene.name, scene, scene.name, TURNED, 0.0, CONTROL * scene.omega0 * count, marks=count, growth=10.0,
+                  pace=2.0, goal=1e-5, most=64, sensitive=True)
 
 
 SHARES = (0.9 * LOWER, LOWER, 1.1 * LOWER, 0.97 * UPPER, UPPER, 1.03 * UPPER)
 """Amplitudes b/L of the pivot on both sides of the stability edges."""
-EVERY_STEP, EVERY_CONTROL = "torque changing sign each step", "torque changing sign each control step"
-GUSTY = "gusts"
-MOTIONS = {
-    **{edge(share): Motion(edge(share), math.pi - TILT, 0.0, 2.0 * math.pi / SHAKEN * PERIODS, marks=PERIODS,
-                           growth=5e4, largest=TILT, pace=SHAKEN, goal=1e-4, angles=True, sensitive=True,
-                           lacks=unmet(shaken(share))) for share in SHARES},
-    EVERY_CONTROL: torqued(FLIPS, CONTROLLED, 0.3, 64),
-    EVERY_STEP: torqued(FLIPS, COARSE, 0.3, 1),
-    GUSTY: in_wind(GUSTY, WINDY, COUNT),
-}
-"""Motions with predicted errors."""
-ROTATIONS = "rotations about the equilibrium angle (Landau & Lifshitz 1976, section 22)"
+GUSTY = in_wind(WINDY, COUNT)
 
 CASES = (
     *(_kapitza(share) for share in SHARES),
-    Case(EVERY_CONTROL, GROUP, "The force jumps at each control step, and its mean is nearly zero.",
-         "a rotation for each control step; the error is that of the method's formula", ROTATIONS, PUSHED,
-         expected(EVERY_CONTROL, MOTIONS[EVERY_CONTROL]), _flipping(EVERY_CONTROL), motion=EVERY_CONTROL),
-    Case(EVERY_STEP, GROUP,
-         "The force jumps at each step, so that forces of earlier steps say nothing about the next step.",
-         "a rotation for each step; the error is that of the method's formula", ROTATIONS, PUSHED,
-         expected(EVERY_STEP, MOTIONS[EVERY_STEP]), _flipping(EVERY_STEP), motion=EVERY_STEP),
-    Case(GUSTY, GROUP,
-         "Gusts change the wind speed at random at each control step and not between, so that the force jumps.",
-         "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the error is that of the "
-         "method's formula",
-         "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",
-         WINDY, expected(GUSTY, MOTIONS[GUSTY]), followed(WINDY, GUSTY, MOTIONS[GUSTY], lambda _: blown(airs()), SEED),
-         motion=GUSTY),
+    _flipping("torque changing sign each control step", 2.0, 64,
+              "The force jumps at each control step, and its mean is nearly zero.", "control step"),
+    _flipping("torque changing sign each step", 0.5, 1,
+              "The force jumps at each step, so that forces of earlier steps say nothing about the next step.", "step"),
+    foreseen(GROUP, GUSTY,
+             "Gusts change the wind speed at random at each control step and not between, so that the force jumps.",
+             "scipy's DOP853 at 3e-14 in each control step, with gusts computed independently; the error is that of "
+             "the method's formula",
+             "Uhlenbeck & Ornstein 1930; L'Ecuyer 1999; Hairer, Norsett & Wanner 1993, II.5",
+             partial(follows, GUSTY, seed=SEED)),
 )
-KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> reason of a known failure."""

@@ -26,29 +26,27 @@ from pendulum_env.hard_cases.case import (
     DIVERGED,
     NEWTON,
     STABLE,
-    WRONG,
     Bound,
     Case,
     Finding,
-    Rule,
     Try,
     also,
     bounded,
+    demand,
+    follows,
+    foreseen,
     graded,
     known,
     ran,
-    stopped,
+    then,
 )
-from pendulum_env.hard_cases.predicted import Motion, followed, formula_first, unmet
+from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics import exact
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.steps import error_constant, retraces, rounding_factor
+from pendulum_env.truth.bounds import UNIT, error_constant, retraces, rounding, rounding_factor
 
 GROUP = "long runs"
-KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> reason of a known failure, and what the method does instead."""
-
 SCENE = SCENES["vacuum"]
 PRODUCT = 0.05
 """omega0 h of all runs."""
@@ -56,8 +54,6 @@ SHORT, LONG = 100_000, 100_000_000
 """Numbers of steps of short and long runs."""
 MOST_WORK = 1e9
 """Maximum number of force evaluations of a long run, about 10 s; expensive methods take fewer than LONG steps."""
-ULPS = 50.0
-"""Rounding error allowed per step, in ulps."""
 POLE = 2.2
 """Distance in imaginary time from the bottom to a pole of the motion from 1 rad, K'(sin 1/2) [1/omega0]."""
 SMALL = 0.1
@@ -65,7 +61,6 @@ SMALL = 0.1
 COUNTED = 0.5
 """Largest error [rad] with which turns count as counted."""
 CEILING = "the order bounds the growth of a large error from above only"
-HLW = "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration"
 
 
 def steps_for(method: Method, steps: int, most: float = MOST_WORK) -> int:
@@ -74,14 +69,6 @@ def steps_for(method: Method, steps: int, most: float = MOST_WORK) -> int:
     It is ``steps``, or fewer if the method would need more than ``most`` force evaluations for them.
     """
     return int(min(steps, most / (method.evaluations * (NEWTON if method.implicit else 1.0))))
-
-
-def rounding(method: Method) -> float:
-    """Return a bound of the relative rounding error of a method's step, in units of its increments.
-
-    The error has one sign in every step, because it comes from the rounded coefficients.
-    """
-    return ULPS * rounding_factor(method) * 2.0**-52
 
 
 def conserving(method: Method) -> bool:
@@ -121,40 +108,23 @@ def _run(method: Method, steps: int) -> Rollout:
                velocity=0.0)
 
 
-def _known(allowed: Callable[[Method], float], most: float = SMALL) -> Rule:
-    """Return the rule of allowed outcomes by a method's error bound, computed by the function ``allowed``.
-
-    A method must be ACCURATE if the bound is at most ``most``; else STABLE or DIVERGED are allowed.
-    """
-    return known(allowed, most, STABLE, DIVERGED)
-
-
-FIRST = "1e5 steps, phase"
-MOTIONS = {FIRST: Motion("pendulum", 1.0, 0.0, 20.0, marks=20, growth=20.0, most=64, lacks=unmet(SCENE))}
-"""Motion with a predicted error: the first three swings of the short runs, in longer steps."""
-first_swings = followed(SCENE, FIRST, MOTIONS[FIRST], lambda time: exact.pendulum(time, 1.0, 0.0, SCENE.omega0))
+FIRST = Motion("1e5 steps, phase", SCENE, "pendulum", 1.0, 0.0, 20.0, marks=20, growth=20.0, most=64)
+"""The first three swings of the short runs, in longer steps, whose error is predicted."""
+first_swings = partial(follows, FIRST)
 """Function that judges a method by the first swings."""
-
-
-def _energy_drift(wanted: int, method: Method) -> float:
-    """Return the bound of a method's energy drift over ``wanted`` steps, or as many of them as it can take."""
-    return drift(method, steps_for(method, wanted))
 
 
 def _energy(wanted: int, method: Method) -> Finding:
     """Judge a method by the drift of its energy over ``wanted`` steps, or as many of them as it can take."""
     steps = steps_for(method, wanted)
     run = _run(method, steps)
-    ended = stopped(run)
-    if ended is not None:
-        return ended
     size = np.abs(run.energy_residual) / run.energy[0]
     allowed, tenth = drift(method, steps), len(size) // 10
     early, late = float(np.max(size[:tenth])), float(np.max(size[-tenth:]))
     note = "" if steps == wanted else f"only {steps:.2g} steps, because they are expensive"
     more = 0.01 * early + rounding(method) * steps * PRODUCT
-    if conserving(method) and late > early + more:
-        return Finding(WRONG, late, early, "the energy's error grows although the method conserves")
+    demand(not conserving(method) or late <= early + more,
+           "the energy's error grows although the method conserves", late, early)
     if allowed > SMALL:
         gain, most = float(np.max(run.energy)) / run.energy[0] - 1.0, math.expm1(min(allowed, 100.0))
         return bounded(gain, most, note or "its allowed drift is not small", CEILING)
@@ -166,18 +136,13 @@ def _phase_error(method: Method) -> float:
     """Return a bound of a method's angle error after SHORT steps [rad], including the effect of an energy drift."""
     turned = SHORT * PRODUCT
     lost = 0.0 if conserving(method) else 0.5 * drift(method, SHORT)
-    order = 0.0
-    if math.isfinite(method.order):
-        order = float(weight(method, method.order) * PRODUCT**method.order)
+    order = 0.0 if method.exact else float(weight(method, method.order) * PRODUCT**method.order)
     return turned * (order + lost) + float(4.0 * rounding(method) * PRODUCT * turned**1.5)
 
 
 def _phase(method: Method) -> Finding:
     """Judge a method by its angle over SHORT steps against Jacobi's elliptic functions (the exact solution)."""
     run = _run(method, SHORT)
-    ended = stopped(run)
-    if ended is not None:
-        return ended
     allowed = _phase_error(method)
     if allowed > SMALL:
         largest, most = float(np.max(np.abs(run.angle))), 1.1 * math.exp(min(drift(method, SHORT), 100.0))
@@ -207,8 +172,8 @@ def _rounded(starts: int, steps: int, method: Method) -> Finding:
         back = go(angle=there.angle[:, -1], velocity=-there.velocity[:, -1])
         change = (back.energy[:, -1] - there.energy[:, 0]) / there.energy[:, 0]
         changes.append(float(np.sqrt(np.mean(change * change))))
-    allowed = 4.0 * 2.0**-52 * rounding_factor(method) * (1.0 + PRODUCT * math.sqrt(2.0 * steps))
-    ratio = changes[1] / max(changes[0], 2.0**-52)
+    allowed = 4.0 * UNIT * rounding_factor(method) * (1.0 + PRODUCT * math.sqrt(2.0 * steps))
+    ratio = changes[1] / max(changes[0], UNIT)
     # The expected ratio is sqrt(100).
     growth = Bound("growth in 100 times as many steps", 10.0, 10.0,
                    "the rms over 32 motions scatters by 12 %, so that the ratio of two is within a factor of 2")
@@ -256,8 +221,8 @@ class Rotation:
         if machine.advance(state, 0.0, h, count):
             return Finding(DIVERGED, stop_time=float(state[INDEX]) * h)
         turns, angle, allowed, time = float(state[TURNS]), float(state[ANGLE]), self.error(method), count * h
-        if turns % 0.5 or abs(angle) > 0.5 * math.pi * (1.0 + 1e-12):
-            return Finding(WRONG, turns, note="turns is not a multiple of 0.5, or the angle is not wrapped")
+        demand(turns % 0.5 == 0.0 and abs(angle) <= 0.5 * math.pi * (1.0 + 1e-12),
+               "turns is not a multiple of 0.5, or the angle is not wrapped", turns)
         free = not self.scene.gravity
         wanted = 0.3 + self.speed * time if free else exact.pendulum(time, 0.3, self.speed, self.scene.omega0)[0]
         error = abs((turns - float(wanted) / TWO_PI) * TWO_PI + angle)
@@ -267,40 +232,49 @@ class Rotation:
         return graded(error, allowed, "its number of turns is wrong", f"{turns:.7g} turns", size=TWO_PI, of="a turn")
 
 
-def _case(name: str, why: str, truth: str, attempt: Try, source: str, may: Rule, scene: Scene = SCENE,
-          long: bool = False, motion: str = "") -> Case:
-    """Return a hard case of the group of long runs."""
-    return Case(name, GROUP, why, truth, source, scene, may, attempt, long, motion)
+def _first_and(second: Try, bound: Callable[[Method], float], name: str, why: str, truth: str, source: str,
+               long: bool = False) -> Case:
+    """Return the case of a property after many steps, which is judged if the first swings err as predicted.
+
+    A method must be ACCURATE if the ``bound`` of its error is at most SMALL; else STABLE or DIVERGED are allowed.
+    """
+    return foreseen(GROUP, FIRST, why, truth, source, partial(then, first_swings, second),
+                    known(bound, SMALL, STABLE, DIVERGED), long, name)
 
 
-FREE, ROUND = (
-    Rotation(SCENE.replace(gravity=0.0), 1000.0, 10.0, SHORT), Rotation(SCENE, 1000.0, 0.1, 63_000_000)
-)
-ENERGY = "error at most (omega0 h)^p for symplectic and symmetric methods, else n (omega0 h)^(p+1), even powers " \
-         "only; the error of the first swings is that of the formula"
-BACK = "rms energy change after n steps forwards and n back, with compensated sums: grows no faster than sqrt(n)"
-BROUWER = "Brouwer 1937, Astron. J. 46, 149; Hairer, McLachlan & Razakarivony 2008, BIT 48, 231"
+def _energies(steps: int, name: str, why: str) -> Case:
+    """Return the case of the energy after a number of steps."""
+    return _first_and(
+        partial(_energy, steps), lambda method: drift(method, steps_for(method, steps)), name, why,
+        "error at most (omega0 h)^p for symplectic and symmetric methods, else n (omega0 h)^(p+1), even powers only; "
+        "the error of the first swings is that of the formula",
+        "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, IX.8 and XI.3", steps > SHORT)
+
+
+def _turning(name: str, why: str, truth: str, source: str, turning: Rotation, long: bool = False) -> Case:
+    """Return the case of a fast rotation."""
+    return Case(name, GROUP, why, truth, source, turning.scene, known(turning.error, COUNTED, STABLE, DIVERGED),
+                turning.attempt, long)
+
 
 CASES = (
-    _case("1e5 steps, energy", "The energy error of a step is repeated 100 000 times.", ENERGY,
-          formula_first(first_swings, partial(_energy, SHORT)), f"{HLW}, IX.8 and XI.3",
-          _known(partial(_energy_drift, SHORT)), motion=FIRST),
-    _case(FIRST, "The energy may be right while the phase of the motion is wrong.",
-          "Jacobi's functions, to n (omega0 h)^(p+1) and the drift of the frequency with the energy; the error of the "
-          "first swings is that of the formula", formula_first(first_swings, _phase),
-          f"{HLW}, X.3; Whittaker & Watson 1927, 44", _known(_phase_error), motion=FIRST),
-    _case("1e5 steps, 1.6e5 free turns",
-          "The angle must not lose digits while the turns of a fast rotation are counted.",
-          "theta = theta0 + v t without gravity, to the rounding of v t", FREE.attempt, "Newton's first law",
-          _known(FREE.error, COUNTED), FREE.scene),
-    _case("1e8 steps, energy", "Rounding errors accumulate as well as the method's own error.", ENERGY,
-          formula_first(first_swings, partial(_energy, LONG)),
-          f"{HLW}, IX.8 and XI.3", _known(partial(_energy_drift, LONG)), long=True, motion=FIRST),
-    _case("a million turns under gravity",
-          "A method can lose count of the turns of a fast rotation, as gravity changes the speed within each turn.",
-          "Jacobi's elliptic functions, to the rounding of the angle", ROUND.attempt, "Whittaker & Watson 1927, 44",
-          _known(ROUND.error, COUNTED), long=True),
-    _case("1e5 steps there and back, compensated",
-          "With compensated sums only random rounding errors may remain, none that add up with one sign.", BACK,
-          partial(_rounded, 32, SHORT), BROUWER, lambda m: frozenset({ACCURATE if retraces(m) else STABLE}), long=True),
+    _energies(SHORT, "1e5 steps, energy", "The energy error of a step is repeated 100 000 times."),
+    _first_and(_phase, _phase_error, FIRST.name, "The energy may be right while the phase of the motion is wrong.",
+               "Jacobi's functions, to n (omega0 h)^(p+1) and the drift of the frequency with the energy; the error of "
+               "the first swings is that of the formula",
+               "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, X.3; Whittaker & Watson 1927, 44"),
+    _turning("1e5 steps, 1.6e5 free turns",
+             "The angle must not lose digits while the turns of a fast rotation are counted.",
+             "theta = theta0 + v t without gravity, to the rounding of v t", "Newton's first law",
+             Rotation(SCENE.replace(gravity=0.0), 1000.0, 10.0, SHORT)),
+    _energies(LONG, "1e8 steps, energy", "Rounding errors accumulate as well as the method's own error."),
+    _turning("a million turns under gravity",
+             "A method can lose count of the turns of a fast rotation, as gravity changes the speed within each turn.",
+             "Jacobi's elliptic functions, to the rounding of the angle", "Whittaker & Watson 1927, 44",
+             Rotation(SCENE, 1000.0, 0.1, 63_000_000), True),
+    Case("1e5 steps there and back, compensated", GROUP,
+         "With compensated sums only random rounding errors may remain, none that add up with one sign.",
+         "rms energy change after n steps forwards and n back, with compensated sums: grows no faster than sqrt(n)",
+         "Brouwer 1937, Astron. J. 46, 149; Hairer, McLachlan & Razakarivony 2008, BIT 48, 231", SCENE,
+         lambda method: frozenset({ACCURATE if retraces(method) else STABLE}), partial(_rounded, 32, SHORT), True),
 )

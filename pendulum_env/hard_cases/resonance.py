@@ -3,49 +3,43 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from integrators import Method, Splitting
-from integrators.families.splitting import DRAG, DRIFT
+from integrators import Method
+from integrators.analysis import amplification
 from pendulum_env.hard_cases.case import (
     ACCURATE,
     DIVERGED,
     LOOSE,
     STABLE,
-    WRONG,
     Case,
     Finding,
-    Rule,
-    Try,
     bounded,
+    demand,
+    follows,
+    foreseen,
     graded,
     known,
+    named,
     ran,
     resolved,
+    run_of,
     stopped,
+    then,
+    unit,
 )
 from pendulum_env.hard_cases.long_runs import conserving
-from pendulum_env.hard_cases.predicted import Motion, followed, formula_first, unmet
-from pendulum_env.hard_cases.step_limits import CEILING, GONE, HIDDEN, LINEAR, START, growth, in_time, spread
-from pendulum_env.hard_cases.step_limits import STEPS as THOUSAND
-from pendulum_env.physics.body import Body
+from pendulum_env.hard_cases.predicted import Motion
+from pendulum_env.hard_cases.step_limits import CEILING, LINEAR, START, growth, growth_rule, in_time, spread
 from pendulum_env.physics.effects import Gravity, LinearDrag, PeriodicTorque, SmallAngleGravity, VerticalDrive
 from pendulum_env.physics.energy import beyond_sense
-from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.steps import Equation, OneStepOracle, error_constant, order_bound, rounding_factor, table
+from pendulum_env.truth.answer import Array
+from pendulum_env.truth.bounds import UNIT, error_constant, order_bound, rounding_factor
 
-Array = NDArray[np.float64]
 GROUP = "resonance"
-KNOWN: dict[tuple[str, str], str] = {}
-"""(case, method) -> reason of a known failure, and what the method does instead."""
-UNIT = 2.0**-52
 OUT_OF_TUNE = "a method out of resonance can only be said not to grow faster"
-AT_ONCE = 500
-"""Largest number of steps whose states are computed together."""
 
 
 # --- steps of about half a period -----------------------------------------------------------------------------------
@@ -55,47 +49,24 @@ AT_ONCE = 500
 def matrix_of(method: Method, z: float) -> tuple[Array, float] | None:
     """Return the matrix of a method's step on the oscillator, for (q, v/omega0), and its relative rounding error.
 
-    ``z`` is omega0 h. None: the method has a memory, so that its step is no 2 x 2 matrix. Flows are multiplied here,
-    and other steps are those of the step oracle. With the flows F_i, a rounding error in each flow changes the
-    product by the largest product of the norms on both sides of it.
+    ``z`` is omega0 h. None: the method has a memory, so that its step is no 2 x 2 matrix. The matrix is that of the
+    package's method of this name.
     """
-    if isinstance(method, Splitting):
-        flows = []
-        for kind, part in method.flows:
-            if kind != DRAG:
-                share = float(part) * z
-                flows.append(np.array([[1.0, share], [0.0, 1.0]] if kind == DRIFT else [[1.0, 0.0], [-share, 1.0]]))
-        before = [np.eye(2)]
-        for flow in flows:
-            before.append(flow @ before[-1])
-        after = [np.eye(2)]
-        for flow in reversed(flows):
-            after.append(after[-1] @ flow)
-        norms = [float(np.linalg.norm(a) * np.linalg.norm(b)) for a, b in zip(before, reversed(after), strict=True)]
-        return before[-1], UNIT * sum(norms)
-    oracle = table(method)
-    if not isinstance(oracle, OneStepOracle):
+    matrix = amplification(named(method), z)
+    if len(matrix) != 2:
         return None
-    ends = [oracle.follow(Equation(small=True), q, v, z, 1) for q, v in ((1.0, 0.0), (0.0, 1.0))]
-    if ends[0] is None or ends[1] is None:
-        return None
-    matrix = np.array([ends[0][1], ends[1][1]]).T
     size = rounding_factor(method) * method.evaluations * (1.0 + z) ** 2 * (1.0 + float(np.linalg.norm(matrix)))
     return matrix, UNIT * size
 
 
 def powers(matrix: Array, steps: int) -> Array:
     """Return the states (q, v/omega0) after 0, 1, ... steps from rest at START, until they exceed 1e100."""
-    few = [np.eye(2)]
-    while len(few) < AT_ONCE and np.max(np.abs(few[-1])) < 1e50:
-        few.append(matrix @ few[-1])
-    steps_of = np.array(few)
-    blocks = [steps_of @ np.array([START, 0.0])]
-    while len(blocks) * len(few) <= steps and np.max(np.abs(blocks[-1])) < 1e100:
-        blocks.append(steps_of @ (matrix @ blocks[-1][-1]))
-    states = np.concatenate(blocks)[: steps + 1]
-    large = np.flatnonzero(np.max(np.abs(states), axis=1) >= 1e100)
-    return states[: large[0] + 1] if large.size else states
+    (a, b), (c, d) = matrix.tolist()
+    q, v, states = START, 0.0, [(START, 0.0)]
+    while len(states) <= steps and abs(q) + abs(v) < 1e100:
+        q, v = a * q + b * v, c * q + d * v
+        states.append((q, v))
+    return np.array(states)
 
 
 def absurd_from(states: Array) -> int | None:
@@ -108,61 +79,48 @@ def absurd_from(states: Array) -> int | None:
     return int(beyond[0]) if beyond.size else None
 
 
-def _tuned_rule(z: float, steps: int) -> Rule:
-    """Return the rule of allowed outcomes in ``steps`` steps of ``z`` = omega0 h.
+def _tuned_rule(z: float, steps: int, method: Method) -> frozenset[str]:
+    """Return the allowed outcomes of a method in ``steps`` steps of ``z`` = omega0 h.
 
     Methods whose step is a 2 x 2 matrix must follow its powers, to the step at which they count as divergence. For
     others the rule follows from the spectral radius.
     """
-
-    def may(method: Method) -> frozenset[str]:
-        found = matrix_of(method, z)
-        if found is not None:
-            return frozenset({ACCURATE if absurd_from(powers(found[0], steps)) is None else DIVERGED})
-        grown = growth(method, z) * steps / THOUSAND
-        if grown > GONE + HIDDEN:
-            return frozenset({DIVERGED})
-        return frozenset({STABLE} if grown < 1.0 else {STABLE, DIVERGED})
-
-    return may
+    found = matrix_of(method, z)
+    if found is not None:
+        return frozenset({ACCURATE if absurd_from(powers(found[0], steps)) is None else DIVERGED})
+    return growth_rule(growth(method, z, steps), STABLE)
 
 
-def _tuned(z: float, steps: int) -> Try:
-    """Return a function that judges a method by the powers of its own step's matrix, in steps of ``z`` = omega0 h.
+def _tuned(z: float, steps: int, method: Method) -> Finding:
+    """Judge a method by the powers of its own step's matrix, in steps of ``z`` = omega0 h.
 
     Near an eigenvalue -1 an error d of the matrix changes the eigenvalues by d/sqrt(|trace²/4 - 1|), at most by
     sqrt(d).
     """
-
-    def attempt(method: Method) -> Finding:
-        run = ran(LINEAR, method, dt=z / LINEAR.omega0, steps=steps, angle=START, velocity=0.0)
-        ended, found, count = stopped(run), matrix_of(method, z), len(run.time) - 1
-        if found is None:
-            if ended is not None:
-                early = "" if in_time(method, z, count) else f"it stopped after {count} steps, not when it has grown"
-                return replace(ended, outcome=WRONG, note=early) if early else ended
-            size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
-            most = spread(method, z) * math.exp(max(growth(method, z) * steps / THOUSAND, 0.0)) * (1.0 + 1e-6)
-            grown = float(np.max(size) / np.max(size[: steps // 10]))
-            return bounded(grown, most, "growth, bounded by the eigenvalues", CEILING)
-        matrix, rounded = found
-        states = powers(matrix, steps)
-        last = absurd_from(states)
+    run = run_of(LINEAR, method, dt=z / LINEAR.omega0, steps=steps, angle=START, velocity=0.0)
+    ended, found, count = stopped(run), matrix_of(method, z), len(run.time) - 1
+    if found is None:
         if ended is not None:
-            if last is None or abs(count + 1 - last) > 1:
-                return replace(ended, outcome=WRONG, note=f"it stopped after {count} steps instead of {last}")
+            demand(in_time(method, z, count), f"it stopped after {count} steps, not when it has grown")
             return ended
-        if last is not None:
-            return Finding(WRONG, note=f"it continues although its energy is absurd after {last} steps")
-        apart = math.sqrt(abs(0.25 * float(np.trace(matrix)) ** 2 - 1.0))
-        drift = rounded / max(apart, math.sqrt(rounded))
-        envelope = np.maximum.accumulate(np.hypot(*states.T)) * (1.0 + 1.0 / max(apart, math.sqrt(rounded)))
-        missed = np.hypot(run.angle - states[:, 0], run.velocity / LINEAR.omega0 - states[:, 1])
-        allowed = 10.0 * drift * np.arange(1.0, steps + 2.0)
-        return graded(missed / envelope / allowed, 1.0, "it differs from the powers of its own matrix",
-                      size=1.0 / float(allowed[-1]), of="the largest motion until then")
-
-    return attempt
+        size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
+        most = spread(method, z) * math.exp(max(growth(method, z, steps), 0.0)) * (1.0 + 1e-6)
+        grown = float(np.max(size) / np.max(size[: steps // 10]))
+        return bounded(grown, most, "growth, bounded by the eigenvalues", CEILING)
+    matrix, rounded = found
+    states = powers(matrix, steps)
+    last = absurd_from(states)
+    if ended is not None:
+        demand(last is not None and abs(count + 1 - last) <= 1, f"it stopped after {count} steps instead of {last}")
+        return ended
+    demand(last is None, f"it continues although its energy is absurd after {last} steps")
+    apart = math.sqrt(abs(0.25 * float(np.trace(matrix)) ** 2 - 1.0))
+    drift = rounded / max(apart, math.sqrt(rounded))
+    envelope = np.maximum.accumulate(np.hypot(*states.T)) * (1.0 + 1.0 / max(apart, math.sqrt(rounded)))
+    missed = np.hypot(run.angle - states[:, 0], run.velocity / LINEAR.omega0 - states[:, 1])
+    allowed = 10.0 * drift * np.arange(1.0, steps + 2.0)
+    return graded(missed / envelope / allowed, 1.0, "it differs from the powers of its own matrix",
+                  size=1.0 / float(allowed[-1]), of="the largest motion until then")
 
 
 # --- a drive at 2 omega0 for 100 000 periods ------------------------------------------------------------------------
@@ -171,24 +129,23 @@ CYCLES, PER_CYCLE = 100_000, 40
 """Periods of the drive, and steps in each; Omega = 2 omega0 = 2/s."""
 STRIDE = math.pi / PER_CYCLE
 """Step [s], which is also omega0 h."""
-UNIT_BODY = Body(length=1.0, mass=1.0)
 PUSH, LOSS = 0.1, 0.2
 """Amplitude of the torque over m g L, and rate of the drag over omega0."""
-FORCED = Scene("a torque at 2 omega0", UNIT_BODY, gravity=1.0,
-               effects=(SmallAngleGravity(), LinearDrag(gamma=LOSS), PeriodicTorque(PUSH, 2.0)))
+FORCED = unit("a torque at 2 omega0", SmallAngleGravity(), LinearDrag(gamma=LOSS), PeriodicTorque(PUSH, 2.0),
+              gravity=1.0)
 
 
-def steady(time: Array) -> tuple[Array, Array]:
+def steady(time: Any) -> tuple[Any, Any]:
     """Return the exact angle and velocity of the forced oscillation after all transients."""
     answer = PUSH / complex(1.0 - 4.0, 2.0 * LOSS)
     wave = answer * np.exp(2.0j * time)
     return wave.real, (2.0j * wave).real
 
 
-TWICE = "a torque at 2 omega0 for 1e5 periods"
-MOTIONS = {TWICE: Motion(TWICE, float(steady(np.zeros(1))[0][0]), float(steady(np.zeros(1))[1][0]), 4.0 * math.pi,
-                         marks=16, largest=PUSH / 3.0, pace=2.0, most=64, lacks=unmet(FORCED))}
-"""Motion with a predicted error: four periods of the drive."""
+TWICE = Motion("a torque at 2 omega0 for 1e5 periods", FORCED, "a torque at 2 omega0 for 1e5 periods",
+               *map(float, steady(0.0)), 4.0 * math.pi, marks=16, largest=PUSH / 3.0, pace=2.0,
+               most=64)
+"""Four periods of the drive, whose error is predicted."""
 
 
 def _forced(method: Method) -> Finding:
@@ -197,9 +154,6 @@ def _forced(method: Method) -> Finding:
     Errors of early steps decay in 2/LOSS, so that neither the amplitude nor the phase may become worse with time.
     """
     run = ran(FORCED, method, dt=STRIDE, steps=CYCLES * PER_CYCLE, every=4001, angle=0.0, velocity=0.0)
-    ended = stopped(run)
-    if ended is not None:
-        return ended
     late = run.time > 100.0 / LOSS
     angle, velocity = steady(run.time[late])
     size = float(np.max(np.abs(angle)))
@@ -214,8 +168,8 @@ EXPONENT = 1.884955588973013394e-4
 """Logarithm of the growth of a small swing in a period of the pivot, to 16 digits; pi SHAKEN to first order."""
 FAINT = 1e-12
 """Initial angle [rad]; it grows by exp(18.8) to 8e-5 rad."""
-PARAMETRIC = Scene("a pivot shaken at 2 omega0", UNIT_BODY, gravity=1.0,
-                   effects=(Gravity(), VerticalDrive(vertical_amplitude=SHAKEN, vertical_rate=2.0)))
+PARAMETRIC = unit("a pivot shaken at 2 omega0", Gravity(),
+                  VerticalDrive(vertical_amplitude=SHAKEN, vertical_rate=2.0), gravity=1.0)
 
 
 def detuned(method: Method) -> float:
@@ -242,9 +196,6 @@ def _parametric(method: Method) -> Finding:
     The growth is known after each period. Methods whose frequency is wrong by more than SHAKEN are out of resonance.
     """
     run = ran(PARAMETRIC, method, dt=STRIDE, steps=CYCLES * PER_CYCLE, every=100 * PER_CYCLE, angle=FAINT, velocity=0.0)
-    ended = stopped(run)
-    if ended is not None:
-        return ended
     periods = np.round(run.time / math.pi)
     truth = np.cosh(EXPONENT * periods) * (1.0 - 2.0 * (periods % 2.0))
     allowed, size = parametric_error(method), np.abs(run.angle) / FAINT
@@ -272,19 +223,18 @@ CASES = (
         Case(f"omega0 h = {z:g}, steps of half a period", GROUP,
              f"A composition can be unstable in a narrow band far below its stability limit: {which}.",
              f"the powers of the step's own matrix over {SOME} steps. Stable: methods with a memory that grow no "
-             "faster than their eigenvalues", POWERS, LINEAR, _tuned_rule(z, SOME), _tuned(z, SOME))
+             "faster than their eigenvalues", POWERS, LINEAR, partial(_tuned_rule, z, SOME), partial(_tuned, z, SOME))
         for z, which in TUNED
     ),
     Case("omega0 h = 3.1416 for 1e5 steps", GROUP,
          "A growth of 4e-4 per step is hidden in few steps, but must be reported as divergence in many.",
          "the powers of the step's own matrix, to the step at which its energy is absurd", POWERS, LINEAR,
-         _tuned_rule(TUNED[0][0], MANY), _tuned(TUNED[0][0], MANY), True),
-    Case(TWICE, GROUP,
-         "The phase of the drive must not lose digits, and no part of the motion may grow.",
-         "the forced oscillation; the tolerance is (Omega h)^p 2 Omega/gamma of its amplitude, whatever the time; the "
-         "error of the first periods is that of the formula",
-         "the driven oscillator in closed form (Landau & Lifshitz 1976, section 26)", FORCED, resolved,
-         formula_first(followed(FORCED, TWICE, MOTIONS[TWICE], steady), _forced), True, TWICE),
+         partial(_tuned_rule, TUNED[0][0], MANY), partial(_tuned, TUNED[0][0], MANY), True),
+    foreseen(GROUP, TWICE, "The phase of the drive must not lose digits, and no part of the motion may grow.",
+             "the forced oscillation; the tolerance is (Omega h)^p 2 Omega/gamma of its amplitude, whatever the time; "
+             "the error of the first periods is that of the formula",
+             "the driven oscillator in closed form (Landau & Lifshitz 1976, section 26)",
+             partial(then, partial(follows, TWICE), _forced), resolved, True),
     Case("a pivot shaken at 2 omega0 for 1e5 periods", GROUP,
          "A swing grows by parametric resonance only if the method's frequency is right to 6e-5.",
          "cosh(n mu) with Mathieu's exponent mu after n periods, if (omega0 h)^p is small enough; else no faster "

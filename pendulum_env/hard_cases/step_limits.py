@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -19,21 +19,22 @@ from pendulum_env.hard_cases.case import (
     Bound,
     Case,
     Finding,
-    Rule,
-    Try,
     also,
     bounded,
+    demand,
     every,
-    judged,
+    follows,
+    graded,
+    held,
     named,
-    ran,
+    run_of,
     stopped,
 )
-from pendulum_env.hard_cases.predicted import Motion, foretold, held, unmet
+from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import ABSURD
 from pendulum_env.physics.presets import SCENES
-from pendulum_env.truth.steps import FIRST, SAYS, Equation, order_error, own_steps, too_early
+from pendulum_env.truth.bounds import UNIT, too_early
 
 GROUP = "step limits"
 STEPS = 1000
@@ -41,7 +42,6 @@ STEPS = 1000
 WORK = 20_000.0
 """Number of force evaluations in the scene with full gravity."""
 LINEAR, FULL = SCENES["textbook"], SCENES["vacuum"]
-UNIT = 2.0**-52
 GREENE = 0.9716
 """Largest K = (omega0 h)² at which the standard map still has an invariant circle."""
 START = LINEAR.run.angle
@@ -49,21 +49,12 @@ GONE = 0.5 * math.log(ABSURD * (2.0 / START**2 + 1.0) + 1.0)
 """Log of the growth of the amplitude A at which a run counts as diverged: A² - START² = ABSURD (2 + START²)."""
 HIDDEN = 12.0
 """Log of the largest ratio of the motion to its growing part at the start, such as a parasitic solution."""
-
 PRODUCTS = (0.5, 1.0, 1.5, 1.99, 2.01, 3.0, 5.0, 10.0, 20.0)
 """omega0 h in the small-angle scene."""
 PERIODS = 200.0 * math.pi
 """omega0 h of a step of 100 periods."""
-FORETOLD = 20
-"""Number of steps whose errors are predicted, from the first one on."""
-
-PUBLISHED = ("|eigenvalue| of the step on the oscillator (Hairer & Wanner 1996, IV.2 and V.1; Hairer, Lubich & Wanner "
-             "2006, I.5.2)")
-STANDARD_MAP = "Greene 1979, J. Math. Phys. 20, 1183; Meiss 1992, Rev. Mod. Phys. 64, 795"
-DIFFUSION = "Chirikov 1979, Phys. Rep. 52, 263: p² grows by K²/2 a step, within a factor of 2 or 3"
-EXACTLY = "Gonzalez 1996, theorem 2.2, for the energy; Jacobi's elliptic functions (Whittaker & Watson 1927, 44)"
-
-
+FORETOLD, FIRST = 20, 4
+"""Numbers of steps from the first one on whose errors are predicted, for small angles and under full gravity."""
 CEILING = "the eigenvalues of a step bound the growth of a run from above only"
 NO_THEOREM = "no theorem bounds this method's steps of full gravity, beyond the energy that a run may have"
 
@@ -71,22 +62,26 @@ NO_THEOREM = "no theorem bounds this method's steps of full gravity, beyond the 
 # --- small angles ---------------------------------------------------------------------------------------------------
 
 
-def small(product: float) -> str:
-    """Return the name of the case in the small-angle scene with steps of ``product`` = omega0 h."""
-    return f"{'a step of 100 periods' if product == PERIODS else f'omega0 h = {product:g}'}, small angles"
+def small(product: float) -> Motion:
+    """Return the first steps of ``product`` = omega0 h in the small-angle scene, in units of the initial angle."""
+    return Motion(f"omega0 h = {product:g}, small angles", LINEAR, "linear", 1.0, 0.0, product * FORETOLD,
+                  marks=FORETOLD, growth=10.0, most=1)
 
 
-MOTIONS = {
-    small(product): Motion("linear", 1.0, 0.0, product * FORETOLD, marks=FORETOLD, growth=10.0, most=1,
-                           lacks=unmet(LINEAR)) for product in PRODUCTS
-}
-"""Motions with predicted errors, in units of the initial angle."""
+def growth(method: Method, product: float, steps: int = STEPS, gamma_h: float = 0.0) -> float:
+    """Return the logarithm of an oscillation's growth by a method in steps of ``product`` = omega0 h.
+
+    ``gamma_h`` is the rate of linear drag times the step.
+    """
+    radius = spectral_radius(named(method), product, gamma_h)
+    return steps * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
 
 
-def growth(method: Method, product: float) -> float:
-    """Return the logarithm of an oscillation's growth by a method in STEPS steps of ``product`` = omega0 h."""
-    radius = spectral_radius(named(method), product)
-    return STEPS * math.log(radius) if 0.0 < radius < math.inf else radius or -math.inf
+def growth_rule(grown: float, *bounded: str) -> frozenset[str]:
+    """Return the outcomes allowed for a method by the logarithm of its growth; ``bounded`` are those without growth."""
+    if grown > GONE + HIDDEN:
+        return frozenset({DIVERGED})
+    return frozenset(bounded if grown < 1.0 else {*bounded, DIVERGED})
 
 
 def spread(method: Method, product: float) -> float:
@@ -115,56 +110,48 @@ def in_time(method: Method, product: float, count: int) -> bool:
     return (GONE - wide) / rate - 1.0 <= count <= ((GONE + wide) / rate + 1.0 if turns else math.inf)
 
 
-def _linear_rule(product: float) -> Rule:
-    """Return the rule of allowed outcomes in the small-angle scene, for steps of ``product`` = omega0 h.
-
-    The rule follows from the spectral radius of a method's step.
-    """
-
-    def may(method: Method) -> frozenset[str]:
-        grown = growth(method, product)
-        if method.exact:
-            return frozenset({ACCURATE})
-        if grown > GONE + HIDDEN:
-            return frozenset({DIVERGED})
-        return frozenset({STABLE, ACCURATE} if grown < 1.0 else {STABLE, ACCURATE, DIVERGED})
-
-    return may
-
-
-def _linear(product: float) -> Try:
-    """Return a function that judges a method in the small-angle scene, in steps of ``product`` = omega0 h.
+def _small(product: float) -> Case:
+    """Return the case of the small-angle scene with steps of ``product`` = omega0 h.
 
     The largest error of the first steps must be that of the method's formula, and the growth is bounded by the
     eigenvalues of the step. The tolerance is (omega0 h)^p times the phase, at most a tenth of the amplitude.
     """
-    name = small(product)
+    motion = small(product)
+
+    def may(method: Method) -> frozenset[str]:
+        return frozenset({ACCURATE}) if method.exact else growth_rule(growth(method, product), STABLE, ACCURATE)
 
     def attempt(method: Method) -> Finding:
-        run = ran(LINEAR, method, dt=product / LINEAR.omega0, steps=STEPS)
-        ended = stopped(run)
+        run = run_of(LINEAR, method, dt=product / LINEAR.omega0, steps=STEPS)
+        ended, count = stopped(run), len(run.time) - 1
         if ended is not None:
-            count = len(run.time) - 1
-            return ended if in_time(method, product, count) else replace(
-                ended, outcome=WRONG, note=f"it stopped after {count} steps, not when its growth implies divergence")
+            demand(in_time(method, product, count), f"it stopped after {count} steps, not when its growth implies "
+                   "divergence")
+            return ended
         phase = LINEAR.omega0 * run.time
         size = np.hypot(run.angle, run.velocity / LINEAR.omega0)
         allowed = spread(method, product) * math.exp(max(growth(method, product), 0.0)) * (1.0 + 1e-6)
-        grows = np.max(size) > allowed * np.max(size[: STEPS // 10])
-        most: tuple[Bound, ...] = (Bound("growth", allowed, allowed, CEILING),)
-        wrong = "it grows faster than its eigenvalues allow" if grows else ""
-        own = min(0.1, product**method.order * product * STEPS) if product < 1.0 else 0.1
-        rounding = UNIT * (4.0 + float(phase[-1]))
-        error = np.abs(run.angle / START - np.cos(phase))
-        if foretold(name, method):
+        error, most = np.abs(run.angle / START - np.cos(phase)), [Bound("growth", allowed, allowed, CEILING)]
+        if motion.foretells(method):
             speed = np.abs(run.velocity / START / LINEAR.omega0 + np.sin(phase))
-            formula = held(name, MOTIONS[name], method, np.maximum(error, speed)[: FORETOLD + 1])
+            formula = held(motion, method, np.maximum(error, speed)[: FORETOLD + 1])
             if formula.outcome == WRONG:
                 return formula
-            most = (*formula.bounds, *most)
-        return also(judged(run, error, rounding if method.exact else own + rounding, wrong, of="the amplitude"), *most)
+            most = [*formula.bounds, *most]
+        grows = np.max(size) > allowed * np.max(size[: STEPS // 10])
+        own = min(0.1, product**method.order * product * STEPS) if product < 1.0 else 0.1
+        tolerance = (0.0 if method.exact else own) + UNIT * (4.0 + float(phase[-1]))
+        wrong = "it grows faster than its eigenvalues allow" if grows else ""
+        return also(graded(error, tolerance, wrong, of="the amplitude"), *most)
 
-    return attempt
+    return Case(
+        motion.name if product in PRODUCTS else "a step of 100 periods, small angles", GROUP, WHY,
+        "theta0 cos(omega0 t), of constant amplitude; the error is that of the method's formula. "
+        "Accurate: within (omega0 h)^p of the phase and a tenth of theta0. "
+        "Stable: bounded if no eigenvalue exceeds 1, else growth no faster than the eigenvalues. Diverged: the run "
+        "stops at the step at which its energy becomes absurd",
+        "|eigenvalue| of the step on the oscillator (Hairer & Wanner 1996, IV.2 and V.1; Hairer, Lubich & Wanner 2006, "
+        "I.5.2)", LINEAR, may, attempt, motion=motion if product in PRODUCTS else None)
 
 
 # --- full gravity ---------------------------------------------------------------------------------------------------
@@ -178,132 +165,88 @@ def is_standard_map(method: Method) -> bool:
     return method.symplectic and method.order <= 2 and method.evaluations == 1 and not method.implicit
 
 
-def _full_rule(of_standard_map: str) -> Rule:
-    """Return the rule of allowed outcomes in the scene with full gravity.
+def full(name: str, product: float, angle: float) -> Motion:
+    """Return the first steps of ``product`` = omega0 h from rest at an angle [rad] under full gravity."""
+    return Motion(f"{name}, full gravity", FULL, "pendulum", angle, 0.0, product * FIRST, marks=FIRST, growth=1e3,
+                  most=1, explicit=product > 1.0)
 
-    Methods that conserve energy must be accurate. Those whose step is the standard map must have the outcome
-    ``of_standard_map``. For other methods there is no theorem; they may be stable or diverge.
+
+def _full(name: str, product: float, angle: float, of_standard_map: str, truth: str, source: str, *,
+          turning: float = math.inf, count: int = 0, motion: Motion | None = None) -> Case:
+    """Return the case of full gravity, from rest at ``angle`` [rad] in steps of ``product`` = omega0 h.
+
+    The first steps must err as predicted in a ``motion``. Methods that conserve energy must be accurate, and those
+    whose step is the standard map must have the outcome ``of_standard_map``; ``turning`` [rad] is the bound of |v| h
+    that an invariant circle implies for them. For other methods there is no theorem; they may be stable or diverge, and
+    stable means a residual of at most ABSURD times ``m g L + E0``, which the package guarantees for every run. Verlet's
+    method starts with half a kick, to follow the orbit of the standard map. ``count`` is the number of steps; by
+    default WORK force evaluations.
     """
+    h, omega0 = product / FULL.omega0, FULL.omega0
 
     def may(method: Method) -> frozenset[str]:
         if method.keeps_energy:
             return frozenset({ACCURATE})
-        if is_standard_map(method):
-            return frozenset({of_standard_map})
-        return frozenset({STABLE, DIVERGED})
-
-    return may
-
-
-def _first_steps(method: Method, product: float, angle: float, velocity: float) -> Finding:
-    """Judge the first steps of a method's run, which is WRONG or ACCURATE.
-
-    They must agree with the method's table and, if its order implies it, with the pendulum's exact motion.
-    """
-    h, omega0 = product / FULL.omega0, FULL.omega0
-    run = ran(FULL, method, dt=h, steps=FIRST, angle=angle, velocity=velocity)
-    own = own_steps(named(method), Equation(), angle, velocity / omega0, product, len(run.time) - 1)
-    missed = own.missed(run.angle, run.velocity / omega0) if own is not None else 0.0
-    if missed:
-        return Finding(WRONG, note=f"its first steps differ from its table by {missed:.3g}")
-    if product < 1.0 and velocity == 0.0:
-        truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
-        allowed, errors = order_error(method, angle, product, len(run.time) - 1), np.abs(run.angle - truth)
-        meaningful = allowed < SAYS
-        if np.any(errors[meaningful] > allowed[meaningful] + 1e-12):
-            worst = np.max(errors[meaningful])
-            return Finding(WRONG, note=f"its first steps err by {worst:.3g} rad, more than its order allows")
-        bound = Bound("the angle in the first steps", float(np.max(allowed, where=meaningful, initial=0.0)), angle)
-        return Finding(ACCURATE, bounds=(bound,))
-    return Finding(ACCURATE)
-
-
-def _full(product: float, angle: float, turning: float, count: int = 0) -> Try:
-    """Return a function that judges a method from rest at ``angle`` [rad], in steps of ``product`` = omega0 h.
-
-    Gravity is not linearised. ``turning`` [rad] is the bound of |v| h that an invariant circle of the standard map
-    implies; inf if there is none. For methods without a theorem, stable means a residual of at most ABSURD times
-    ``m g L + E0``, which the package guarantees for every run. Verlet's method starts with half a kick, to follow the
-    orbit of the standard map. ``count`` is the number of steps; by default WORK force evaluations.
-    """
+        return frozenset({of_standard_map} if is_standard_map(method) else {STABLE, DIVERGED})
 
     def attempt(method: Method) -> Finding:
-        h, omega0 = product / FULL.omega0, FULL.omega0
+        bounds: tuple[Bound, ...] = ()
+        if motion is not None and motion.foretells(method):
+            first = follows(motion, method)
+            demand(first.outcome != WRONG, first.note, first.error, first.tolerance)
+            bounds = first.bounds
         steps = count or max(200, math.floor(WORK / (method.evaluations * (NEWTON if method.implicit else 1.0))))
-        kick = -0.5 * h * omega0 * omega0 * math.sin(angle)
-        half = is_standard_map(method) and method.symmetric
-        stride = max(1, steps // STEPS)
-        start_velocity = kick if half else 0.0
-        first = _first_steps(method, product, angle, start_velocity)
-        if first.outcome == WRONG:
-            return first
-        run = ran(FULL, method, dt=h, steps=steps, every=stride, angle=angle, velocity=start_velocity)
+        kick = -0.5 * h * omega0 * omega0 * math.sin(angle) if is_standard_map(method) and method.symmetric else 0.0
+        run = run_of(FULL, method, dt=h, steps=steps, every=max(1, steps // STEPS), angle=angle, velocity=kick)
         ended = stopped(run)
         if ended is not None:
-            early = too_early(named(method), angle, start_velocity / omega0, product, round(float(run.time[-1]) / h))
-            return replace(ended, outcome=WRONG, note=early) if early else ended
+            early = too_early(named(method), angle, kick / omega0, product, round(float(run.time[-1]) / h))
+            demand(not early, early)
+            return ended
         if method.keeps_energy:
-            drift = np.max(np.abs(run.energy_residual)) / run.energy[0]
             own = 10.0 * UNIT * steps * (1.0 + product)
-            found = judged(run, drift, own, "its energy is wrong", of="the energy")
+            found = graded(run.energy_residual / run.energy[0], own, "its energy is wrong", of="the energy")
             if method.exact:
-                truth, _ = exact.pendulum(run.time, angle, 0.0, omega0)
                 most = min(own * omega0 * float(run.time[-1]), LOOSE * angle)
-                found = every(found, judged(run, run.angle - truth, most, "its phase is wrong", size=angle))
-            return also(found, *first.bounds)
+                found = every(found, graded(run.angle - exact.pendulum(run.time, angle, 0.0, omega0)[0], most,
+                                            "its phase is wrong", size=angle))
+            return also(found, *bounds)
         energy = 1.0 - math.cos(angle)
         bound = product * math.sqrt(2.0 * (ABSURD * (1.0 + energy) + energy))
         bound = min(bound, turning) if is_standard_map(method) else bound
-        fastest = float(np.max(np.abs(run.velocity))) * h
-        return also(bounded(fastest, bound, "|v| h [rad]", NO_THEOREM), *first.bounds)
+        return also(bounded(float(np.max(np.abs(run.velocity))) * h, bound, "|v| h [rad]", NO_THEOREM), *bounds)
 
-    return attempt
+    exactly = "Gonzalez 1996, theorem 2.2, for the energy; Jacobi's elliptic functions (Whittaker & Watson 1927, 44)"
+    kept = ("methods that conserve energy do so to 10 ulp per step, the exact one also keeps its phase. For other "
+            "methods, stable means a residual of at most 100 (m g L + E0). The first steps err as predicted, if "
+            "omega0 h < 2; no run may stop before forces of m g L can give it an absurd energy")
+    return Case(f"{name}, full gravity", GROUP, WHY, f"{truth}; {kept}", f"{source}; {exactly}", FULL, may, attempt,
+                count > WORK, motion)
 
 
 # --- the cases ------------------------------------------------------------------------------------------------------
 
 WHY = "The step is near or beyond the method's stability limit; growth must be reported as divergence."
-NO_GROWTH = (
-    "theta0 cos(omega0 t), of constant amplitude; the error is that of the method's formula. "
-    "Accurate: within (omega0 h)^p of the phase and a tenth of theta0. "
-    "Stable: bounded if no eigenvalue exceeds 1, else growth no faster than the eigenvalues. Diverged: the run stops "
-    "at the step at which its energy becomes absurd"
-)
-KEPT = (
-    "methods that conserve energy do so to 10 ulp per step, the exact one also keeps its phase. For other methods, "
-    "stable means a residual of at most 100 (m g L + E0). The first steps agree with the method's table and, at "
-    "omega0 h < 1, with the pendulum within its order; no run may stop before forces of m g L can give it an absurd "
-    "energy"
-)
-CIRCLE = f"inside the last invariant circle of the standard map |v| h stays below a turn; {KEPT}"
 BELOW = math.sqrt(GREENE) * 0.994
 """omega0 h just below the value at which the last invariant circle breaks."""
-
-
-def _small(product: float) -> Case:
-    """Return a hard case of the small-angle scene with steps of ``product`` = omega0 h."""
-    place = replace(LINEAR)
-    return Case(small(product), GROUP, WHY, NO_GROWTH, PUBLISHED, place, _linear_rule(product),
-                _linear(product), motion=small(product) if product in PRODUCTS else "")
-
-
-def _large(name: str, truth: str, source: str, rule: Rule, attempt: Try, long: bool = False) -> Case:
-    """Return a hard case of the scene with full (not linearised) gravity."""
-    return Case(f"{name}, full gravity", GROUP, WHY, truth, source, replace(FULL), rule, attempt, long)
-
+CALM, WILD = full("omega0 h = 0.98", BELOW, 3.0), full("omega0 h = 1.5", 1.5, 1.5)
+_inside = partial(
+    _full, product=BELOW, angle=3.0, of_standard_map=STABLE, turning=2.0 * math.pi, motion=CALM,
+    truth="inside the last invariant circle of the standard map |v| h stays below a turn",
+    source="Greene 1979, J. Math. Phys. 20, 1183; Meiss 1992, Rev. Mod. Phys. 64, 795")
+_outside = partial(
+    _full, of_standard_map=DIVERGED,
+    source="Chirikov 1979, Phys. Rep. 52, 263: p² grows by K²/2 a step, within a factor of 2 or 3")
 
 CASES = (
     *(_small(product) for product in (*PRODUCTS, PERIODS)),
-    _large("omega0 h = 0.98", CIRCLE, f"{STANDARD_MAP}; {EXACTLY}", _full_rule(STABLE),
-           _full(BELOW, 3.0, 2.0 * math.pi)),
-    _large("omega0 h = 0.98 for a million steps", CIRCLE, f"{STANDARD_MAP}; {EXACTLY}", _full_rule(STABLE),
-           _full(BELOW, 3.0, 2.0 * math.pi, 1_000_000), True),
-    _large("omega0 h = 1.5",
-           "the standard map has no invariant circle at K = 2.25, and 1.5 rad lies outside its island: "
-           f"|v| h grows as sqrt(n), which must be reported; {KEPT}", f"{DIFFUSION}; {EXACTLY}", _full_rule(DIVERGED),
-           _full(1.5, 1.5, math.inf)),
-    _large("omega0 h = 20", f"a kick adds up to 200 m g L, and divergence must be reported after a few; {KEPT}",
-           f"{DIFFUSION}; {EXACTLY}", _full_rule(DIVERGED), _full(20.0, 3.0, math.inf)),
-    _large("a step of 100 periods", f"a kick adds up to 200 000 m g L, and divergence must be reported; {KEPT}",
-           f"{DIFFUSION}; {EXACTLY}", _full_rule(DIVERGED), _full(PERIODS, 3.0, math.inf)),
+    _inside("omega0 h = 0.98"),
+    _inside("omega0 h = 0.98 for a million steps", count=1_000_000),
+    _outside("omega0 h = 1.5", 1.5, 1.5, motion=WILD,
+             truth="the standard map has no invariant circle at K = 2.25, and 1.5 rad lies outside its island: |v| h "
+             "grows as sqrt(n), which must be reported"),
+    _outside("omega0 h = 20", 20.0, 3.0,
+             truth="a kick adds up to 200 m g L, and divergence must be reported after a few"),
+    _outside("a step of 100 periods", PERIODS, 3.0,
+             truth="a kick adds up to 200 000 m g L, and divergence must be reported"),
 )

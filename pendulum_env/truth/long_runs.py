@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 
 import integrators
 from integrators import Method
-from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, offers
 from pendulum_env.engine.problem import moving
@@ -24,6 +22,7 @@ from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.reference import ROUNDING, StudyError, closed_form
+from pendulum_env.truth.reference import refuse_gusts as refuse_gusts
 
 Array = NDArray[np.float64]
 Tell = Callable[[float, str], None]
@@ -38,22 +37,6 @@ DEAD = 1e-12
 """The motion counts as decayed when its speed is this fraction of the initial one."""
 AT_ONCE = 2**20
 """Number of steps between two progress reports, at which the user can interrupt."""
-
-
-class LongTruth(Protocol):
-    """Protocol of a reference solution of a long run, known only near some given times (marks).
-
-    Attributes:
-        how: text on how the solution was computed, for figures.
-        died: number of marks up to and including the first one at which the motion has decayed; all if it never has.
-    """
-
-    how: str
-    died: int
-
-    def at(self, times: Array) -> Truth:
-        """Return the reference solution at increasing times [s], with an error for each time."""
-        ...
 
 
 def long_truth(
@@ -71,12 +54,6 @@ def long_truth(
     if closed_form(scene, angle, velocity, np.zeros(1)) is not None:
         return _Closed(scene, angle, velocity, marks)
     return Pair(scene, angle, velocity, marks, reach, backend, tell)
-
-
-def refuse_gusts(scene: Scene) -> None:
-    """Raise StudyError for a scene with gusts, whose motion depends on a seed."""
-    if program(scene, integrators.get("rk4"), ()).shape.drawn:
-        raise StudyError(f"The scene '{scene.name}' has gusts, which depend on a seed: it has no unique motion.")
 
 
 def followers(scene: Scene) -> tuple[Method, Method]:
@@ -191,6 +168,14 @@ class Pair:
         return np.asarray(state[: machine.width], dtype=float)
 
 
+LongTruth = _Closed | Pair
+"""Reference solution of a long run, known only near some given times (marks).
+
+Its ``how`` says how it was computed, ``died`` is the number of marks up to and including the first one at which the
+motion has decayed (all if it never has), and ``at(times)`` returns the solution at increasing times [s].
+"""
+
+
 def _angle(rows: Array) -> Array:
     """Return the total angle [rad], with whole turns, of stored states (one row per state)."""
     return np.asarray(rows[:, ANGLE] + TWO_PI * rows[:, TURNS])
@@ -211,7 +196,9 @@ def _followed(
         on(machine, state, h, (low - before) * every, report)
         out = np.empty((high - low + 1, machine.width))
         code = machine.run(state, machine.parameters, 0.0, h, high - low, every, math.inf, out, UNSEEN)
-        _check(machine, code, state, h)
+        if code:
+            at = float(state[INDEX]) * h
+            raise StudyError(f"The motion of '{machine.scene.name}' ends at {at:.4g} s: {STOP_REASONS[code]}.")
         blocks.append(out if not blocks or low > before else out[1:])
         speed = float(np.max(np.abs(out[:, VELOCITY])))
         first = first or speed
@@ -231,10 +218,3 @@ def on(machine: Machine, state: object, h: float, steps: int, report: Callable[[
         steps -= AT_ONCE
         report(float(state[INDEX]))  # type: ignore[index]
     return code
-
-
-def _check(machine: Machine, code: int, state: object, h: float) -> None:
-    """Raise StudyError with the reason and the time if the stop code of a run is not 0 (it stopped early)."""
-    if code:
-        at = float(state[INDEX]) * h  # type: ignore[index]
-        raise StudyError(f"The motion of '{machine.scene.name}' ends at {at:.4g} s: {STOP_REASONS[code]}.")

@@ -22,7 +22,15 @@ from pendulum_env.physics import exact
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.truth.answer import Truth
-from pendulum_env.truth.pieces import COLUMNS, PieceError, SceneEquation, State, extrapolated, path, problem_of
+from pendulum_env.truth.pieces import (
+    COLUMNS,
+    PieceError,
+    SceneEquation,
+    dormand_prince,
+    extrapolated,
+    path,
+    problem_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -83,7 +91,7 @@ def reference(scene: Scene, angle: float, velocity: float, times: ArrayLike) -> 
         main = np.array(path(problem, extrapolated(), start, marks.tolist()))
     except PieceError as error:
         raise StudyError(str(error)) from None
-    check = np.array(path(problem, _dormand_prince, start, marks.tolist()))
+    check = np.array(path(problem, dormand_prince, start, marks.tolist()))
     if not (np.all(np.isfinite(main)) and np.all(np.isfinite(check))):
         raise StudyError(f"The motion of '{scene.name}' from {q:g} rad and {v:g} rad/s does not stay finite.")
     difference = float(np.max(np.abs(main[:, 0] - check[:, 0])))
@@ -115,12 +123,8 @@ def closed_form(scene: Scene, angle: float, velocity: float, times: Array) -> Tr
 
 def _linear(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
     """Return the exact angle and velocity of a scene's damped harmonic oscillator at times t."""
-    return exact.linear(t, q, v, math.sqrt(_stiffness(values)), values.get("linear_drag_rate", 0.0))
-
-
-def _stiffness(values: dict[str, float]) -> float:
-    """Return the square of the frequency of a harmonic oscillator, small-angle gravity or a fibre; 0 without [1/s²]."""
-    return values.get("spring_rate", values.get("fibre_rate", 0.0))
+    square = values.get("spring_rate", values.get("fibre_rate", 0.0))
+    return exact.linear(t, q, v, math.sqrt(square), values.get("linear_drag_rate", 0.0))
 
 
 def _pendulum(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
@@ -206,25 +210,16 @@ def _unknown(time: Array, why: str) -> Truth:
 # --- the check ------------------------------------------------------------------------------------------------------
 
 
-def motion_of(scene: Scene) -> SceneEquation:
-    """Return a scene's equation of motion without control; raises StudyError for gusts, which depend on a seed."""
+def refuse_gusts(scene: Scene) -> None:
+    """Raise StudyError for a scene with gusts, whose motion depends on a seed."""
     if any(effect.draws for effect in scene.effects):
         raise StudyError(f"The scene '{scene.name}' has gusts, which depend on a seed: it has no unique motion.")
+
+
+def motion_of(scene: Scene) -> SceneEquation:
+    """Return a scene's equation of motion without control; raises StudyError for gusts, which depend on a seed."""
+    refuse_gusts(scene)
     return problem_of(scene, {"sin": math.sin, "cos": math.cos})
-
-
-def _dormand_prince(problem: SceneEquation, t: float, state: State, end: float, direction: float) -> State:
-    """Advance a motion with scipy's DOP853 at the smallest tolerance that it accepts; nan if it fails."""
-    from scipy.integrate import DOP853
-
-    def rates(time: float, y: Any) -> Array:
-        return np.array([y[1], problem.acceleration(time, float(y[0]), float(y[1]), direction)])
-
-    size = abs(state[0]) + (end - t) * abs(state[1])
-    solver = DOP853(rates, t, np.array(state), end, rtol=3e-14, atol=1e-16 * (size or 1.0))
-    while solver.status == "running":
-        solver.step()
-    return (float(solver.y[0]), float(solver.y[1])) if solver.status == "finished" else (math.nan, math.nan)
 
 
 # --- early and late -------------------------------------------------------------------------------------------------

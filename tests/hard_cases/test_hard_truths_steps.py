@@ -12,11 +12,14 @@ from scipy.integrate import solve_ivp
 from step_limit_truths import OSCILLATOR_LIMIT, drag_limit, oscillator_limit, regains
 
 from integrators import METHODS
+from pendulum_env.hard_cases import case as case_module
 from pendulum_env.hard_cases import step_limits as steps
 from pendulum_env.hard_cases import stiff_damping as stiff
+from pendulum_env.hard_cases.catalogue import MOTIONS
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import beyond_sense
 from pendulum_env.physics.scene import Scene
+from pendulum_env.truth.reference import reference
 
 TIMES = stiff.STEP * np.array([0, 1, 2, 20, 100])
 DAMPED = [name for name, method in METHODS.items() if "velocity_free" not in method.needs]
@@ -57,7 +60,7 @@ def test_drag_grows_where_published_limits_say_so(load: float) -> None:
     """Under drag alone, for methods without backward sub-steps, in which drag amplifies without a limit."""
     for name in DAMPED:
         if not stiff.backwards(METHODS[name]):
-            grown = stiff.growth(METHODS[name], 0.0, load, stiff.STEPS)
+            grown = steps.growth(METHODS[name], 0.0, stiff.STEPS, load)
             assert (grown > 1e-9) == (load > drag_limit(name)), name
 
 
@@ -174,13 +177,16 @@ def test_the_slow_manifold(stiffness: float) -> None:
 
 @pytest.mark.slow
 def test_fast_under_gravity() -> None:
-    """The reference solution is compared with scipy's Radau IIA."""
-    load = 1e6
-    truth, omega0, c = stiff.falling_truth(load), stiff.quadratic_scene(load).omega0, load / (stiff.FAST * stiff.STEP)
+    """The true motion is compared with scipy's Radau IIA, and with the reference solution of the scene."""
+    load, motion = 1e6, MOTIONS["quadratic drag and gravity, c v0 h = 1e6"]
+    omega0, c = motion.scene.omega0, load / (stiff.FAST * stiff.STEP)
     found = solve_ivp(lambda _, y: (y[1], -c * abs(y[1]) * y[1] - omega0**2 * math.sin(y[0])), (0.0, 1.0),
                       (0.0, stiff.FAST), method="Radau", rtol=1e-10, atol=1e-13, t_eval=TIMES)
-    assert np.max(np.abs(truth.angle[[0, 1, 2, 20, 100]] - found.y[0])) < 1e-8
+    assert np.max(np.abs(motion.true()[0][[0, 1, 2, 20, 100]] - found.y[0])) < 1e-8
+    truth = reference(motion.scene, 0.0, stiff.FAST, stiff.STEP * np.arange(stiff.STEPS + 1))
+    assert np.max(np.abs(motion.true()[0] - truth.angle)) < 1e-10
     assert truth.error_estimate < 1e-10
+    assert np.max(np.abs(truth.angle)) == pytest.approx(stiff.FALLEN, rel=0.01)
 
 
 # --- mutants: a false run has to be noticed -------------------------------------------------------------------------
@@ -192,11 +198,11 @@ def _case(group, name: str):  # type: ignore[no-untyped-def]
 
 @pytest.mark.parametrize("method", ["gauss4", "radau5", "sdirk2", "bdf2", "backward_euler", "implicit_midpoint"])
 def test_without_drag_nothing_slows_down_as_it_must(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = stiff.ran
+    real = case_module.rollout
     still = Scene("without drag")
     case, chosen = _case(stiff, "quadratic drag alone, c v0 h = 1e+06"), METHODS[method]
     assert case.as_expected(chosen, case.tried(chosen))
-    monkeypatch.setattr(stiff, "ran", lambda scene, *given, **options: real(still, *given, **options))
+    monkeypatch.setattr(case_module, "rollout", lambda _scene, **options: real(still, **options))
     for name in ("quadratic drag alone, c v0 h = 1e+06", "linear drag, gamma h = 1000"):
         case = _case(stiff, name)
         assert not case.as_expected(chosen, case.tried(chosen))
@@ -206,15 +212,15 @@ def test_without_drag_nothing_slows_down_as_it_must(method: str, monkeypatch: py
 def test_another_method_another_gravity_and_an_early_stop_are_noticed(
     method: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, chosen, case = steps.ran, METHODS[method], _case(steps, "omega0 h = 0.98, full gravity")
+    real, chosen, case = case_module.rollout, METHODS[method], _case(steps, "omega0 h = 0.98, full gravity")
     assert case.as_expected(chosen, case.tried(chosen))
 
-    def early(scene, method, **options):  # type: ignore[no-untyped-def]
-        if options["steps"] <= steps.FIRST:
-            return real(scene, method, **options)
-        return replace(real(scene, method, **{**options, "steps": 1, "every": 1}), stop_reason="diverged")
+    def early(scene, **options):  # type: ignore[no-untyped-def]
+        if options["duration"] <= steps.FIRST * options["dt"] * 1.001:
+            return real(scene, **options)
+        return replace(real(scene, **{**options, "duration": options["dt"], "every": 1}), stop_reason="diverged")
 
-    for mutant in (lambda scene, _, **options: real(scene, METHODS["forward_euler"], **options),
-                   lambda scene, *given, **options: real(replace(scene, gravity=5.0), *given, **options), early):
-        monkeypatch.setattr(steps, "ran", mutant)
+    for mutant in (lambda scene, **options: real(scene, **{**options, "integrator": METHODS["forward_euler"]}),
+                   lambda scene, **options: real(replace(scene, gravity=5.0), **options), early):
+        monkeypatch.setattr(case_module, "rollout", mutant)
         assert not case.as_expected(chosen, case.tried(chosen))

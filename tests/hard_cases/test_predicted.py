@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,10 @@ import pytest
 from integrators import METHODS
 from pendulum_env.engine.machine import offers
 from pendulum_env.hard_cases import near_top, predicted
-from pendulum_env.hard_cases.case import ACCURATE, STABLE, WRONG, Case
-from pendulum_env.hard_cases.catalogue import CASES, GROUPS
-from pendulum_env.hard_cases.predicted import FILE, Motion, allowed, foretold, held, steps_and_error
+from pendulum_env.hard_cases.case import ACCURATE, STABLE, WRONG, Case, held
+from pendulum_env.hard_cases.catalogue import CASES, MOTIONS
+from pendulum_env.hard_cases.predicted import FILE
 
-MOTIONS = {name: motion for group in GROUPS for name, motion in getattr(group, "MOTIONS", {}).items()}
 NAME = "release 1e-03 rad from the top"
 MOTION = MOTIONS[NAME]
 
@@ -28,10 +28,11 @@ def test_every_motion_has_its_predictions_and_no_other_is_stored() -> None:
     """A method that was added after the file was made is in no motion of it, and is bound by its order."""
     stored = json.loads(Path(FILE).read_text(encoding="utf-8"))
     assert stored.keys() == MOTIONS.keys()
+    assert all(case.motion == MOTIONS[case.motion.name] for case in CASES if case.motion)
     known = {method for row in stored.values() for method in row}
     assert known <= METHODS.keys()
     for name, row in stored.items():
-        fitting = {method for method in known if MOTIONS[name].fits(METHODS[method])}
+        fitting = {method for method in known if forty_digits.fits(MOTIONS[name], METHODS[method])}
         assert row.keys() == fitting, name
         for method, (steps, error) in row.items():
             assert steps >= 1, (name, method)
@@ -50,29 +51,29 @@ def released(time: float) -> tuple[Any, Any]:
                                     "taylor", "dprkn8", "hht_alpha", "hht_alpha_mean_force", "discrete_gradient"])
 def test_steps_in_forty_digits_have_the_order_of_the_method(method: str) -> None:
     """The error over 1/omega0 from 2 rad falls with the order of the method."""
-    short, end = Motion("pendulum", 2.0, 0.0, 1.0), [released(1.0)]
+    short, end = replace(MOTION, angle=2.0, time=1.0, from_top=False), [released(1.0)]
     coarse, fine = (forty_digits.error(METHODS[method], short, end, count) for count in (16, 32))
     assert math.log2(coarse / fine) == pytest.approx(METHODS[method].order, abs=0.6)
 
 
 @pytest.mark.slow
 def test_the_exact_motion_is_that_of_the_elliptic_functions() -> None:
-    (state,) = forty_digits.truth(Motion("pendulum", 2.0, 0.0, 0.25))
+    (state,) = forty_digits.truth(replace(MOTION, angle=2.0, time=0.25))
     assert max(abs(x - y) for x, y in zip(state, released(0.25), strict=True)) < 1e-33
 
 
 @pytest.mark.parametrize(("factor", "outcome"), [(1.0, ACCURATE), (1.01, ACCURATE), (1.03, WRONG), (0.97, WRONG)])
 def test_an_error_must_be_the_predicted_one(factor: float, outcome: str) -> None:
     method = METHODS["heun"]
-    _, error = steps_and_error(NAME, MOTION, method)
-    assert held(NAME, MOTION, method, factor * error).outcome == outcome
+    _, error = MOTION.steps_and_error(method)
+    assert held(MOTION, method, factor * error).outcome == outcome
 
 
 def test_a_large_predicted_error_is_no_accuracy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(predicted, "_stored", lambda: {NAME: {"rk4": (100, 0.5)}})
-    assert held(NAME, MOTION, METHODS["rk4"], 0.5).outcome == STABLE
-    assert held(NAME, MOTION, METHODS["rk4"], 0.6).outcome == WRONG
-    assert allowed(NAME, MOTION, METHODS["rk4"]) < 0.52
+    assert held(MOTION, METHODS["rk4"], 0.5).outcome == STABLE
+    assert held(MOTION, METHODS["rk4"], 0.6).outcome == WRONG
+    assert MOTION.allowed(METHODS["rk4"]) < 0.52
 
 
 def test_a_method_without_a_prediction_is_judged_by_its_order() -> None:
@@ -82,13 +83,9 @@ def test_a_method_without_a_prediction_is_judged_by_its_order() -> None:
     assert case.tried(mutants.altered(METHODS["forward_euler"], name="own", order=4)).outcome == WRONG
 
 
-def test_every_motion_is_that_of_a_case() -> None:
-    assert {case.motion for case in CASES} - {""} == MOTIONS.keys()
-
-
 @pytest.mark.parametrize("case", [
     pytest.param(case, id=case.name, marks=[pytest.mark.slow] if case.long else [])
-    for case in CASES if foretold(case.motion, METHODS["rk4"])])
+    for case in CASES if case.motion and case.motion.foretells(METHODS["rk4"])])
 def test_a_case_notices_the_step_of_another_method(case: Case) -> None:
     """The step of Kutta's method of order 3 runs under the name rk4."""
     assert case.as_expected(METHODS["rk4"], case.tried(METHODS["rk4"]))
@@ -132,7 +129,7 @@ UNSEEN: dict[tuple[str, str], str] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("method", mutants.RELATIVES)
 def test_every_case_of_accuracy_notices_the_lower_order(method: str) -> None:
-    cases = [case for case in CASES if not case.long and foretold(case.motion, METHODS[method])]
+    cases = [case for case in CASES if not case.long and case.motion and case.motion.foretells(METHODS[method])]
     assert len(cases) > 30
     missed = {(case.name, method) for case in cases if not mutants.noticed(case, mutants.lower(method))}
     assert missed == {pair for pair in UNSEEN if pair[1] == method}

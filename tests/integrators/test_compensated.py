@@ -38,7 +38,7 @@ from pendulum_env.engine.wrap import half_turns, left_out, without_half_turns_ke
 from pendulum_env.physics.effects import Gravity, Motor
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
 from pendulum_env.study.growth.study import growth
-from pendulum_env.truth.steps import rounding_factor
+from pendulum_env.truth.bounds import rounding_factor
 
 REFUSED = {"exact": "it adds nothing up"} | {
     name: "it makes the velocity anew from earlier mean velocities, each rounded"

@@ -1,16 +1,17 @@
 """Predicted errors of hard cases: each method's steps in 40-digit arithmetic, written from the formulas of the books.
 
-``python tests/support/forty_digits.py`` computes ``pendulum_env/hard_cases/predictions.json``: for each case and method
-the number of steps, and the error that exact arithmetic leaves. With names of cases as arguments only these are
-computed anew. Nothing here calls a step of the package: the coefficients come from its tables, which other tests
-compare with the published ones; forces, stages, starting values and the exact motion are computed here. gmpy2, if
-installed, makes it several times faster.
+``python tests/support/forty_digits.py`` computes two files of ``pendulum_env/hard_cases``: ``true_motions.json`` with
+the exact motion of each case, and ``predictions.json`` with the number of steps of each method in it, and the error
+that exact arithmetic leaves. With names of cases as arguments only these are computed anew. Nothing here calls a step
+of the package: the coefficients come from its tables, which other tests compare with the published ones; forces,
+stages, starting values and the exact motion are computed here. gmpy2, if installed, makes it several times faster.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,14 +19,20 @@ from fractions import Fraction
 from functools import cache, lru_cache
 from itertools import accumulate, pairwise
 from operator import mul
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hard_truths import airs
 from readme_code import ROOT
 
 import integrators
-from pendulum_env.hard_cases import catalogue, chaos, fast_drive, resonance, switching
-from pendulum_env.hard_cases.predicted import FILE, Motion
+from integrators.method import NEEDS
+from pendulum_env.engine.machine import offers
+from pendulum_env.engine.starts import ENOUGH
+from pendulum_env.hard_cases import chaos, fast_drive, resonance, switching
+from pendulum_env.hard_cases.catalogue import MOTIONS
+from pendulum_env.hard_cases.predicted import FILE, TRUTHS, Motion
 from pendulum_env.truth.chaos import DOUBLINGS
 
 try:  # ten times as fast
@@ -43,6 +50,8 @@ TERMS, PIECE = 36, 0.1
 """Terms of the Taylor series of the exact motion, and length of its steps times the rate of the motion."""
 SLOWED = 12
 """Terms of the Taylor series of drag in wind, whose errors may be 1e-24."""
+FAR = 1e15
+"""Angle beyond which a run has diverged [rad]; the sine of much larger ones takes minutes."""
 NODES = 12
 """Nodes of the quadrature that gives the mean force between two angles."""
 MORE = 2.0
@@ -116,8 +125,12 @@ class Series(list[Any]):
 
 
 def sin(x: Any) -> Any:
-    """Return the sine of a float, of a number of 40 digits or of a series."""
-    return x.turned()[0] if isinstance(x, Series) else math.sin(x) if isinstance(x, float) else numbers_of.sin(x)
+    """Return the sine of a float, of a number of 40 digits or of a series; raises ArithmeticError beyond FAR."""
+    if isinstance(x, Series):
+        return x.turned()[0]
+    if not abs(x) < FAR:
+        raise ArithmeticError("The angle is too large for its sine to mean anything.")
+    return math.sin(x) if isinstance(x, float) else numbers_of.sin(x)
 
 
 def root(x: Any) -> Any:
@@ -143,7 +156,8 @@ class Problem:
     """Equation of motion ``q'' = force(t, q) - linear v - quadratic |v| v``, of angular frequency ``rate``.
 
     ``dry`` is the limit of dry friction, which acts against the velocity, and holds the bob while other forces are
-    within it. ``wind`` is a further force that depends on angle and velocity.
+    within it. ``wind`` is a further force that depends on angle and velocity. ``closed`` is True if the motion has a
+    closed form: a strongly damped oscillator, or quadratic drag alone.
     """
 
     force: Callable[[Any, Any], Any]
@@ -152,6 +166,7 @@ class Problem:
     rate: float = 1.0
     dry: float = 0.0
     wind: Callable[[Any, Any], Any] | None = None
+    closed: bool = False
 
     def towards(self, side: int) -> Problem:
         """Return the smooth problem of a bob that slides to one side."""
@@ -225,6 +240,8 @@ class Problem:
         With quadratic drag a series ends where the velocity is zero, as the force has a kink there, and with dry
         friction it starts with the direction in which the bob slides.
         """
+        if self.closed:
+            return self.decayed(q, v, end - t)
         while t < end:
             if self.dry:
                 if v == 0:
@@ -237,7 +254,7 @@ class Problem:
             parts = max(1, math.ceil(float(end - t) * self.rate / PIECE))
             h = (end - t) / parts
             places, speeds = self.series(t, q, v, TERMS)
-            while self.wind is not None and abs(speeds[TERMS]) * h**TERMS > mpf(10) ** -30:
+            while (self.wind or self.quadratic > 1.0) and abs(speeds[TERMS]) * h**TERMS > mpf(10) ** -30:
                 parts, h = 2 * parts, h / 2
             after = polynomial(speeds, h)
             turn = zero(speeds, h) if self.quadratic and next((x for x in speeds if x), 0) * after < 0 else None
@@ -246,6 +263,17 @@ class Problem:
             q, v, t = polynomial(places, h), after, end if parts == 1 and turn is None else t + h
         return q, v
 
+    def decayed(self, q: Any, v: Any, time: Any) -> State:
+        """Return the state after a time of ``q'' = -q - linear v`` with linear > 2, or of quadratic drag alone."""
+        if self.quadratic:
+            divisor = 1 + mpf(self.quadratic) * v * time
+            return q + numbers_of.log(divisor) / mpf(self.quadratic), v / divisor
+        half = mpf(self.linear) / 2
+        fast = -half - numbers_of.sqrt(half * half - 1)
+        slow = 1 / fast
+        b = (v - slow * q) / (fast - slow)
+        parts = (q - b) * numbers_of.exp(slow * time), b * numbers_of.exp(fast * time)
+        return sum(parts), slow * parts[0] + fast * parts[1]
 
     def until_rest(self, t: Any, q: Any, v: Any, end: Any) -> tuple[Any, Any, Any]:
         """Return time and state where the velocity next becomes zero, or at ``end``, by Taylor series."""
@@ -277,24 +305,33 @@ def numbers(row: Sequence[Any]) -> list[Any]:
 def solved(p: Problem, times: Sequence[Any], q: Any, of_q: Sequence[Any], v: Any, of_v: Sequence[Any]) -> list[Any]:
     """Solve ``W = v + of_v a(t, q + of_q W)`` for the stage velocities W, by Newton's method."""
     count = len(times)
-    rough = np.array([[float(x) for x in row] for row in of_v])
-    places, reach = [q] * count, np.array([[float(x) for x in row] for row in of_q])
+    rough, reach = (np.array([[float(x) for x in row] for row in rows]) for rows in (of_v, of_q))
     w = [mpf(v)] * count
-    for _ in range(60):
+    if p.quadratic * np.max(np.abs(rough)) * abs(float(v)) > 1.0 and abs(np.linalg.det(rough / np.max(rough))) > 1e-9:
+        # Under strong drag the limit of large drag is a better start.
+        w = [mpf(math.copysign(math.sqrt(abs(x)), x))
+             for x in np.linalg.solve(rough, np.full(count, float(v))) / p.quadratic]
+
+    def residual(w: Sequence[Any]) -> tuple[list[Any], list[Any]]:
         places = [q + dot(row, w) for row in of_q]
         k = [p.acceleration(*state) for state in zip(times, places, w, strict=True)]
-        off = [x - v - dot(row, k) for x, row in zip(w, of_v, strict=True)]
+        return places, [x - v - dot(row, k) for x, row in zip(w, of_v, strict=True)]
+
+    places, off = residual(w)
+    for _ in range(200):
         size = max(map(abs, off))
         if size <= DIGITS * (1 + abs(v)):
             return w
-        if count == 1:
-            by_q, by_v = _slopes(p, *map(float, (times[0], places[0], w[0])))
-            w = [w[0] - off[0] / mpf(1.0 - rough[0, 0] * (by_q * reach[0, 0] + by_v))]
-            continue
         slopes = np.array([_slopes(p, *map(float, state)) for state in zip(times, places, w, strict=True)])
         matrix = np.eye(count) - rough @ (np.diag(slopes[:, 0]) @ reach + np.diag(slopes[:, 1]))
-        move = np.linalg.solve(matrix, [float(x / size) for x in off])
-        w = [x - size * mpf(dx) for x, dx in zip(w, move, strict=True)]
+        move, share = np.linalg.solve(matrix, [float(x / size) for x in off]), 1.0
+        while share > 1e-6:  # shorter where it overshoots
+            tried = [x - size * mpf(share * dx) for x, dx in zip(w, move, strict=True)]
+            places, off = residual(tried)
+            if max(map(abs, off)) < size:
+                break
+            share /= 2.0
+        w = tried
     raise ArithmeticError("Newton's method does not converge")
 
 
@@ -385,11 +422,12 @@ def discrete_gradient(m: Any, p: Problem, t: Any, q: Any, v: Any, h: Any) -> Sta
     half, w = h / 2, v
     for _ in range(200):
         mean = sum(b * p.force(t + half, q + half * w * (1 + x)) for x, b in _gauss()) / 2
-        new = v + half * (mean + p.acceleration(t + half, q + half * w, w) - p.force(t + half, q + half * w))
-        w, change = new, abs(new - w)
-        if change <= DIGITS * (1 + abs(v)):
+        off = w - v - half * (mean + p.acceleration(t + half, q + half * w, w) - p.force(t + half, q + half * w))
+        change = off / (1 + half * (p.linear + 2 * p.quadratic * abs(w)))
+        w = w - change
+        if abs(change) <= DIGITS * (1 + abs(v)):
             return q + h * w, 2 * w - v
-    raise ArithmeticError("the fixed point iteration does not converge")
+    raise ArithmeticError("the iteration does not converge")
 
 
 ONE_STEP: dict[str, Callable[..., State]] = {
@@ -595,15 +633,18 @@ EQUATIONS: dict[str, Problem | tuple[Problem, ...]] = {
         lambda t, q: mpf(1.2) * cos(mpf(1.3) * t) - sin(q), quadratic=0.2, dry=0.8, rate=1.3),
     "linear, dry friction of 0.1": Problem(lambda t, q: -q, dry=0.1),
     "linear, dry friction, a slowly rising torque": Problem(lambda t, q: sin(mpf(0.02) * t) - q, dry=0.8),
-    switching.YIELDS: Problem(_risen_slowly, dry=0.8),
-    switching.EXCEEDS: Problem(lambda t, q: -q, dry=0.5),
-    resonance.TWICE: Problem(lambda t, q: mpf(resonance.PUSH) * cos(2 * t) - q, linear=0.2, rate=2.0),
-    fast_drive.GUSTY: tuple(in_wind(air) for air in fast_drive.airs()),
-    switching.REVERSES: tuple(in_wind(air) for air in switching.airs()),
+    switching.YIELDS.equation: Problem(_risen_slowly, dry=0.8),
+    switching.EXCEEDS.equation: Problem(lambda t, q: -q, dry=0.5),
+    resonance.TWICE.equation: Problem(lambda t, q: mpf(resonance.PUSH) * cos(2 * t) - q, linear=0.2, rate=2.0),
+    fast_drive.GUSTY.equation: tuple(in_wind(air) for air in airs(fast_drive.GUSTY.name)),
+    switching.REVERSES.equation: tuple(in_wind(air) for air in airs(switching.REVERSES.name)),
     "driven at 1.5": driven_at(1.5),
-    **{chaos.doubled(one): driven_at(one.strength) for one in DOUBLINGS},
-    **{f"linear drag of {load:g}": Problem(lambda t, q: -q, linear=load / 0.01 / math.sqrt(9.81), rate=load / 0.03)
-       for load in (1.5, 10.0)},
+    **{chaos.doubled(one).equation: driven_at(one.strength) for one in DOUBLINGS},
+    **{f"linear drag, gamma h = {load:g}": Problem(lambda t, q: -q, linear=load / 0.01 / math.sqrt(9.81), closed=True)
+       for load in (1.5, 10.0, 1e3, 1e6)},
+    **{f"quadratic drag alone, c v0 h = {load:g}": Problem(lambda t, q: 0 * q, quadratic=load / 100.0, closed=True)
+       for load in (10.0, 1e3, 1e6)},
+    "quadratic drag and gravity, c v0 h = 1e6": Problem(lambda t, q: -sin(q), quadratic=1e4),
     **{fast_drive.edge(share): shaken(share) for share in fast_drive.SHARES},
 }
 """Equation of motion of each name that cases use, or one for each mark, in units of time in which omega0 is 1."""
@@ -614,26 +655,22 @@ def pushed(p: Problem, torque: float) -> Problem:
     return replace(p, force=lambda t, q: p.force(t, q) + mpf(torque)) if torque else p
 
 
-def pieces(motion: Motion) -> Iterator[tuple[Problem, bool, bool]]:
-    """Yield for each mark the problem until then, whether methods start anew, and whether the velocity is reversed.
-
-    They start anew where the torque or the wind changes.
-    """
+def pieces(motion: Motion) -> Iterator[tuple[Problem, bool]]:
+    """Yield for each mark the problem until then, and whether methods start anew, as the torque or wind changes."""
     p = EQUATIONS[motion.equation]
     torques = motion.torques or (0.0,) * motion.marks
     for k, torque in enumerate(torques):
-        back = motion.back and 2 * k == motion.marks
         if isinstance(p, tuple):
-            yield p[k], True, back
+            yield p[k], True
         else:
-            yield pushed(p, torque), k == 0 or back or torque != torques[k - 1], back
+            yield pushed(p, torque), k == 0 or torque != torques[k - 1]
 
 
 def truth(motion: Motion) -> list[State]:
     """Return the exact motion at its marks."""
     gap, t, q, v, states = mpf(motion.time) / motion.marks, mpf(0), mpf(motion.angle), mpf(motion.velocity), []
-    for p, _, back in pieces(motion):
-        (q, v), t = p.exact(t, q, -v if back else v, t + gap), t + gap
+    for p, _ in pieces(motion):
+        (q, v), t = p.exact(t, q, v, t + gap), t + gap
         states.append((q, v))
     return states
 
@@ -642,8 +679,7 @@ def error(method: Any, motion: Motion, true: Sequence[State], count: int) -> flo
     """Return the largest error at the marks, relative to the motion's size, in ``count`` steps per mark."""
     gap, t, q, v = mpf(motion.time) / motion.marks, mpf(0), mpf(motion.angle), mpf(motion.velocity)
     size, worst, walk = motion.size(float(true[-1][0])), 0.0, iter(())
-    for (place, speed), (p, anew, back) in zip(true, pieces(motion), strict=True):
-        v = -v if back else v
+    for (place, speed), (p, anew) in zip(true, pieces(motion), strict=True):
         walk = steps(method, p, t, q, v, gap / count) if anew else walk
         for _ in range(count):
             q, v = next(walk)
@@ -654,40 +690,61 @@ def error(method: Any, motion: Motion, true: Sequence[State], count: int) -> flo
     return worst
 
 
+def fits(motion: Motion, method: Any) -> bool:
+    """Return True if a motion is predicted for a method: it meets its needs, and the error is not zero."""
+    unmet = (frozenset(NEEDS) - offers(motion.scene)) | motion.lacks
+    return not (method.exact or method.needs & unmet or (motion.explicit and method.implicit))
+
+
+def least(motion: Motion, method: Any) -> int:
+    """Return the fewest steps per mark of a method in a motion; a multistep method needs some times its history.
+
+    It needs them in the whole motion or, where torques change or the motion is ``sensitive``, for each mark.
+    """
+    each = bool(motion.torques) or motion.sensitive
+    past = ENOUGH * method.past if each else math.ceil(ENOUGH * method.past / motion.marks)
+    return motion.fewest if motion.most == 1 else max(motion.fewest, past)
+
+
 def predicted(method: Any, motion: Motion, true: Sequence[State]) -> tuple[int, float]:
     """Return the fewest steps per mark with which a method errs by at most the motion's goal, and its error.
 
     The numbers of steps double, from ``motion.fewest`` to ``motion.most``, and are skipped where the order implies that
     they are too few.
     """
-    count = motion.least(method)
+    count = least(motion, method)
     while True:
         try:
             found = error(method, motion, true, count)
         except (ArithmeticError, np.linalg.LinAlgError):
             found = math.inf
-        if found <= motion.goal or count >= max(motion.most, motion.least(method)):
+        if found <= motion.goal or count >= max(motion.most, least(motion, method)):
             return count, found
         ratio = MORE
         if found < 1.0:
             ratio = max(MORE, 0.8 * (found / motion.goal) ** (1.0 / method.order))
-        count = min(max(motion.most, motion.least(method)), count * 2 ** math.floor(math.log2(ratio)))
+        count = min(max(motion.most, least(motion, method)), count * 2 ** math.floor(math.log2(ratio)))
+
+
+def write(file: Path, name: str, entry: str) -> None:
+    """Write the entry of a motion to a file, in the place that the motion has in the catalogue."""
+    entries = dict(re.findall(r'^"(.+?)": ([{[].*?[}\]])(?:,\n|\n}$)', file.read_text(encoding="utf-8"), re.M | re.S))
+    entries[name] = entry
+    lines = [f'"{key}": {entries[key]}' for key in MOTIONS if key in entries]
+    file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
 def main(names: Sequence[str]) -> None:
     """Compute the predictions of these motions, by default of all, and write them to the file."""
-    motions = {name: motion for group in catalogue.GROUPS for name, motion in getattr(group, "MOTIONS", {}).items()}
-    for name in names or motions:
-        true, row = truth(motions[name]), {}
+    for name in names or MOTIONS:
+        true, row = truth(MOTIONS[name]), {}
         for method in integrators.METHODS.values():
-            if motions[name].fits(method):
-                row[method.name] = predicted(method, motions[name], true)
-        stored = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
-        stored[name] = {key: [count, float(f"{found:.4g}")] for key, (count, found) in row.items()}
+            if fits(MOTIONS[name], method):
+                row[method.name] = predicted(method, MOTIONS[name], true)
         print(name, len(row), flush=True)
-        lines = [f'"{key}": {{\n ' + ",\n ".join(f'"{one}": {json.dumps(pair)}' for one, pair in stored[key].items())
-                 + "\n}" for key in motions if key in stored]
-        FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+        rounded = {key: [count, float(f"{found:.4g}")] for key, (count, found) in row.items()}
+        write(FILE, name, "{\n " + ",\n ".join(f'"{one}": {json.dumps(pair)}' for one, pair in rounded.items()) + "\n}")
+        write(TRUTHS, name, json.dumps([[float(x) for x in column] for column in zip(*true, strict=True)]))
     assert str(FILE).startswith(str(ROOT))
 
 

@@ -13,12 +13,12 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from forty_digits import fits
 
 from integrators import METHODS, Method
 from pendulum_env.engine.machine import offers
 from pendulum_env.hard_cases.case import Case
-from pendulum_env.hard_cases.catalogue import CASES, GROUPS
-from pendulum_env.hard_cases.predicted import allowed
+from pendulum_env.hard_cases.catalogue import CASES, MOTIONS
 
 RELATIVES = {
     "heun": "forward_euler", "kutta3": "heun", "rk4": "kutta3", "dopri5": "rk4", "verner6": "dopri5",
@@ -80,8 +80,7 @@ def lower(name: str) -> Mutant:
 
 def smallest(name: str) -> float:
     """Return the smallest error that a case allows a method."""
-    motions = [(case, motion) for group in GROUPS for case, motion in getattr(group, "MOTIONS", {}).items()]
-    return min(allowed(case, motion, METHODS[name]) for case, motion in motions if motion.fits(METHODS[name]))
+    return min(motion.allowed(METHODS[name]) for motion in MOTIONS.values() if fits(motion, METHODS[name]))
 
 
 def mutants(name: str) -> Iterator[Mutant]:

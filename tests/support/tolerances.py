@@ -22,13 +22,23 @@ SOME = ("forward_euler", "backward_euler", "velocity_verlet", "heun", "ab3", "rk
 """Methods of each order and kind, the first ones with the largest errors."""
 
 
+def share(bound: Bound) -> float:
+    """Return a tolerance as a share of what it bounds; 0 if nothing may differ."""
+    return bound.tolerance / bound.size if bound.tolerance else 0.0
+
+
+def loose(bound: Bound) -> bool:
+    """Return True if a tolerance is more than LOOSE of what it bounds, to three digits: one of LOOSE adds rounding."""
+    return not share(bound) <= LOOSE * 1.001
+
+
 def unexplained(entry: MatrixEntry) -> list[str]:
     """Return a line for each tolerance of a run that is above LOOSE of what it bounds, without a reason.
 
     A complete run with a tolerance that does not say what it bounds has a line, too.
     """
     where, found = f"{entry.case.name}, {entry.method.name}", entry.finding
-    lines = [f"{where}: {text(bound)}, and no reason" for bound in found.bounds if bound.loose and not bound.why]
+    lines = [f"{where}: {text(bound)}, and no reason" for bound in found.bounds if loose(bound) and not bound.why]
     if found.outcome in (ACCURATE, STABLE) and found.tolerance > 0.0 and not found.bounds:
         lines.append(f"{where}: the tolerance {found.tolerance:.3g} does not say what it bounds")
     return lines
@@ -36,7 +46,7 @@ def unexplained(entry: MatrixEntry) -> list[str]:
 
 def text(bound: Bound) -> str:
     """Return a tolerance, the size of what it bounds, and their ratio as text."""
-    return f"{bound.share:8.2g} = {bound.tolerance:.2g}/{bound.size:.2g} of {bound.of}"
+    return f"{share(bound):8.2g} = {bound.tolerance:.2g}/{bound.size:.2g} of {bound.of}"
 
 
 def largest(case: Case, methods: Iterable[Method]) -> Iterator[tuple[str, Bound]]:
@@ -47,7 +57,7 @@ def largest(case: Case, methods: Iterable[Method]) -> Iterator[tuple[str, Bound]
             found: Finding = case.tried(method)
         for bound in found.bounds:
             key = bound.of, bound.why
-            if key not in worst or bound.share > worst[key][1].share:
+            if key not in worst or share(bound) > share(worst[key][1]):
                 worst[key] = method.name, bound
     yield from worst.values()
 
@@ -66,8 +76,8 @@ def main() -> None:
         rows = [*largest(case, methods)]
         print(f"{case.group}: {case.name}{'' if rows else ': nothing may differ'}", flush=True)
         for name, bound in rows:
-            shown, wide, silent = shown + 1, wide + bound.loose, silent + (bound.loose and not bound.why)
-            print(f"  {text(bound)} ({name}){f'; {bound.why}' if bound.loose else ''}", flush=True)
+            shown, wide, silent = shown + 1, wide + loose(bound), silent + (loose(bound) and not bound.why)
+            print(f"  {text(bound)} ({name}){f'; {bound.why}' if loose(bound) else ''}", flush=True)
     print(f"{shown} tolerances; {wide} above {LOOSE:.0%} of what they bound, {silent} of them without a reason.")
 
 
