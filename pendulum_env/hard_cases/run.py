@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from difflib import get_close_matches
-from itertools import groupby
+from itertools import groupby, product
 
 import integrators as registry
 from integrators import Method
@@ -72,23 +73,15 @@ def stress(
     chosen = chosen_cases(cases, scene, long)
     methods = [*registry.METHODS.values()] if integrators is None else none_twice(
         name if isinstance(name, Method) else registry.get(name) for name in listed_methods(integrators))
-    with telling_of(progress, "stress") as tell:
-        return _tried(chosen, methods, tell)
-
-
-def _tried(cases: tuple[Case, ...], methods: Sequence[Method], tell: Progress) -> Matrix:
-    """Run every method in every case and return the matrix; it is incomplete after a KeyboardInterrupt."""
     entries: list[MatrixEntry] = []
-    total = len(cases) * len(methods)
-    try:
-        for case in cases:
-            for method in methods:
-                tell(len(entries) / total, f"{case.name}: {method.name}")
-                entries.append(entry(case, method))
+    complete = False
+    with suppress(KeyboardInterrupt), telling_of(progress, "stress") as tell:
+        for case, method in product(chosen, methods):
+            tell(len(entries) / (len(chosen) * len(methods)), f"{case.name}: {method.name}")
+            entries.append(entry(case, method))
         tell(1.0, "done")
-    except KeyboardInterrupt:
-        return Matrix(cases, tuple(methods), tuple(entries), False)
-    return Matrix(cases, tuple(methods), tuple(entries))
+        complete = True
+    return Matrix(chosen, tuple(methods), tuple(entries), complete)
 
 
 def listing(cases: Iterable[Case]) -> str:

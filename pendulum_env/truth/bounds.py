@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
 
 from integrators import Method, RungeKutta
 from integrators.families.second_order import SecondOrder
