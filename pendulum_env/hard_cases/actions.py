@@ -1,14 +1,14 @@
 """Hard cases: extreme and invalid actions of an agent, processed as in the environment but without Gymnasium.
 
 In a control step the environment calls :func:`pendulum_env.tasks.action.torque_share`, then takes the machine's steps.
-The tests run these cases through the environment and the vector environment, too, as other ``Agent`` classes.
+The tests run these cases through the environment and the vector environment, too, as other agents.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -23,32 +23,19 @@ PHASE, STEPS, START = 2.0, 40, 0.2
 """omega0 times the control step, number of control steps of a run, and initial angle [rad]."""
 
 
-class Agent(Protocol):
-    """Protocol of an object that takes control steps under actions.
+Start = Callable[[Method, float], Any]
+"""``start(method, phase)`` returns an agent at rest at START, with control steps of ``phase`` = omega0 dt.
 
-    It is a machine (compiled program of a scene with a method) in the hard cases, and an environment in the tests.
+An agent has the attributes of Motored: ``hold`` and ``act``. The tests also start environments.
+"""
 
-    Attributes:
-        hold: integration steps per control step.
-    """
-
-    hold: int
-
-    def act(self, action: Any) -> tuple[float, float]:
-        """Take a control step and return angle [rad] and velocity/omega0.
-
-        Raises ActionError for an invalid action, without a step.
-        """
-
-
-Start = Callable[[Method, float], Agent]
-"""``start(method, phase)`` returns an Agent at rest at START, with control steps of ``phase`` = omega0 dt."""
-
-# Uniform random actions, rounded to float32, of which every tenth is 1.5 times as large, so that some must be clipped.
-RANDOM = np.random.default_rng(20).uniform(-1.0, 1.0, STEPS) * np.where(np.arange(STEPS) % 10, 1.0, 1.5)
-# Full torque in phase with the swing: its amplitude grows by 2 ANSWER in each half period of the pendulum.
-RESONANT = np.where(np.arange(STEPS) % 2, 1.0, -1.0)
-ACTIONS = {"random actions": (RANDOM.astype(np.float32).astype(np.float64), PHASE), "bang-bang": (RESONANT, math.pi)}
+ACTIONS = {
+    # Every tenth is 1.5 times as large, so that some lie beyond the bounds -1 and 1.
+    "random actions": ((np.random.default_rng(20).uniform(-1.0, 1.0, STEPS) * np.where(np.arange(STEPS) % 10, 1.0, 1.5)
+                        ).astype(np.float32).astype(np.float64), PHASE),
+    # The amplitude of the swing grows by 2 ANSWER in each half period of the pendulum.
+    "bang-bang": (np.where(np.arange(STEPS) % 2, 1.0, -1.0), math.pi),
+}
 """Name of a case -> its actions, and omega0 times the control step."""
 MOTIONS = {name: torqued(name, np.clip(shares, -1.0, 1.0), phase, START, 64)
            for name, (shares, phase) in ACTIONS.items()}
@@ -61,7 +48,11 @@ def hold(method: Method, phase: float) -> int:
 
 
 class Motored:
-    """Agent that advances a pendulum with a motor by one control step per action, without Gymnasium."""
+    """Agent that advances a pendulum with a motor by one control step per action, without Gymnasium.
+
+    Attributes:
+        hold: integration steps per control step.
+    """
 
     def __init__(self, method: Method, phase: float) -> None:
         self.hold = hold(method, phase)

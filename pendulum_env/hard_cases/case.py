@@ -195,9 +195,9 @@ def sooner(method: Method, steps: float) -> Backend:
     return "python" if work < COMPILING else "auto"
 
 
-def unit(name: str, *effects: Effect, gravity: float = EARTH) -> Scene:
+def unit(name: str, *effects: Effect, gravity: float = EARTH, **settings: Any) -> Scene:
     """Return a scene with a bob of 1 kg at 1 m, in which torques equal angular accelerations."""
-    return Scene(name, Body(length=1.0, mass=1.0), effects=effects, gravity=gravity)
+    return Scene(name, Body(length=1.0, mass=1.0), effects=effects, gravity=gravity, **settings)
 
 
 def run_of(scene: Scene, method: Method, *, dt: float, steps: int, **options: Any) -> Rollout:
@@ -323,7 +323,8 @@ def followed(motion: Motion, method: Method, angle: Array, velocity: Array, grai
     error = np.abs(angle - true[0])
     if not motion.angles:
         error = np.maximum(error, np.abs(velocity - true[1]) / motion.scene.omega0 / motion.pace)
-    return held(motion, method, error / motion.size(float(true[0][-1])), grain)
+    size = abs(math.pi - true[0][-1]) if motion.from_top else motion.largest
+    return held(motion, method, error / size, grain)
 
 
 def ran_motion(motion: Motion, method: Method, **options: Any) -> Rollout:
@@ -377,13 +378,20 @@ def let_go_at(time: float, run: Rollout) -> None:
     demand(np.all(run.velocity[after] > 0.0), "the bob starts to slide too late")
 
 
+def right(found: Finding) -> tuple[Bound, ...]:
+    """Return the tolerances of a finding; one that is WRONG ends the test."""
+    if found.outcome == WRONG:
+        raise FindingError(found)
+    return found.bounds
+
+
 def then(first: Try, second: Try, method: Method) -> Finding:
     """Judge a method by ``second``, unless ``first`` finds it wrong or diverged.
 
     ``first`` tests a motion whose error is predicted; ``second`` a property, such as a growth or an angle at rest.
     """
-    found = first(method)
-    return found if found.outcome in (WRONG, DIVERGED) else also(second(method), *found.bounds)
+    bounds = right(first(method))
+    return also(second(method), *bounds)
 
 
 def foreseen(group: str, motion: Motion, why: str, truth: str, source: str, attempt: Try | None = None,

@@ -99,17 +99,15 @@ class Stroboscope:
             raise ArithmeticError("the run stopped although the motion is bounded")
         return np.array([at[ANGLE] + TWO_PI * at[TURNS], at[VELOCITY]])
 
-    def derivative(self, state: Any) -> Array:
-        """Return the Jacobian of the Poincaré map (one period of the drive) at a state, by central differences."""
-        ends = [self(state + APART * unit) - self(state - APART * unit) for unit in np.eye(2)]
-        return np.array(ends).T / (2.0 * APART)
+    def derivative(self, state: Array, periods: int = 1) -> Array:
+        """Return the Jacobian of the Poincaré map over some periods of the drive from a state on.
 
-    def derivative_of(self, state: Array, periods: int) -> Array:
-        """Return the Jacobian of the Poincaré map over several periods of the drive, from a state on."""
+        It is computed by central differences.
+        """
         jacobian = np.eye(2)
         for _ in range(periods):
-            jacobian = self.derivative(state) @ jacobian
-            state = self(state)
+            ends = [self(state + APART * unit) - self(state - APART * unit) for unit in np.eye(2)]
+            jacobian, state = np.array(ends).T / (2.0 * APART) @ jacobian, self(state)
         return jacobian
 
     def orbit(self, near: Any, periods: int) -> tuple[Array, Array]:
@@ -118,7 +116,7 @@ class Stroboscope:
         The state is found by Newton's method with the Jacobian at the starting guess ``near``.
         """
         state = np.array(near)
-        slope = self.derivative_of(state, periods) - np.eye(2)
+        slope = self.derivative(state, periods) - np.eye(2)
         for _ in range(12):
             end = state
             for _ in range(periods):
@@ -127,7 +125,7 @@ class Stroboscope:
             state = state - change
             if np.max(np.abs(change)) < 1e-7:
                 break
-        return state, self.derivative_of(state, periods)
+        return state, self.derivative(state, periods)
 
 
 def state_of(truth: Truth) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ from pendulum_env.hard_cases.case import (
     unit,
 )
 from pendulum_env.hard_cases.magnitudes import RIGHT, pendulum, similar
-from pendulum_env.hard_cases.predicted import Motion
+from pendulum_env.hard_cases.predicted import TRUTHS, Motion, stored
 from pendulum_env.physics import exact
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
@@ -58,9 +58,7 @@ from pendulum_env.physics.effects import (
 from pendulum_env.physics.medium import Medium
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
-from pendulum_env.truth.answer import Array
 from pendulum_env.truth.bounds import order_bound, rounding
-from pendulum_env.truth.pieces import in_turn
 
 GROUP = "extremes"
 KNOWN = {
@@ -79,8 +77,8 @@ GAP = 1.2246467991473532e-16
 """Distance of the angle float(pi) from the top [rad]."""
 PUSHES = (1e-15, 1e-300)
 """Velocities at float(pi), towards the top [rad/s]. The bob passes the top if v/omega0 exceeds GAP, about."""
-PRODUCT, LIFT = 0.1, 0.1
-"""omega0 h, and the tilt [rad] at which the comparison ends, about."""
+PRODUCT = 0.1
+"""omega0 h of pushes at the top."""
 FINER = {1: 64, 2: 4}
 """Order -> number of times as many steps, so that the error of a step of low order is also small."""
 MASS, RADIUS, DENSITY, VISCOSITY = 0.01, 0.02, 1.2, 1.8e-5
@@ -100,83 +98,43 @@ def _falling(*drags: Effect) -> Scene:
                  AIR, gravity=EARTH, effects=(Gravity(), *drags))
 
 
-def linear(v: float) -> float:
-    """Return the acceleration by linear drag at a velocity."""
-    return -GAMMA * v
-
-
-def quadratic(v: float) -> float:
-    """Return the acceleration by quadratic drag at a velocity."""
-    return -DRAG * abs(v) * v
-
-
-def sphere(v: float) -> float:
-    """Return the acceleration by the drag of a sphere, 6 pi mu a v (1 + 0.15 Re^0.687)/m (Schiller & Naumann 1933)."""
-    reynolds = DENSITY * abs(v) * 2.0 * RADIUS / VISCOSITY
-    return -6.0 * math.pi * VISCOSITY * RADIUS * v * (1.0 + 0.15 * math.pow(reynolds, 0.687)) / MASS
-
-
-def wire(v: float) -> float:
-    """Return the acceleration by the drag of a rod of 1 m, a cylinder with C_d = 1 + 10 Re^(-2/3) (White 2006)."""
-    skin = 1.5 * math.pow(VISCOSITY / DENSITY / THICKNESS, 2.0 / 3.0) * math.pow(abs(v), 1.0 / 3.0)
-    return -DENSITY * THICKNESS * (0.125 * abs(v) + skin) * v / MASS
-
-
-DAMPINGS: dict[str, tuple[tuple[Effect, ...], Callable[[float], float]]] = {
-    "no damping": ((), lambda v: 0.0),
-    "linear drag": ((LinearDrag(gamma=GAMMA),), linear),
-    "quadratic drag": ((QuadraticDrag(c=DRAG),), quadratic),
-    "both drags": ((LinearDrag(gamma=GAMMA), QuadraticDrag(c=DRAG)), lambda v: linear(v) + quadratic(v)),
-    "a bearing's friction": ((BearingFriction(bearing_viscosity=GAMMA * MASS),), linear),
-    "a sphere's drag": ((SphereDrag(law="schiller_naumann"),), sphere),
-    "a wire's drag": ((WireDrag(),), wire),
+DAMPINGS: dict[str, tuple[Effect, ...]] = {
+    "no damping": (),
+    "linear drag": (LinearDrag(gamma=GAMMA),),
+    "quadratic drag": (QuadraticDrag(c=DRAG),),
+    "both drags": (LinearDrag(gamma=GAMMA), QuadraticDrag(c=DRAG)),
+    "a bearing's friction": (BearingFriction(bearing_viscosity=GAMMA * MASS),),
+    "a sphere's drag": (SphereDrag(law="schiller_naumann"),),
+    "a wire's drag": (WireDrag(),),
 }
-"""Kinds of damping by name: the effects, and the hand-written acceleration."""
+"""Effects of each kind of damping."""
 
 
-@lru_cache(maxsize=32)
-def tilts(name: str, push: float, steps: int, every: int) -> tuple[Array, Array]:
-    """Return the exact distance from the top in units of GAP, and its rate over omega0, every ``every`` steps.
+def _pushed(name: str, method: Method) -> Finding:
+    """Judge a method on a bob that is pushed at the top, under one kind of damping.
 
-    ``name`` is a kind of damping, and ``push`` the velocity towards the top [rad/s]. The tilt y obeys
-    y'' = omega0² sin(y) + drag(y'). It is scaled by its first value, so that no number underflows.
+    TRUTHS holds the distance from the top in units of GAP, and its rate over omega0, every STRIDE steps. The bob has to
+    fall to the right side at the right time for each velocity of PUSHES.
     """
-    drag = DAMPINGS[name][1]
-
-    def force(_t: float, tilt: float, rate: float) -> float:
-        return (EARTH * math.sin(GAP * tilt) + drag(GAP * rate)) / GAP
-
-    tilt, rate = in_turn([force] * (steps // every), (1.0, -push / GAP), PRODUCT / RATE * every)
-    return tilt, rate / RATE
-
-
-def _pushed(name: str) -> Try:
-    """Return a function that judges a method on a bob that is pushed at the top, under one kind of damping.
-
-    The bob has to fall to the right side at the right time for each velocity of PUSHES.
-    """
-    drags, drag = DAMPINGS[name]
-    slow = -drag(1e-12) / 1e-12 / RATE
-    pace = math.hypot(1.0, 0.5 * slow) - 0.5 * slow  # rate of growth over omega0, under linear drag
-    steps = math.ceil(math.log(LIFT / GAP) / (PRODUCT * pace) / STRIDE) * STRIDE
-
-    def fell(push: float, method: Method) -> Finding:
-        finer, phase = FINER.get(method.order, 1), PRODUCT * steps
-        run = ran(_falling(*drags), method, dt=PRODUCT / RATE / finer, steps=steps * finer, every=STRIDE * finer,
-                  angle=math.pi, velocity=push)
-        tilt, rate = tilts(name, push, steps, STRIDE)
+    finer, findings = FINER.get(method.order, 1), []
+    for push in PUSHES:
+        first = (1.0, -push / GAP / RATE)
+        tilt, rate = (np.array([x, *rest]) for x, rest in zip(
+            first, stored(TRUTHS)[f"pushed at the top, {name}, {push:g} rad/s"], strict=True))
+        steps = STRIDE * (len(tilt) - 1)
+        run = ran(_falling(*DAMPINGS[name]), method, dt=PRODUCT / RATE / finer, steps=steps * finer,
+                  every=STRIDE * finer, angle=math.pi, velocity=push)
         found, speed = (math.pi - run.angle + GAP) / GAP, -run.velocity / RATE / GAP
         # While the tilt is below an ulp of pi, the angle shows nothing of it; the velocity does.
         seen = np.abs(tilt) * GAP > 1e-6
         size = np.abs(tilt) + np.abs(rate)
         missed = np.concatenate([(speed - rate) / size, ((found - tilt) / size)[seen]])
-        own = min((PRODUCT / finer) ** method.order, 1.0)
+        own, phase = min((PRODUCT / finer) ** method.order, 1.0), PRODUCT * steps
         allowed = math.expm1((phase + 3.0) * own) + rounding(method) * phase * finer + 1e-9
         demand(found[-1] * tilt[-1] > 0.0, f"pushed with {push:g} rad/s, it falls to the other side",
                float(np.max(np.abs(missed))), allowed)
-        return graded(missed, allowed, f"pushed with {push:g} rad/s, it falls at another time", of="the tilt")
-
-    return lambda method: every(*(fell(push, method) for push in PUSHES))
+        findings.append(graded(missed, allowed, f"pushed with {push:g} rad/s, it falls at another time", of="the tilt"))
+    return every(*findings)
 
 
 STICKY = _falling(CoulombFriction(0.01 * MASS))
@@ -229,8 +187,7 @@ SMALL, LARGE = 1e-300, 1e300
 """Strengths of effects, in SI units."""
 TILT, STEP, COUNT = 0.5, 0.01, 100
 """Initial angle [rad], step [s] and number of steps of runs with such strengths."""
-Strength = Callable[[float], Effect]
-STRENGTHS: dict[str, Strength] = {
+STRENGTHS: dict[str, Callable[[float], Effect]] = {
     "linear drag": lambda x: LinearDrag(gamma=x),
     "quadratic drag": lambda x: QuadraticDrag(c=x),
     "dry friction": CoulombFriction,
@@ -240,9 +197,7 @@ STRENGTHS: dict[str, Strength] = {
 """Effects by name, as functions of their strength in SI units."""
 
 
-def _with(*effects: Effect) -> Scene:
-    """Return a pendulum of 1 m and 1 kg in air with these effects."""
-    return Scene("extreme strengths", Body(length=1.0, mass=1.0), AIR, gravity=EARTH, effects=(Gravity(), *effects))
+_with = partial(unit, "extreme strengths", Gravity(), medium=AIR)
 
 
 def _negligible(scene: Scene, method: Method) -> Finding:
@@ -347,8 +302,8 @@ CASES = (
               "the tilt from the exact distance of float(pi) from the top, to the right side and until it is about 0.1 "
               "rad; the tolerance is (omega0 h)^p omega0 t of it",
               "scipy's DOP853 at 3e-14 for the tilt in units of its first value (Hairer, Norsett & Wanner 1993, II.5)",
-              _pushed(name))
-        for name, (drags, _) in DAMPINGS.items()
+              partial(_pushed, name))
+        for name, drags in DAMPINGS.items()
     ),
     _case("pushed at the top, dry friction", STICKY,
           "Dry friction has to stop velocities of 1e-15 to 1e-300 rad/s within a part of the first step.",

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -58,6 +57,8 @@ POLE = 2.2
 """Distance in imaginary time from the bottom to a pole of the motion from 1 rad, K'(sin 1/2) [1/omega0]."""
 SMALL = 0.1
 """Largest error for which the bound from a method's order is meaningful."""
+FAST = 1000.0
+"""Velocity of fast rotations [rad/s], which start at 0.3 rad."""
 COUNTED = 0.5
 """Largest error [rad] with which turns count as counted."""
 CEILING = "the order bounds the growth of a large error from above only"
@@ -110,8 +111,6 @@ def _run(method: Method, steps: int) -> Rollout:
 
 FIRST = Motion("1e5 steps, phase", SCENE, "pendulum", 1.0, 0.0, 20.0, marks=20, growth=20.0, most=64)
 """The first three swings of the short runs, in longer steps, whose error is predicted."""
-first_swings = partial(follows, FIRST)
-"""Function that judges a method by the first swings."""
 
 
 def _energy(wanted: int, method: Method) -> Finding:
@@ -182,54 +181,36 @@ def _rounded(starts: int, steps: int, method: Method) -> Finding:
                 growth)
 
 
-@dataclass(frozen=True)
-class Rotation:
-    """Case of a fast rotation: the angle must be right after many turns.
+def turning_error(scene: Scene, each: float, steps: int, method: Method) -> float:
+    """Return a bound of a method's angle error [rad] in a fast rotation, in steps of the angle ``each`` [rad].
 
-    Attributes:
-        scene: the pendulum.
-        speed: initial angular velocity [rad/s]; the motion starts at 0.3 rad.
-        each: angle per step [rad].
-        steps: number of steps.
+    Gravity changes the speed by the fraction (omega0/speed)**2.
     """
+    count, kick = steps_for(method, steps), (scene.omega0 / FAST) ** 2
+    order = 0.0 if method.exact else float(each**method.order)
+    lost = count * float(each ** (2 * (method.order // 2) + 2)) if order and not conserving(method) else 0.0
+    return count * each * (rounding(method) + kick * (order + lost))
 
-    scene: Scene
-    speed: float
-    each: float
-    steps: int
 
-    def error(self, method: Method) -> float:
-        """Return a bound of a method's angle error [rad] in a fast rotation.
+def _turned(scene: Scene, each: float, steps: int, method: Method) -> Finding:
+    """Judge a method's fast rotation by the number of turns and by the final angle.
 
-        Gravity changes the speed by the fraction (omega0/speed)**2.
-        """
-        count, kick = steps_for(method, self.steps), (self.scene.omega0 / self.speed) ** 2
-        order = 0.0 if math.isinf(method.order) else float(self.each**method.order)
-        lost = 0.0
-        if order and not conserving(method):
-            lost = count * float(self.each ** (2 * (method.order // 2) + 2))
-        return count * self.each * (rounding(method) + kick * (order + lost))
-
-    def attempt(self, method: Method) -> Finding:
-        """Judge a method's fast rotation by the number of turns and by the final angle.
-
-        The angle is measured from the nearer of bottom and top.
-        """
-        h, count = self.each / self.speed, steps_for(method, self.steps)
-        machine = Machine(self.scene, method, ())
-        state = machine.state(0.3, self.speed)
-        if machine.advance(state, 0.0, h, count):
-            return Finding(DIVERGED, stop_time=float(state[INDEX]) * h)
-        turns, angle, allowed, time = float(state[TURNS]), float(state[ANGLE]), self.error(method), count * h
-        demand(turns % 0.5 == 0.0 and abs(angle) <= 0.5 * math.pi * (1.0 + 1e-12),
-               "turns is not a multiple of 0.5, or the angle is not wrapped", turns)
-        free = not self.scene.gravity
-        wanted = 0.3 + self.speed * time if free else exact.pendulum(time, 0.3, self.speed, self.scene.omega0)[0]
-        error = abs((turns - float(wanted) / TWO_PI) * TWO_PI + angle)
-        if allowed > COUNTED:
-            return Finding(STABLE, error, allowed, "its allowed phase error is not small",
-                           bounds=(Bound("a turn", allowed, TWO_PI, "the order says nothing of the phase"),))
-        return graded(error, allowed, "its number of turns is wrong", f"{turns:.7g} turns", size=TWO_PI, of="a turn")
+    The angle is measured from the nearer of bottom and top.
+    """
+    h, count = each / FAST, steps_for(method, steps)
+    machine = Machine(scene, method, ())
+    state = machine.state(0.3, FAST)
+    if machine.advance(state, 0.0, h, count):
+        return Finding(DIVERGED, stop_time=float(state[INDEX]) * h)
+    turns, angle, allowed = float(state[TURNS]), float(state[ANGLE]), turning_error(scene, each, steps, method)
+    demand(turns % 0.5 == 0.0 and abs(angle) <= 0.5 * math.pi * (1.0 + 1e-12),
+           "turns is not a multiple of 0.5, or the angle is not wrapped", turns)
+    wanted = exact.pendulum(count * h, 0.3, FAST, scene.omega0)[0] if scene.gravity else 0.3 + FAST * (count * h)
+    error = abs((turns - float(wanted) / TWO_PI) * TWO_PI + angle)
+    if allowed > COUNTED:
+        return Finding(STABLE, error, allowed, "its allowed phase error is not small",
+                       bounds=(Bound("a turn", allowed, TWO_PI, "the order says nothing of the phase"),))
+    return graded(error, allowed, "its number of turns is wrong", f"{turns:.7g} turns", size=TWO_PI, of="a turn")
 
 
 def _first_and(second: Try, bound: Callable[[Method], float], name: str, why: str, truth: str, source: str,
@@ -238,7 +219,7 @@ def _first_and(second: Try, bound: Callable[[Method], float], name: str, why: st
 
     A method must be ACCURATE if the ``bound`` of its error is at most SMALL; else STABLE or DIVERGED are allowed.
     """
-    return foreseen(GROUP, FIRST, why, truth, source, partial(then, first_swings, second),
+    return foreseen(GROUP, FIRST, why, truth, source, partial(then, partial(follows, FIRST), second),
                     known(bound, SMALL, STABLE, DIVERGED), long, name)
 
 
@@ -251,10 +232,11 @@ def _energies(steps: int, name: str, why: str) -> Case:
         "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, IX.8 and XI.3", steps > SHORT)
 
 
-def _turning(name: str, why: str, truth: str, source: str, turning: Rotation, long: bool = False) -> Case:
-    """Return the case of a fast rotation."""
-    return Case(name, GROUP, why, truth, source, turning.scene, known(turning.error, COUNTED, STABLE, DIVERGED),
-                turning.attempt, long)
+def _turning(name: str, why: str, truth: str, source: str, scene: Scene, each: float, steps: int) -> Case:
+    """Return the case of a fast rotation, whose angle must be right after many turns."""
+    bound = partial(turning_error, scene, each, steps)
+    return Case(name, GROUP, why, truth, source, scene, known(bound, COUNTED, STABLE, DIVERGED),
+                partial(_turned, scene, each, steps), steps > SHORT)
 
 
 CASES = (
@@ -266,12 +248,12 @@ CASES = (
     _turning("1e5 steps, 1.6e5 free turns",
              "The angle must not lose digits while the turns of a fast rotation are counted.",
              "theta = theta0 + v t without gravity, to the rounding of v t", "Newton's first law",
-             Rotation(SCENE.replace(gravity=0.0), 1000.0, 10.0, SHORT)),
+             SCENE.replace(gravity=0.0), 10.0, SHORT),
     _energies(LONG, "1e8 steps, energy", "Rounding errors accumulate as well as the method's own error."),
     _turning("a million turns under gravity",
              "A method can lose count of the turns of a fast rotation, as gravity changes the speed within each turn.",
              "Jacobi's elliptic functions, to the rounding of the angle", "Whittaker & Watson 1927, 44",
-             Rotation(SCENE, 1000.0, 0.1, 63_000_000), True),
+             SCENE, 0.1, 63_000_000),
     Case("1e5 steps there and back, compensated", GROUP,
          "With compensated sums only random rounding errors may remain, none that add up with one sign.",
          "rms energy change after n steps forwards and n back, with compensated sums: grows no faster than sqrt(n)",

@@ -7,7 +7,6 @@ or a smallest number, become visible.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
 
@@ -32,6 +31,7 @@ from pendulum_env.hard_cases.case import (
     held,
     ran,
     ran_motion,
+    right,
     run_of,
     stopped,
 )
@@ -39,6 +39,7 @@ from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity, Motor, PeriodicTorque, SmallAngleGravity
 from pendulum_env.physics.scene import Scene
+from pendulum_env.truth.answer import Array
 from pendulum_env.truth.bounds import rounding, rounding_factor
 
 GROUP = "magnitudes"
@@ -58,26 +59,19 @@ def pendulum(length: float = 1.0, mass: float = 1.0, gravity: float = 9.81, powe
     return Scene(name, Body(length=length, mass=mass), effects=(Gravity(), *motor), gravity=gravity)
 
 
-def in_units(run: Rollout) -> Iterator[np.ndarray]:
-    """Yield angle, velocity, energy, work and residual of a run in units of 1/omega0 and m g L."""
-    scale = run.scene.gravity * run.scene.weight_moment
-    yield from (run.angle, run.velocity / run.scene.omega0)
-    yield from (values / scale for values in (run.energy, run.ledger.work, run.energy_residual))
+def scaled(run: Rollout) -> Array:
+    """Return angle, velocity, energy, work and residual of a run in units of 1/omega0 and m g L."""
+    weight = run.scene.gravity * run.scene.weight_moment
+    return np.array([run.angle, run.velocity / run.scene.omega0, run.energy / weight, run.ledger.work / weight,
+                     run.energy_residual / weight])
 
 
-def apart(run: Rollout, other: Rollout) -> float:
-    """Return the largest difference of two runs in units of 1/omega0 and m g L."""
-    return max(float(np.max(np.abs(x - y))) for x, y in zip(in_units(run), in_units(other), strict=True))
-
-
-def _right(powered: bool) -> Motion:
-    """Return the motion of the pendulum of 1 m and 1 kg from 2 rad, without or under the motor's full torque."""
-    return Motion(f"right at 1 m and 1 kg{', with a motor' if powered else ''}", pendulum(powered=powered),
-                  "pendulum pushed by 0.05" if powered else "pendulum", 2.0, 0.3, TIME, marks=20, growth=20.0,
-                  largest=2.0, pace=1.7, most=64)
-
-
-RIGHT = {powered: _right(powered) for powered in (False, True)}
+RIGHT = {
+    powered: Motion(f"right at 1 m and 1 kg{', with a motor' if powered else ''}", pendulum(powered=powered),
+                    "pendulum pushed by 0.05" if powered else "pendulum", 2.0, 0.3, TIME, marks=20, growth=20.0,
+                    largest=2.0, pace=1.7, most=64)
+    for powered in (False, True)
+}
 """Without or with a motor -> motion at 1 m and 1 kg."""
 
 
@@ -101,12 +95,10 @@ def similar(scene: Scene, method: Method) -> Finding:
     """
     powered = len(scene.effects) > 1
     run = ran_motion(replace(RIGHT[powered], scene=scene), method, control=1.0)
-    right = unit_finding(method, powered)
-    if right.outcome == WRONG:
-        return right
-    found = graded(apart(run, unit_run(method, powered)), rounding(method) * TIME,
+    bounds = right(unit_finding(method, powered))
+    found = graded(scaled(run) - scaled(unit_run(method, powered)), rounding(method) * TIME,
                    "the motion depends on the unit of length, mass or time", of="the motion at 1 m and 1 kg")
-    return also(found, *right.bounds)
+    return also(found, *bounds)
 
 
 FREE_SPEED = 1e6
@@ -159,16 +151,6 @@ SMALL = Motion("a tiny swing", LINEAR, "linear", 1.0, 0.0, TIME, marks=4, goal=1
 RANGE, LATE_RATE = 843314856.5, 1e8
 """Largest phase of a drive [rad], and angular frequency of a drive that soon reaches it [rad/s]."""
 LATE = Scene("lost phase", effects=(Gravity(), PeriodicTorque(drive_torque=0.1, drive_rate=LATE_RATE)), gravity=1.0)
-SIMILAR = (
-    *((f"{length:g} m long", pendulum(length)) for length in (1e-6, 1e-3, 1e3, 1e6)),
-    *((f"a bob of {mass:g} kg", pendulum(mass=mass, powered=True)) for mass in (1e-12, 1e-6, 1e6, 1e12)),
-    *((f"g = {gravity:g} m/s2", pendulum(gravity=gravity)) for gravity in (1e-12, 1e-6, 1e6)),
-    ("1e-6 m, 1e-12 kg, 1e6 m/s2", pendulum(1e-6, 1e-12, 1e6, powered=True)),
-    ("200 years, g = 1e-17 m/s2", pendulum(gravity=1e-17)),
-)
-ANGLES = (1e-9, 1e-100, 1e-200, 1e-300, 1e-308, 1e-310, 1e-315)
-"""Amplitudes of tiny swings [rad]; from the third on their squares underflow, the last two are subnormal."""
-
 CASES = (
     *(
         Case(name, GROUP, "Absolute tolerances or smallest numbers in the code would be wrong at such sizes.",
@@ -176,7 +158,12 @@ CASES = (
              "whose error is that of the method's formula",
              "dimensional analysis (Buckingham 1914, Phys. Rev. 4, 345)", scene, always(ACCURATE),
              partial(similar, scene), motion=RIGHT[len(scene.effects) > 1])
-        for name, scene in SIMILAR
+        for name, scene in (
+            *((f"{length:g} m long", pendulum(length)) for length in (1e-6, 1e-3, 1e3, 1e6)),
+            *((f"a bob of {mass:g} kg", pendulum(mass=mass, powered=True)) for mass in (1e-12, 1e-6, 1e6, 1e12)),
+            *((f"g = {gravity:g} m/s2", pendulum(gravity=gravity)) for gravity in (1e-12, 1e-6, 1e6)),
+            ("1e-6 m, 1e-12 kg, 1e6 m/s2", pendulum(1e-6, 1e-12, 1e6, powered=True)),
+            ("200 years, g = 1e-17 m/s2", pendulum(gravity=1e-17)))
     ),
     foreseen(GROUP, RIGHT[False],
              "The pendulums of all other sizes are compared with this run, so that it must be right.",
@@ -191,7 +178,8 @@ CASES = (
              "angle cos(omega0 t); the error is that of the method's formula",
              "the linear pendulum; sin(x) = x to x**3/6", scene,
              partial(expected, SMALL), partial(_small, scene, angle), motion=SMALL)
-        for scene in (TINY, LINEAR) for angle in ANGLES
+        # From the third on the squares of these angles underflow, the last two are subnormal.
+        for scene in (TINY, LINEAR) for angle in (1e-9, 1e-100, 1e-200, 1e-300, 1e-308, 1e-310, 1e-315)
     ),
     Case("a drive of lost phase", GROUP,
          "The phase of a very fast drive becomes so large that a double cannot represent it accurately.",

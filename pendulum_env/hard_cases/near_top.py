@@ -18,13 +18,9 @@ CLOSE = 4.3775
 """omega0 times the time to 0.05 rad from the top on the separatrix, log(1/tan(0.05/4))."""
 
 
-def _released(name: str, angle: float, time: float) -> Motion:
-    """Return the motion from rest at an angle near the top, for a time in units of 1/omega0."""
-    return Motion(name, SCENE, "pendulum", angle, 0.0, time, growth=30.0, from_top=True, sensitive=True)
-
-
-def _case(motion: Motion, why: str, truth: str) -> Case:
-    """Return the case of a release from rest."""
+def _released(name: str, angle: float, time: float, why: str, truth: str) -> Case:
+    """Return the case of a release from rest at an angle near the top, for a time in units of 1/omega0."""
+    motion = Motion(name, SCENE, "pendulum", angle, 0.0, time, growth=30.0, from_top=True, sensitive=True)
     return foreseen(GROUP, motion, why, truth, ELLIPTIC)
 
 
@@ -39,14 +35,14 @@ SEPARATRIX = Motion("the separatrix", SCENE, "pendulum", 0.0, 2.0, CLOSE, marks=
 
 CASES = (
     *(
-        _case(_released(f"release {offset:.0e} rad from the top", math.pi - offset, math.acosh(0.1 / offset)),
-              "An angle near pi stores few digits of the tilt from the top, which grows as cosh(omega0 t).",
-              "the tilt when it is about 0.1 rad; the error is that of the method's formula")
+        _released(f"release {offset:.0e} rad from the top", math.pi - offset, math.acosh(0.1 / offset),
+                  "An angle near pi stores few digits of the tilt from the top, which grows as cosh(omega0 t).",
+                  "the tilt when it is about 0.1 rad; the error is that of the method's formula")
         for offset in (10.0**-k for k in range(3, 13))
     ),
-    _case(_released("float(pi)", math.pi, FALL * SCENE.omega0),
-          "float(pi) is not pi: the difference of 1.2e-16 rad decides to which side the bob falls.",
-          "a tilt of 0.056 rad after 11 s, on the side of the float; the error is that of the formula"),
+    _released("float(pi)", math.pi, FALL * SCENE.omega0,
+              "float(pi) is not pi: the difference of 1.2e-16 rad decides to which side the bob falls.",
+              "a tilt of 0.056 rad after 11 s, on the side of the float; the error is that of the formula"),
     Case("upright for a moment", GROUP, "The sine of the initial angle is 1.2e-16, which must not be rounded up.",
          "no angle changes by more than rounding in 0.1 s", ELLIPTIC, SCENE, always(ACCURATE), _upright),
     foreseen(GROUP, SEPARATRIX, "Between swinging and rotating, energy errors grow as exp(omega0 t).",

@@ -10,10 +10,10 @@ that of another method.
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class Motion:
         largest: size of the motion [rad].
         pace: largest rate of the motion; errors of the velocity are divided by it.
         goal: error at which steps are short enough.
-        fewest, most: numbers of steps per mark to choose from.
+        most: largest number of steps per mark to choose from.
         lacks: needs of methods that the motion does not meet, besides those that the scene does not meet.
         torques: constant torque until each mark, in units of m g L, where methods start anew; () for none.
         angles: True if only angles are compared.
@@ -67,7 +67,6 @@ class Motion:
     largest: float = 1.0
     pace: float = 1.0
     goal: float = 1e-6
-    fewest: int = 1
     most: int = 512
     lacks: frozenset[str] = frozenset()
     torques: tuple[float, ...] = ()
@@ -75,18 +74,14 @@ class Motion:
     sensitive: bool = False
     explicit: bool = False
 
-    def size(self, end: float) -> float:
-        """Return the angle [rad] to which errors are relative, with the exact angle at the end."""
-        return abs(math.pi - end) if self.from_top else self.largest
-
     def true(self) -> tuple[Array, Array]:
         """Return the exact angle [rad] and velocity [rad/s] at the start and at the marks."""
-        angle, velocity = _truths()[self.name]
+        angle, velocity = stored(TRUTHS)[self.name]
         return np.array([self.angle, *angle]), self.scene.omega0 * np.array([self.velocity, *velocity])
 
     def known(self, method: Method) -> bool:
         """Return True if the file has a prediction for a method."""
-        return method.name in _stored().get(self.name, {})
+        return method.name in stored(FILE).get(self.name, {})
 
     def foretells(self, method: Method) -> bool:
         """Return True if the file has a prediction for a method, and not one of growth."""
@@ -98,9 +93,9 @@ class Motion:
         A method that is not in the file, such as one of the user's, takes the most steps, and its order is the bound.
         """
         if method.exact:
-            return self.fewest, 0.0
+            return 1, 0.0
         if self.known(method):
-            count, error = _stored()[self.name][method.name]
+            count, error = stored(FILE)[self.name][method.name]
             return int(count), float(error)
         z = self.time / self.marks / self.most * self.pace
         return self.most, order_bound(method, z, self.time * self.pace * self.growth)
@@ -117,14 +112,10 @@ class Motion:
 
 
 @cache
-def _stored() -> dict[str, dict[str, tuple[int, float]]]:
-    """Return the file of predictions."""
-    values: dict[str, dict[str, tuple[int, float]]] = json.loads(FILE.read_text(encoding="utf-8"))
-    return values
+def stored(file: Path) -> dict[str, Any]:
+    """Return what FILE or TRUTHS holds by the name of the motion.
 
-
-@cache
-def _truths() -> dict[str, tuple[list[float], list[float]]]:
-    """Return the file of exact motions: angles [rad] and velocities [omega0] at the marks of each."""
-    values: dict[str, tuple[list[float], list[float]]] = json.loads(TRUTHS.read_text(encoding="utf-8"))
+    Of TRUTHS these are the exact angles [rad] and velocities [omega0] at the marks.
+    """
+    values: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
     return values

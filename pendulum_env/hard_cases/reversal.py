@@ -74,6 +74,7 @@ def _resumed(scene: Scene, hold: int, compiled: bool, method: Method) -> Finding
     backend = "auto" if compiled else sooner(method, RESTARTS * RESTARTS)
     h = min(0.02, PRODUCT * 2.0 / scene.omega0)
     original, other = (Machine(scene, method, ("energy",), backend, hold=hold) for _ in range(2))
+    start = scene.run.angle, scene.run.velocity, [0.3] * len(original.drawn)  # fixed random numbers for gusts
 
     def go(machine: Machine, state: Any, first: int, end: int = RESTARTS) -> Any:
         for step in range(first, end):
@@ -81,8 +82,8 @@ def _resumed(scene: Scene, hold: int, compiled: bool, method: Method) -> Finding
                 raise ArithmeticError("the run stopped although the motion is bounded")
         return state
 
-    uninterrupted = np.array(go(original, _start(original), 0), dtype=float)
-    state = _start(original)
+    uninterrupted = np.array(go(original, original.state(*start), 0), dtype=float)
+    state = original.state(*start)
     for step in range(RESTARTS):
         saved = json.loads(json.dumps([float(value) for value in state]))
         resumed = np.array(go(other, other.array(saved), step), dtype=float)
@@ -93,39 +94,28 @@ def _resumed(scene: Scene, hold: int, compiled: bool, method: Method) -> Finding
     return Finding(ACCURATE, 0.0, 0.0)
 
 
-def _start(machine: Machine) -> Any:
-    """Return a machine's initial state in its scene, with fixed random numbers for gusts."""
-    run = machine.scene.run
-    return machine.state(run.angle, run.velocity, [0.3] * len(machine.drawn))
-
-
-HLW = "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, V.1"
-BACK = "a return to the start, up to rounding if the method retraces its steps, else up to the error of its order"
 SAVED = "a run resumed from a state written as JSON ends with the bits of the uninterrupted run"
-FROM = (
-    # name, angle [rad], speed [omega0], pace [omega0], growth of errors: at most 1 + omega0 t/2 except near the top
-    ("a small swing", 0.01, 0.0, 1.0, 2.0),
-    ("a swing of 2 rad", 2.0, 0.0, 1.7, 6.0),
-    ("going round", 0.5, 3.0, 3.1, 15.0),
-    ("past the top", 0.0, 2.05, 2.05, 100.0),
-)
-SCENES_TO_RESUME = (("vacuum", 1), ("lab", 6), ("windy", 6), ("sticky_bearing", 6), ("chaotic", 1), ("water", 1))
-"""Presets, and steps per control step; together they have motors, gusts, dry friction, drives and fluids."""
-
 THE_FUTURE = "the definition of a state: the future depends on nothing else"
 
 CASES = (
     *(
         Case(f"there and back, {name}", GROUP,
              "A symmetric method retraces its steps, so that forward and backward steps may differ only by rounding.",
-             BACK, HLW, SCENE, lambda method: frozenset({ACCURATE} if retraces(method) else {ACCURATE, STABLE}),
+             "a return to the start, up to rounding if the method retraces its steps, else up to the error of its "
+             "order",
+             "Hairer, Lubich & Wanner 2006, Geometric Numerical Integration, V.1", SCENE,
+             lambda method: frozenset({ACCURATE} if retraces(method) else {ACCURATE, STABLE}),
              partial(_back, angle, speed, pace, growth))
-        for name, angle, speed, pace, growth in FROM
+        for name, angle, speed, pace, growth in (
+            # angle [rad], speed and pace [omega0], growth of errors: at most 1 + omega0 t/2 except near the top
+            ("a small swing", 0.01, 0.0, 1.0, 2.0), ("a swing of 2 rad", 2.0, 0.0, 1.7, 6.0),
+            ("going round", 0.5, 3.0, 3.1, 15.0), ("past the top", 0.0, 2.05, 2.05, 100.0))
     ),
     *(
         Case(f"resumed at any step, {name}", GROUP, "The history of methods and effects must be saved with the state.",
              SAVED, THE_FUTURE, SCENES[name], always(ACCURATE), partial(_resumed, SCENES[name], hold, False))
-        for name, hold in SCENES_TO_RESUME
+        # Presets, and steps per control step; together they have motors, gusts, dry friction, drives and fluids.
+        for name, hold in (("vacuum", 1), ("lab", 6), ("windy", 6), ("sticky_bearing", 6), ("chaotic", 1), ("water", 1))
     ),
     Case("resumed at any step, compiled", GROUP,
          "Compiled programs store their state in an array of their own, which must be saved and restored, too.", SAVED,

@@ -24,7 +24,6 @@ from pendulum_env.hard_cases.case import (
     DIVERGED,
     REFUSED,
     STABLE,
-    WRONG,
     Case,
     Finding,
     Rule,
@@ -34,6 +33,7 @@ from pendulum_env.hard_cases.case import (
     graded,
     ran,
     ran_motion,
+    right,
 )
 from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.hard_cases.step_limits import growth
@@ -52,8 +52,6 @@ SHARE = 0.01
 """Tolerance, relative to the largest angle or velocity, if the step is too long for a bound from the order."""
 GONE = 0.5 * math.log(ABSURD + 1.0)
 """Log of the growth of an amplitude at which the residual is ABSURD times the initial energy."""
-ROUGH = 1e3
-"""Growth of rounding errors, which the solution of a method's equations leaves, under fast damping."""
 FALLEN = 0.0016
 """Way under gravity and quadratic drag with c v0 h = 1e6 [rad]."""
 BOUNDED = frozenset({STABLE, ACCURATE})
@@ -78,10 +76,11 @@ def _flight(run: Rollout, angle: float) -> str:
 def layered(name: str, scene: Scene, way: float, angle: float = 0.0) -> Motion:
     """Return the motion of 100 steps from an angle [rad] and the velocity FAST.
 
-    Errors of the angle are relative to the ``way`` [rad], and those of the velocity to FAST.
+    Errors of the angle are relative to the ``way`` [rad], and those of the velocity to FAST. The solution of a method's
+    equations leaves a thousand times the usual rounding.
     """
     rate = scene.omega0
-    return Motion(name, scene, name, angle, FAST / rate, rate * STEP * STEPS, marks=STEPS, growth=ROUGH, largest=way,
+    return Motion(name, scene, name, angle, FAST / rate, rate * STEP * STEPS, marks=STEPS, growth=1e3, largest=way,
                   pace=FAST / rate / way, most=1)
 
 
@@ -94,8 +93,7 @@ def _slowed(motion: Motion, judge: Callable[[Method, Rollout, Any, Any], Finding
     found = judge(method, run, *motion.true())
     if method.exact or not motion.foretells(method):
         return found
-    formula = followed(motion, method, run.angle, run.velocity)
-    return formula if formula.outcome == WRONG else also(found, *formula.bounds)
+    return also(found, *right(followed(motion, method, run.angle, run.velocity)))
 
 
 # --- linear drag ----------------------------------------------------------------------------------------------------

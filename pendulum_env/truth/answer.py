@@ -52,14 +52,3 @@ class Truth:
     def distance(self, angle: ArrayLike, turns: ArrayLike = 0.0) -> Array:
         """Return the absolute difference of a run's angles from the reference solution at each time [rad]."""
         return np.asarray(np.abs(np.asarray(angle) - self.angle + 2.0 * math.pi * (np.asarray(turns) - self.turns)))
-
-    def missed(self, angle: ArrayLike, velocity: ArrayLike) -> float:
-        """Return the largest deviation of a run from the reference solution that exceeds its error; 0.0 if none does.
-
-        The run may be shorter than the solution. Angle [rad] and velocity [rad/s] are both compared with the number
-        ``error``.
-        """
-        compared = self[: len(np.asarray(angle))]
-        deviation = np.maximum(compared.distance(angle), np.abs(np.asarray(velocity) - compared.velocity))
-        beyond = ~(deviation <= compared.error)
-        return float(np.max(deviation[beyond])) if beyond.any() else 0.0

@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
 
 import integrators
 from integrators import Method
@@ -20,11 +19,10 @@ from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.answer import Array, Truth
 from pendulum_env.truth.reference import ROUNDING, StudyError, closed_form
 from pendulum_env.truth.reference import refuse_gusts as refuse_gusts
 
-Array = NDArray[np.float64]
 Tell = Callable[[float, str], None]
 
 SERIES = "taylor20"

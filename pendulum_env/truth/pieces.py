@@ -26,8 +26,6 @@ Advance = Callable[["SceneEquation", float, State, float, float], State]
 Attempt = Callable[["SceneEquation", float, State, float, float, float], tuple[State, State]]
 """``attempt(problem, t, (q, v), span, direction, a)`` returns the best (q, v) after ``span`` and one to compare."""
 
-Force = Callable[[float, float, float], float]
-"""``force(t, theta, theta')``, a hand-written acceleration without dry friction [rad/s²]."""
 
 COLUMNS = 5
 """Number of extrapolated midpoint rules, with 2, 4, ..., 2 COLUMNS steps: order 2 COLUMNS. More amplify rounding."""
@@ -35,8 +33,6 @@ SMALLEST = 30
 """Maximum number of times that a span is halved."""
 LOOKS = 16
 """Times per piece at which the torques on a bob at rest are compared with the limit of dry friction."""
-SHORT = 0.08
-"""Longest piece of a motion under a hand-written force [s], in which the velocity changes its sign at most once."""
 
 
 class PieceError(ValueError):
@@ -241,25 +237,3 @@ def dormand_prince(problem: SceneEquation, t: float, state: State, end: float, d
     while solver.status == "running":
         solver.step()
     return (float(solver.y[0]), float(solver.y[1])) if solver.status == "finished" else (math.nan, math.nan)
-
-
-# --- equations written by hand --------------------------------------------------------------------------------------
-
-
-def by_hand(force: Force, limit: float = 0.0) -> SceneEquation:
-    """Return the equation of motion of a hand-written force and of dry friction up to ``limit`` [rad/s²].
-
-    Between zeros of the velocity ``theta'' = force(t, theta, theta') - limit sign(theta')`` is smooth; at a zero the
-    bob stays at rest while ``|force(t, theta, 0)| <= limit`` (Coulomb 1785; Filippov 1988, Differential Equations with
-    Discontinuous Righthand Sides, section 4).
-    """
-    return SceneEquation(lambda t, q, v, direction: force(t, q, v) - direction * limit, limit, SHORT, (), [], limit > 0)
-
-
-def in_turn(forces: Iterable[Force], start: State, gap: float) -> tuple[Array, Array]:
-    """Return angle and velocity at the start, and after each of several smooth forces has acted for ``gap`` [s]."""
-    rows = [start]
-    for k, force in enumerate(forces):
-        rows.append(dormand_prince(by_hand(force), k * gap, rows[-1], (k + 1) * gap))
-    angle, velocity = np.array(rows).T
-    return angle, velocity

@@ -25,8 +25,6 @@ CHECK = integrators.get("verner9")
 SMOOTH = 4.0
 """Factor by which pieces are longer in scenes whose torques have no kink at turning points."""
 
-Rows = list[tuple[float, float, float]]
-"""(angle from the nearer of bottom and top, velocity, turns) at the start and after each control step."""
 
 
 @dataclass(frozen=True)
@@ -77,10 +75,11 @@ class ProbeMotions:
         solution = Truth(np.array([k * self.dt for k in range(len(q))]), q, v, 0.0, how, turns=turns)
         return replace(solution, error=np.maximum.accumulate(solution.distance(other, others_turns)))
 
-    def _path(self, probe: Probe, advance: Advance) -> Rows:
-        """Return the states of a probe episode (test run with given controls) at its control steps.
+    def _path(self, probe: Probe, advance: Advance) -> list[tuple[float, float, float]]:
+        """Return the states of a probe episode (test run with given controls) at the start and its control steps.
 
-        They are computed with the function ``advance``; the list ends early where that fails.
+        A state is the angle from the nearer of bottom and top, the velocity, and the turns. They are computed with the
+        function ``advance``; the list ends early where that fails.
         """
         problem, machine, dt = self._problem, self._machine, self.dt
         start = machine.state(probe.angle, probe.velocity, probe.uniform)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pendulum_env.engine.kernels import resolve
 from pendulum_env.engine.machine import TWO_PI
@@ -21,7 +21,7 @@ from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics import exact
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
-from pendulum_env.truth.answer import Truth
+from pendulum_env.truth.answer import Array, Truth
 from pendulum_env.truth.pieces import (
     COLUMNS,
     PieceError,
@@ -31,8 +31,6 @@ from pendulum_env.truth.pieces import (
     path,
     problem_of,
 )
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-15
 """Closed forms have the error ``ROUNDING (4 + omega0 t)`` [rad], the rounding of the phase."""
@@ -127,11 +125,6 @@ def _linear(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
     return exact.linear(t, q, v, math.sqrt(square), values.get("linear_drag_rate", 0.0))
 
 
-def _pendulum(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
-    """Return the exact angle and velocity of a scene's undamped pendulum at times t; None without gravity."""
-    return exact.pendulum(t, q, v, math.sqrt(values["gravity_rate"])) if values["gravity_rate"] else None
-
-
 def _drag(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
     """Return angle and velocity of a bob under drag alone (no gravity) at times t."""
     way, speed = exact.drag_only(t, v, values.get("linear_drag_rate", 0.0), values.get("quadratic_drag_rate", 0.0))
@@ -141,7 +134,9 @@ def _drag(t: Array, q: float, v: float, values: dict[str, float]) -> Any:
 CLOSED: tuple[tuple[frozenset[str], Callable[..., Any], str], ...] = (
     (frozenset({"small_angle_gravity", "linear_drag"}), _linear, "closed form of the damped harmonic oscillator"),
     (frozenset({"fibre", "linear_drag"}), _linear, "closed form of the damped harmonic oscillator"),
-    (frozenset({"gravity"}), _pendulum, "closed form in Jacobi's elliptic functions"),
+    (frozenset({"gravity"}),
+     lambda t, q, v, x: exact.pendulum(t, q, v, math.sqrt(x["gravity_rate"])) if x["gravity_rate"] else None,
+     "closed form in Jacobi's elliptic functions"),
     (frozenset({"linear_drag", "quadratic_drag"}), _drag, "closed form of drag alone"),
 )
 """Effects that a closed form covers, its function, and its name; the function returns None if it does not apply."""
@@ -234,10 +229,9 @@ def accelerations(scene: Scene, times: ArrayLike, truth: Truth) -> Array:
 
 def _acceleration(problem: SceneEquation, t: float, q: float, v: float) -> float:
     """Return the acceleration [rad/s²] at a state (q, v), with dry friction; 0 if dry friction holds the bob."""
-    if v == 0.0 and problem.limit:
-        free = problem.acceleration(t, q, 0.0, 0.0)
-        return 0.0 if abs(free) <= problem.limit else problem.acceleration(t, q, 0.0, float(np.sign(free)))
-    return problem.acceleration(t, q, v, float(np.sign(v)))
+    side = float(np.sign(v or problem.acceleration(t, q, 0.0, 0.0)))
+    held = v == 0.0 and abs(problem.acceleration(t, q, 0.0, 0.0)) <= problem.limit
+    return 0.0 if held else problem.acceleration(t, q, v, side)
 
 
 def phase_errors(omega0: float, truth: Truth, pull: Array, angle: ArrayLike, velocity: ArrayLike) -> Array:

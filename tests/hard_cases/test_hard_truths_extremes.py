@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import hard_truths
 import mpmath
 import pytest
 
 from pendulum_env.hard_cases import extremes as extreme
+from pendulum_env.hard_cases.predicted import TRUTHS, stored
 
 DRAGS: dict[str, Any] = {
     "no damping": lambda v: 0,
@@ -50,7 +52,7 @@ def test_distances_from_the_top_and_from_a_million_turns() -> None:
 @pytest.mark.parametrize("name", ["no damping", "linear drag"])
 def test_a_small_tilt_is_the_sum_of_two_exponentials(name: str, push: float) -> None:
     """``y'' = omega0² y - gamma y'`` while the tilt is below 1e-7 rad, where sin(y) = y to 1e-15."""
-    tilt, rate = extreme.tilts(name, push, 300, 20)
+    tilt, rate = hard_truths.tilts(name, push, 300, 20)
     with mpmath.workdps(50):
         omega, gap = mpmath.sqrt(mpmath.mpf(9.81)), mpmath.pi - float(mpmath.pi)
         half = 0 if name == "no damping" else mpmath.mpf(1) / 4
@@ -73,7 +75,7 @@ def test_a_small_tilt_is_the_sum_of_two_exponentials(name: str, push: float) -> 
 def test_a_tilt_that_grows_obeys_the_equation_with_its_drag(name: str) -> None:
     """From a tilt of about 1e-4 rad on, by Taylor series in 20 digits."""
     assert DRAGS.keys() == extreme.DAMPINGS.keys()
-    tilt, rate = extreme.tilts(name, extreme.PUSHES[0], 340, 20)
+    tilt, rate = hard_truths.tilts(name, extreme.PUSHES[0], 340, 20)
     first = next(k for k, y in enumerate(tilt) if abs(y) * extreme.GAP > 1e-4)
     with mpmath.workdps(20):
         omega = mpmath.sqrt(mpmath.mpf(9.81))
@@ -82,3 +84,12 @@ def test_a_tilt_that_grows_obeys_the_equation_with_its_drag(name: str) -> None:
         y, v = motion(mpmath.mpf(20 * (len(tilt) - 1 - first)) / 10 / omega)
         assert abs(tilt[-1] * extreme.GAP / y - 1) < 1e-11
         assert abs(rate[-1] * extreme.GAP * omega / v - 1) < 1e-11
+
+
+@pytest.mark.parametrize("push", extreme.PUSHES)
+@pytest.mark.parametrize("name", extreme.DAMPINGS)
+def test_the_stored_tilts_are_those_of_the_equation(name: str, push: float) -> None:
+    kept, found = stored(TRUTHS)[f"pushed at the top, {name}, {push:g} rad/s"], hard_truths.fallen(name, push)
+    for values, others in zip(kept, found, strict=True):
+        assert values == pytest.approx(others[1:].tolist(), rel=1e-11)
+    assert 0.01 < abs(kept[0][-1]) * extreme.GAP < 0.5

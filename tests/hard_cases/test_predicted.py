@@ -11,7 +11,9 @@ from typing import Any
 import forty_digits
 import mpmath
 import mutants
+import numpy as np
 import pytest
+from hard_truths import otherwise
 
 from integrators import METHODS
 from pendulum_env.engine.machine import offers
@@ -62,6 +64,18 @@ def test_the_exact_motion_is_that_of_the_elliptic_functions() -> None:
     assert max(abs(x - y) for x, y in zip(state, released(0.25), strict=True)) < 1e-33
 
 
+@pytest.mark.parametrize("name", MOTIONS)
+def test_true_motions_are_those_of_closed_forms_and_of_other_integrations(name: str) -> None:
+    """Errors are relative to the size of the motion; those of a linear equation are small for a small angle."""
+    motion = MOTIONS[name]
+    true, other = motion.true(), otherwise(motion)
+    size = abs(math.pi - true[0][-1]) if motion.from_top else motion.largest
+    rounding = 4.0 * np.max(np.spacing(np.abs(true[0]))) / size
+    assert len(true[0]) == len(true[1]) == motion.marks + 1
+    for found, wanted, scale in zip(true, other, (size, size * motion.scene.omega0 * motion.pace), strict=True):
+        assert np.isnan(wanted).all() or np.max(np.abs(found - wanted)) < (1e-10 + rounding) * scale
+
+
 @pytest.mark.parametrize(("factor", "outcome"), [(1.0, ACCURATE), (1.01, ACCURATE), (1.03, WRONG), (0.97, WRONG)])
 def test_an_error_must_be_the_predicted_one(factor: float, outcome: str) -> None:
     method = METHODS["heun"]
@@ -70,7 +84,7 @@ def test_an_error_must_be_the_predicted_one(factor: float, outcome: str) -> None
 
 
 def test_a_large_predicted_error_is_no_accuracy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(predicted, "_stored", lambda: {NAME: {"rk4": (100, 0.5)}})
+    monkeypatch.setattr(predicted, "stored", lambda _file: {NAME: {"rk4": (100, 0.5)}})
     assert held(MOTION, METHODS["rk4"], 0.5).outcome == STABLE
     assert held(MOTION, METHODS["rk4"], 0.6).outcome == WRONG
     assert MOTION.allowed(METHODS["rk4"]) < 0.52
@@ -118,6 +132,10 @@ UNSEEN: dict[tuple[str, str], str] = {
              "full gravity", "quadratic drag"))]),
         ("the swing is gone after the steps of the same starter", "bdf4",
          [SMALL_STEPS.format(10), SMALL_STEPS.format(20)]),
+        ("the largest error is that of the first steps, which both begin with the same starter", "bdf4",
+         [f"linear drag, gamma h = {load:g}" for load in (10.0, 1e3, 1e6)]),
+        ("the first step of both leaves the velocity, with either sign", "gauss6",
+         [f"linear drag, gamma h = {load:g}" for load in (1e3, 1e6)]),
         *(("both grow, so that either may stop as diverged", method, [SMALL_STEPS.format(size) for size in sizes])
           for method, sizes in (("bdf4", (0.5, 1, 1.5)), ("quinlan_tremaine12", (0.5,)), ("velocity_verlet", (2.01,)))),
         ("both grow, so that either may stop as diverged", "heun", ["torque changing sign each step"]),

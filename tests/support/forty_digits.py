@@ -17,13 +17,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, lru_cache
-from itertools import accumulate, pairwise
+from itertools import accumulate, pairwise, product
 from operator import mul
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hard_truths import airs
+from hard_truths import AREA, DRAGS, airs, fallen
 from readme_code import ROOT
 
 import integrators
@@ -32,6 +32,7 @@ from pendulum_env.engine.machine import offers
 from pendulum_env.engine.starts import ENOUGH
 from pendulum_env.hard_cases import chaos, fast_drive, resonance, switching
 from pendulum_env.hard_cases.catalogue import MOTIONS
+from pendulum_env.hard_cases.extremes import PUSHES
 from pendulum_env.hard_cases.predicted import FILE, TRUTHS, Motion
 from pendulum_env.truth.chaos import DOUBLINGS
 
@@ -597,7 +598,7 @@ def shaken(share: float) -> Problem:
 def in_wind(air: float) -> Problem:
     """Return the pendulum of the cases of wind in a wind of ``air`` [m/s], in units of time in which omega0 is 1."""
     rate, length = numbers_of.sqrt(mpf(9.81) / mpf(fast_drive.LENGTH)), mpf(fast_drive.LENGTH)
-    drag = mpf(fast_drive.AREA) / (mpf(fast_drive.MASS) * length * rate * rate)
+    drag = mpf(AREA) / (mpf(fast_drive.MASS) * length * rate * rate)
     linear = mpf(fast_drive.LINEAR) / (length * rate * rate)
 
     def wind(q: Any, v: Any) -> Any:
@@ -678,7 +679,8 @@ def truth(motion: Motion) -> list[State]:
 def error(method: Any, motion: Motion, true: Sequence[State], count: int) -> float:
     """Return the largest error at the marks, relative to the motion's size, in ``count`` steps per mark."""
     gap, t, q, v = mpf(motion.time) / motion.marks, mpf(0), mpf(motion.angle), mpf(motion.velocity)
-    size, worst, walk = motion.size(float(true[-1][0])), 0.0, iter(())
+    size = abs(math.pi - float(true[-1][0])) if motion.from_top else motion.largest
+    worst, walk = 0.0, iter(())
     for (place, speed), (p, anew) in zip(true, pieces(motion), strict=True):
         walk = steps(method, p, t, q, v, gap / count) if anew else walk
         for _ in range(count):
@@ -703,7 +705,7 @@ def least(motion: Motion, method: Any) -> int:
     """
     each = bool(motion.torques) or motion.sensitive
     past = ENOUGH * method.past if each else math.ceil(ENOUGH * method.past / motion.marks)
-    return motion.fewest if motion.most == 1 else max(motion.fewest, past)
+    return 1 if motion.most == 1 else max(1, past)
 
 
 def predicted(method: Any, motion: Motion, true: Sequence[State]) -> tuple[int, float]:
@@ -730,7 +732,7 @@ def write(file: Path, name: str, entry: str) -> None:
     """Write the entry of a motion to a file, in the place that the motion has in the catalogue."""
     entries = dict(re.findall(r'^"(.+?)": ([{[].*?[}\]])(?:,\n|\n}$)', file.read_text(encoding="utf-8"), re.M | re.S))
     entries[name] = entry
-    lines = [f'"{key}": {entries[key]}' for key in MOTIONS if key in entries]
+    lines = [f'"{key}": {entries[key]}' for key in (*MOTIONS, *(entries.keys() - MOTIONS.keys())) if key in entries]
     file.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 
@@ -745,6 +747,9 @@ def main(names: Sequence[str]) -> None:
         rounded = {key: [count, float(f"{found:.4g}")] for key, (count, found) in row.items()}
         write(FILE, name, "{\n " + ",\n ".join(f'"{one}": {json.dumps(pair)}' for one, pair in rounded.items()) + "\n}")
         write(TRUTHS, name, json.dumps([[float(x) for x in column] for column in zip(*true, strict=True)]))
+    for name, push in () if names else product(DRAGS, PUSHES):
+        write(TRUTHS, f"pushed at the top, {name}, {push:g} rad/s",
+              json.dumps([column[1:].tolist() for column in fallen(name, push)]))
     assert str(FILE).startswith(str(ROOT))
 
 

@@ -11,14 +11,30 @@ from typing import Any
 
 import numpy as np
 
-from pendulum_env.hard_cases import fast_drive, non_smooth, switching
+from pendulum_env.hard_cases import chaos, extremes, fast_drive, non_smooth, resonance, switching
 from pendulum_env.hard_cases.case import EARTH
+from pendulum_env.hard_cases.predicted import Motion
+from pendulum_env.physics import exact
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.truth.answer import Array
-from pendulum_env.truth.pieces import Force, by_hand, dormand_prince, in_turn, path
+from pendulum_env.truth.chaos import DOUBLINGS
+from pendulum_env.truth.pieces import SceneEquation, dormand_prince, path
+from pendulum_env.truth.reference import reference
 
-Exact = Callable[[Array], tuple[Any, Any]]
-"""Exact angle [rad] and velocity [rad/s] at some times [s]."""
+Force = Callable[[float, float, float], float]
+"""``force(t, theta, theta')``, a hand-written acceleration without dry friction [rad/s²]."""
+SHORT = 0.08
+"""Longest piece of a motion under a hand-written force [s], in which the velocity changes its sign at most once."""
+
+
+def by_hand(force: Force, limit: float = 0.0) -> SceneEquation:
+    """Return the equation of motion of a hand-written force and of dry friction up to ``limit`` [rad/s²].
+
+    Between zeros of the velocity ``theta'' = force(t, theta, theta') - limit sign(theta')`` is smooth; at a zero the
+    bob stays at rest while ``|force(t, theta, 0)| <= limit`` (Coulomb 1785; Filippov 1988, Differential Equations with
+    Discontinuous Righthand Sides, section 4).
+    """
+    return SceneEquation(lambda t, q, v, direction: force(t, q, v) - direction * limit, limit, SHORT, (), [], limit > 0)
 
 
 def traced(force: Force, limit: float, start: tuple[float, float], marks: Iterable[float]) -> tuple[Array, Array]:
@@ -30,6 +46,15 @@ def traced(force: Force, limit: float, start: tuple[float, float], marks: Iterab
     return angle, velocity
 
 
+def in_turn(forces: Iterable[Force], start: tuple[float, float], gap: float) -> tuple[Array, Array]:
+    """Return angle and velocity at the start, and after each of several smooth forces has acted for ``gap`` [s]."""
+    rows = [start]
+    for k, force in enumerate(forces):
+        rows.append(dormand_prince(by_hand(force), k * gap, rows[-1], (k + 1) * gap))
+    angle, velocity = np.array(rows).T
+    return angle, velocity
+
+
 # --- near the top ----------------------------------------------------------------------------------------------------
 
 
@@ -37,6 +62,65 @@ def gudermannian(time: Array) -> tuple[Any, Any]:
     """Return the exact angle and velocity on the separatrix: theta = 2 gd(omega0 t) = 4 atan(tanh(omega0 t/2))."""
     omega0 = SCENES["vacuum"].omega0
     return 4.0 * np.arctan(np.tanh(0.5 * omega0 * time)), 2.0 * omega0 / np.cosh(omega0 * time)
+
+
+LIFT = 0.1
+"""Tilt [rad] at which the comparison of a bob that is pushed at the top ends, about."""
+
+
+def linear(v: float) -> float:
+    """Return the acceleration by linear drag at a velocity."""
+    return -extremes.GAMMA * v
+
+
+def quadratic(v: float) -> float:
+    """Return the acceleration by quadratic drag at a velocity."""
+    return -extremes.DRAG * abs(v) * v
+
+
+def sphere(v: float) -> float:
+    """Return the acceleration by the drag of a sphere, 6 pi mu a v (1 + 0.15 Re^0.687)/m (Schiller & Naumann 1933)."""
+    reynolds = extremes.DENSITY * abs(v) * 2.0 * extremes.RADIUS / extremes.VISCOSITY
+    stokes = -6.0 * math.pi * extremes.VISCOSITY * extremes.RADIUS * v / extremes.MASS
+    return stokes * (1.0 + 0.15 * math.pow(reynolds, 0.687))
+
+
+def wire(v: float) -> float:
+    """Return the acceleration by the drag of a rod of 1 m, a cylinder with C_d = 1 + 10 Re^(-2/3) (White 2006)."""
+    layer = math.pow(extremes.VISCOSITY / extremes.DENSITY / extremes.THICKNESS, 2.0 / 3.0)
+    skin = 1.5 * layer * math.pow(abs(v), 1.0 / 3.0)
+    return -extremes.DENSITY * extremes.THICKNESS * (0.125 * abs(v) + skin) * v / extremes.MASS
+
+
+DRAGS: dict[str, Callable[[float], float]] = {
+    "no damping": lambda v: 0.0, "linear drag": linear, "quadratic drag": quadratic,
+    "both drags": lambda v: linear(v) + quadratic(v), "a bearing's friction": linear, "a sphere's drag": sphere,
+    "a wire's drag": wire,
+}
+"""Kind of damping -> hand-written acceleration at a velocity."""
+
+
+def tilts(name: str, push: float, steps: int, every: int) -> tuple[Array, Array]:
+    """Return the exact distance from the top in units of GAP, and its rate over omega0, every ``every`` steps.
+
+    ``name`` is a kind of damping, and ``push`` the velocity towards the top [rad/s]. The tilt y obeys
+    y'' = omega0² sin(y) + drag(y'). It is scaled by its first value, so that no number underflows.
+    """
+    drag, gap = DRAGS[name], extremes.GAP
+
+    def force(_t: float, tilt: float, rate: float) -> float:
+        return (EARTH * math.sin(gap * tilt) + drag(gap * rate)) / gap
+
+    tilt, rate = in_turn([force] * (steps // every), (1.0, -push / gap), extremes.PRODUCT / extremes.RATE * every)
+    return tilt, rate / extremes.RATE
+
+
+def fallen(name: str, push: float) -> tuple[Array, Array]:
+    """Return the motion of :func:`tilts` until the tilt is about LIFT, under the growth that linear drag leaves."""
+    slow = -DRAGS[name](1e-12) / 1e-12 / extremes.RATE
+    pace = math.hypot(1.0, 0.5 * slow) - 0.5 * slow  # rate of growth over omega0
+    parts = math.ceil(math.log(LIFT / extremes.GAP) / (extremes.PRODUCT * pace) / extremes.STRIDE)
+    return tilts(name, push, parts * extremes.STRIDE, extremes.STRIDE)
 
 
 # --- fast drives -----------------------------------------------------------------------------------------------------
@@ -125,6 +209,10 @@ def gust_path(seed: int, span: float, count: int) -> Array:
     return np.array(gusts)
 
 
+AREA = 0.5 * fast_drive.DENSITY * fast_drive.C_D * math.pi * fast_drive.RADIUS**2
+"""Drag force over speed squared in the cases of wind [kg/m]."""
+
+
 def airs(case: str) -> tuple[float, ...]:
     """Return the wind [m/s] in each control step of the case of gusts, or of a wind that reverses."""
     if case == fast_drive.GUSTY.name:
@@ -136,12 +224,12 @@ def airs(case: str) -> tuple[float, ...]:
 
 def blown(airs: tuple[float, ...]) -> tuple[Array, Array]:
     """Return the exact angle and velocity [rad, rad/s] after each control step in a wind [m/s] constant in each."""
-    length, mass, area = fast_drive.LENGTH, fast_drive.MASS, fast_drive.AREA
+    length, mass = fast_drive.LENGTH, fast_drive.MASS
 
     def within(air: float) -> Force:
         def force(_t: float, q: float, v: float) -> float:
             slip, across = length * v - air * math.cos(q), air * math.sin(q)
-            drag = -area * math.hypot(slip, across) * slip
+            drag = -AREA * math.hypot(slip, across) * slip
             return drag / (mass * length) - 9.81 * math.sin(q) / length - fast_drive.LINEAR * slip / length
 
         return force
@@ -227,7 +315,7 @@ def thrown(drag: float) -> tuple[Array, Array]:
         return lambda _t, q, v: torque - EARTH * math.sin(q) - drag * abs(v) * v
 
     torques = (switching.STRENGTH * EARTH * share for share in switching.shares(switching.STEPS).tolist())
-    return in_turn(map(under, torques), (switching.START, 0.0), switching.PHASE / switching.RATE)
+    return in_turn(map(under, torques), (switching.START, 0.0), switching.PHASE / math.sqrt(EARTH))
 
 
 def yielded(time: Array) -> tuple[Any, Any]:
@@ -251,3 +339,89 @@ def climbed() -> tuple[Array, Array]:
     angle, speed = turned(range(1, switching.SLIDES + 1), switching.TURN)
     still = np.zeros(switching.HOLDS)
     return switching.GRAIN * np.concatenate([still, angle]), switching.GRAIN * np.concatenate([still, speed])
+
+
+# --- every motion ----------------------------------------------------------------------------------------------------
+
+
+def _swing(motion: Motion, time: Array) -> tuple[Any, Any]:
+    """Return the motion of a pendulum under gravity alone, by Jacobi's elliptic functions."""
+    omega0 = motion.scene.omega0
+    return exact.pendulum(time, motion.angle, motion.velocity * omega0, omega0)
+
+
+def _cosine(motion: Motion, time: Array) -> tuple[Any, Any]:
+    """Return the motion of a linear pendulum from rest."""
+    omega0 = motion.scene.omega0
+    return motion.angle * np.cos(omega0 * time), -motion.angle * omega0 * np.sin(omega0 * time)
+
+
+def _forced(force: Force, limit: float = 0.0) -> Callable[[Motion, Array], tuple[Any, Any]]:
+    """Return a function that integrates a motion under a hand-written force and dry friction with SciPy."""
+    return lambda motion, time: traced(force, limit, (motion.angle, motion.velocity * motion.scene.omega0), time)
+
+
+def _slowed(motion: Motion, time: Array) -> tuple[Any, Any]:
+    """Return the closed form or the reference solution of a motion under fast damping."""
+    found = reference(motion.scene, motion.angle, motion.velocity * motion.scene.omega0, time)
+    return found.angle, found.velocity
+
+
+def _scaled(motion: Motion, states: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Return states with velocities in rad/s in place of omega0."""
+    return states[0], motion.scene.omega0 * np.asarray(states[1])
+
+
+def _on_orbit(motion: Motion, time: Array) -> tuple[Any, Any]:
+    """Return the first period of the chaotic pendulum on an orbit that doubles its period."""
+    strength = next(one.strength for one in DOUBLINGS if chaos.doubled(one).name == motion.name)
+    return _forced(lambda t, q, v: strength * math.cos(t * (2.0 / 3.0)) - math.sin(q) - 0.5 * v)(motion, time)
+
+
+def _flipped(motion: Motion, time: Array) -> tuple[Any, Any]:
+    """Return a small swing under the torques of a motion."""
+    return _scaled(motion, turned(motion.torques, motion.time / motion.marks, motion.angle))
+
+
+OTHERWISE: dict[str, Callable[[Motion, Array], tuple[Any, Any]]] = {
+    "the separatrix": lambda motion, time: gudermannian(time),
+    "Coulomb friction to rest, small angles": lambda motion, time: _scaled(
+        motion, dry_swing(motion.scene.omega0 * time)),
+    "Coulomb friction to rest in coarse steps": lambda motion, time: _scaled(
+        motion, dry_swing(motion.scene.omega0 * time)),
+    "Coulomb friction to rest, large angles": _forced(steep_force, non_smooth.STEEP_RATIO * EARTH),
+    "a hair beyond the band": lambda motion, time: slides(time),
+    "a slowly rising torque": lambda motion, time: risen(time),
+    "sticking and sliding by turns": _forced(turns_force, non_smooth.LIMIT),
+    "let go by a shaken pivot": _forced(shaken_force, non_smooth.LIMIT),
+    "quadratic drag to rest in dry friction": _forced(swing_force, non_smooth.WITH_BOTH * EARTH),
+    "dry friction, quadratic drag and a torque": _forced(many_force, non_smooth.LIMIT),
+    "the kinks of quadratic drag": _forced(swing_force),
+    "gusts": lambda motion, time: blown(airs(motion.name)),
+    "a wind that reverses": lambda motion, time: blown(airs(motion.name)),
+    "torque changing sign each control step": _flipped,
+    "torque changing sign each step": _flipped,
+    "random actions": _flipped,
+    "bang-bang": _flipped,
+    "a random torque in each step, full gravity": lambda motion, time: thrown(0.0),
+    "a random torque in each step, quadratic drag": lambda motion, time: thrown(switching.DRAG),
+    "a torque that takes 11 days to rise": lambda motion, time: yielded(time),
+    "a torque that exceeds dry friction by one part in 1e6": lambda motion, time: climbed(),
+    "right at 1 m and 1 kg, with a motor": lambda motion, time: _forced(
+        lambda _t, q, _v: motion.scene.omega0**2 * (0.05 - math.sin(q)))(motion, time),
+    "a tiny swing": _cosine,
+    "a torque at 2 omega0 for 1e5 periods": lambda motion, time: resonance.steady(time),
+    "an honest horizon": lambda motion, time: (
+        np.array([0.2, chaos.MOTION.angle[0]]), np.array([0.0, chaos.MOTION.velocity[0]])),
+    **{chaos.doubled(one).name: _on_orbit for one in DOUBLINGS},
+    **{fast_drive.edge(share): lambda motion, time, share=share: (
+        math.pi - fast_drive.TILT * returns(share), np.full(len(time), math.nan)) for share in fast_drive.SHARES},
+}
+"""Name of a motion -> another way to its exact angle and velocity; others have the closed forms of their scenes."""
+
+
+def otherwise(motion: Motion) -> tuple[Any, Any]:
+    """Return the exact angle and velocity at the start and the marks of a motion, by another way than 40 digits."""
+    time = motion.time / motion.scene.omega0 * np.arange(motion.marks + 1.0) / motion.marks
+    way = _slowed if "drag" in motion.equation else _cosine if motion.equation == "linear" else _swing
+    return OTHERWISE.get(motion.name, way)(motion, time)
