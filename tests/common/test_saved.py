@@ -198,10 +198,11 @@ def test_arrays_are_called_by_their_places(files: Mapping[str, Path]) -> None:
 
 @pytest.mark.parametrize("name", ["Growth", *(pytest.param(name, marks=pytest.mark.slow) for name in (
     "Rollout", "Matrix", "Section", "Basins", "Recording", "Comparison", "LabSheet", "Audit", "Simplification"))])
-def test_figures_of_a_loaded_result_are_those_of_the_result(name: str, files: Mapping[str, Path]) -> None:
+def test_figures_and_cards_of_a_loaded_result_are_those_of_the_result(name: str, files: Mapping[str, Path]) -> None:
     assert name in FIGURES
-    drawn = [one.plot() for one in (small(name), load(files[name]))]
-    assert drawn[0].as_html() == drawn[1].as_html()
+    both = small(name), load(files[name])
+    assert both[0].plot().as_html() == both[1].plot().as_html()
+    assert both[0]._repr_html_() == both[1]._repr_html_()
 
 
 def test_dense_output_and_events_stay(files: Mapping[str, Path]) -> None:
@@ -231,7 +232,8 @@ def test_an_array_that_stands_twice_is_written_once(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [
-    lambda: fit(swing(), "linear,quadratic", mass=0.1), lambda: small_driven_fit("log"), lambda: audit("lab"),
+    lambda: fit(swing(), mass=0.1), lambda: small_driven_fit("log"),
+    lambda: audit("lab", amplitude=0.3, tolerance=1e-2),
     lambda: simplify("lab", amplitude=0.3, tolerance=1e-2), lambda: small_fit().bootstrap(5),
     lambda: rollout("windy", angle=np.linspace(0.1, 3.0, 1000), duration=10.0)])
 def test_measured_results_come_back_bit_by_bit(make: Callable[[], Any], tmp_path: Path,
