@@ -32,10 +32,11 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import IO, Any
 
@@ -121,7 +122,11 @@ class Savable:
 
 
 def save(result: Any, path: str | Path) -> Path:
-    """Write a result of the package as a file, completely or not at all; see :meth:`Savable.save`."""
+    """Write a result of the package as a file, completely or not at all; see :meth:`Savable.save`.
+
+    Raises SceneError for another object, another ending, and contents that no file can keep, OutputError if the file
+    cannot be written.
+    """
     place = file_path(path, "path")
     if place.suffix.lower() not in ENDINGS:
         raise SceneError(f"A result is saved as a zip archive, whose name ends in {' or '.join(ENDINGS)}, not as "
@@ -228,10 +233,8 @@ def _class_of(name: str) -> Any:
 @cache
 def _field_names(name: str) -> dict[str, bool]:
     """Return the names of a class's fields, each with True if it must be given."""
-    kind = _class_of(name)
-    if not is_dataclass(kind):
-        return {name: name not in kind._field_defaults for name in kind._fields}
-    return {f.name: f.default is MISSING and f.default_factory is MISSING for f in fields(kind) if f.init}
+    given = signature(_class_of(name)).parameters
+    return {field: parameter.default is parameter.empty for field, parameter in given.items()}
 
 
 def fingerprint(method: Any) -> str:
@@ -579,9 +582,7 @@ def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, dtype: Any, shape: t
         raise FileError(f"its member {shown(info.filename)} has {left} bytes, not those of an array of {dtype} of "
                         f"shape {shape}")
     with archive.open(info) as file:
-        array = np.lib.format.read_array(file, allow_pickle=False)
-        file.read(1)  # the end, where the archive compares its checksum
-    return array
+        return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def _header(file: IO[bytes]) -> tuple[tuple[int, ...], Any]:

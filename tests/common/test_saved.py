@@ -198,10 +198,11 @@ def test_arrays_are_called_by_their_places(files: Mapping[str, Path]) -> None:
 
 @pytest.mark.parametrize("name", ["Growth", *(pytest.param(name, marks=pytest.mark.slow) for name in (
     "Rollout", "Matrix", "Section", "Basins", "Recording", "Comparison", "LabSheet", "Audit", "Simplification"))])
-def test_figures_of_a_loaded_result_are_those_of_the_result(name: str, files: Mapping[str, Path]) -> None:
+def test_figures_and_cards_of_a_loaded_result_are_those_of_the_result(name: str, files: Mapping[str, Path]) -> None:
     assert name in FIGURES
-    drawn = [one.plot() for one in (small(name), load(files[name]))]
-    assert drawn[0].as_html() == drawn[1].as_html()
+    both = small(name), load(files[name])
+    assert both[0].plot().as_html() == both[1].plot().as_html()
+    assert both[0]._repr_html_() == both[1]._repr_html_()
 
 
 def test_dense_output_and_events_stay(files: Mapping[str, Path]) -> None:
@@ -216,14 +217,23 @@ def test_objects_that_are_one_stay_one(files: Mapping[str, Path]) -> None:
     """The table of a matrix finds a case's entries by it."""
     matrix = load(files["Matrix"])
     assert all(entry.case is matrix.cases[0] for entry in matrix.entries)
-    comparison = load(files["Comparison"])
-    assert all(run.scene is comparison.scene for run in comparison.runs.values()) == all(
-        run.scene is small("Comparison").scene for run in small("Comparison").runs.values())
+    found = load(files["Fit"])
+    assert found.comparison.best.recording is found.recording
+    assert found.comparison.best.model.time is found.model.time
+
+
+def test_an_array_that_stands_twice_is_written_once(tmp_path: Path) -> None:
+    both = np.arange(3.0)
+    path = Transfer(both, both, ()).save(tmp_path / "one.zip")
+    assert {*members(path)} == {"result.json", "nominal.npy"}
+    loaded = load(path)
+    assert loaded.real is loaded.nominal
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [
-    lambda: fit(swing(), "linear,quadratic", mass=0.1), lambda: small_driven_fit("log"), lambda: audit("lab"),
+    lambda: fit(swing(), mass=0.1), lambda: small_driven_fit("log"),
+    lambda: audit("lab", amplitude=0.3, tolerance=1e-2),
     lambda: simplify("lab", amplitude=0.3, tolerance=1e-2), lambda: small_fit().bootstrap(5),
     lambda: rollout("windy", angle=np.linspace(0.1, 3.0, 1000), duration=10.0)])
 def test_measured_results_come_back_bit_by_bit(make: Callable[[], Any], tmp_path: Path,
@@ -262,8 +272,9 @@ def test_nested_values_come_back_bit_by_bit(tmp_path_factory: pytest.TempPathFac
 @pytest.mark.parametrize("value", [
     np.arange(12.0).reshape(3, 4).T, np.arange(12.0)[::2], np.array(5.0), np.zeros((0, 3)), np.array(["ä", "b"]),
     np.array([1.0, math.nan, -0.0, 5e-324, -math.inf]), np.array([np.arange(2.0), None], dtype=object),
-    np.array(["2026-01-01"], dtype="M8[D]")], ids=str)
-def test_arrays_of_every_layout(value: Any, tmp_path: Path) -> None:
+    np.array(["2026-01-01"], dtype="M8[D]"), -math.nan, struct.unpack("<d", b"\x01" + bytes(5) + b"\xf4\x7f")[0],
+    np.array(0x7F800001, "u4").view("f4")[()]], ids=str)
+def test_arrays_of_every_layout_and_every_nan(value: Any, tmp_path: Path) -> None:
     assert same(load(Transfer(value, value, ()).save(tmp_path / "one.zip")).real, value)
 
 
@@ -327,6 +338,8 @@ def test_a_hard_case_that_is_no_longer_there_keeps_its_data(tmp_path: Path) -> N
     case = Case("gone", known.group, "why", "truth", "source", known.scene, known.may, known.attempt)
     entry = MatrixEntry(case, integrators.get("rk4"), Finding("accurate", 1e-3), True)
     loaded = load(Matrix((case,), (entry.method,), (entry,)).save(tmp_path / "one.zip"))
+    assert loaded.entries[0].case is loaded.cases[0]
+    assert loaded.entries[0].method is loaded.methods[0]
     assert loaded.cases[0].name == "gone"
     assert same(loaded.entries[0].finding, entry.finding)
     assert loaded.table.rows[0][1] == "gone"
@@ -429,6 +442,15 @@ def test_a_result_that_holds_itself_or_an_endless_number_is_refused(tmp_path: Pa
     for value in (round_, 10**5000):
         with pytest.raises(SceneError, match="A file cannot keep the Transfer: "):
             Transfer(value, np.zeros(2), ()).save(tmp_path / "one.zip")
+
+
+def test_a_class_that_only_has_a_known_name_is_refused(tmp_path: Path) -> None:
+    @dataclass
+    class Law:
+        kind: str = "mine"
+
+    with pytest.raises(SceneError, match="cannot keep nominal: its class is not the package's Law"):
+        Transfer(Law(), np.zeros(2), ()).save(tmp_path / "one.zip")
 
 
 def test_names_without_an_ending_and_other_objects_are_refused(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ import tempfile
 import time
 import traceback
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 sys.dont_write_bytecode = True
 os.environ.update(LAB_PENDULUM_BACKEND="python", SDL_VIDEODRIVER="dummy", MPLBACKEND="agg", COLUMNS="100")
 
+SAVED = tuple((Path(__file__).parents[1] / "common" / "version_1").resolve().iterdir())
+"""Files of saved results."""
 SLOW = 20
 """Seconds after which reading a file counts as a find; other cases are given up after as many."""
 WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
@@ -92,12 +95,31 @@ def corpus() -> dict[str, list[bytes]]:
     np.save(array, np.zeros(5, [("time", float), ("angle", float)]))
     return {"Recording.read": swings, "DrivenLog.read": [log.encode(), *swings], "gate": swings,
             "Scene.load": [json.dumps(scene.to_dict()).encode() for scene in SCENES.values()],
+            "load": [path.read_bytes() for path in SAVED], "result.json": [member(path) for path in SAVED],
             "rollout file": [array.getvalue()], "journal": [b'{"sweep": {"scene": "lab"}}\n{"point": {}, "row": []}\n']}
+
+
+def member(path: Path) -> bytes:
+    """Return the JSON text of a saved result's file."""
+    with zipfile.ZipFile(path) as archive:
+        return archive.read("result.json")
+
+
+def with_text(path: Path) -> Path:
+    """Return the path of a saved result's file with the JSON text at a path, and with whole arrays."""
+    made = path.with_name(f"{path.name}.zip")
+    with zipfile.ZipFile(made, "w") as archive:
+        archive.writestr("result.json", path.read_bytes())
+        for saved in SAVED:
+            with zipfile.ZipFile(saved) as whole:
+                for name in set(whole.namelist()) - {"result.json", *archive.namelist()}:
+                    archive.writestr(name, whole.read(name))
+    return made
 
 
 def readers() -> dict[str, tuple[Callable[[Path], Any], tuple[type[Exception], ...]]]:
     """Return the package's readers of files, each with the errors that it declares."""
-    from pendulum_env import Recording, Scene, SceneError
+    from pendulum_env import Recording, Scene, SceneError, load
     from pendulum_env.engine.growing_file import read
     from pendulum_env.lab import DrivenLog, RecordingError, measure_gate
     from pendulum_env.study.sweep.journal import Journal
@@ -105,6 +127,7 @@ def readers() -> dict[str, tuple[Callable[[Path], Any], tuple[type[Exception], .
     return {
         "Recording.read": (Recording.read, (RecordingError,)), "DrivenLog.read": (DrivenLog.read, (RecordingError,)),
         "gate": (measure_gate, (RecordingError,)), "Scene.load": (Scene.load, (SceneError,)),
+        "load": (load, (SceneError,)), "result.json": (lambda path: load(with_text(path)), (SceneError,)),
         "rollout file": (read, (ValueError, OSError, EOFError)),
         "journal": (lambda path: Journal(path, {"scene": "lab"}, ("scene",)), (ValueError, OSError)),
     }
