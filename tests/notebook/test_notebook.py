@@ -214,12 +214,14 @@ def test_a_long_table_says_how_much_of_it_is_shown() -> None:
 def test_a_new_study_has_a_table_a_card_and_a_command_without_an_entry(capsys: pytest.CaptureFixture[str]) -> None:
     """Its results need their tables only; a figure would be an entry of FIGURES."""
     class Speeds(Result):
+        times = 1
+
         def origin(self) -> Mapping[str, str]:
             return {"Software": "mine"}
 
         def tables(self) -> Mapping[str, Any]:
             return {"speeds": columns_of({"angle_rad": "rad", "speed": "m/s", "note": ""},
-                                         [(0.5, 1.23456789, EVIL), (1.0, math.nan, None), (2.0, 3, "")])}
+                                         [(0.5, 1.23456789, EVIL), (1.0, math.nan, None), (2.0, 3, "")] * self.times)}
 
     found = Speeds()
     assert found.table == Table(("angle_rad [rad]", "speed [m/s]", "note"),
@@ -230,6 +232,8 @@ def test_a_new_study_has_a_table_a_card_and_a_command_without_an_entry(capsys: p
     page = Page(found._repr_html_())
     assert "1.235" in page.text
     assert "script" not in [tag for tag, _ in page.tags]
+    found.times = 7
+    assert "The first 12 of 21 rows; all are in .table." in Page(found._repr_html_()).text
     console.print_result(found, [])
     assert "1.235" in capsys.readouterr().out
 
