@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
-from itertools import groupby, product
+from itertools import groupby
 
 import integrators as registry
 from integrators import Method

@@ -45,8 +45,8 @@ def page(
         drawing = blank(size, given, layout)
         yield drawing
         if title:
-            room = 72.0 * drawing.get_figwidth() - EDGES
-            drawing.suptitle(fitted(title, HEAD, room), x=0.008, ha="left", fontsize=HEAD)
+            text = fitted(title, HEAD, 72.0 * drawing.get_figwidth() - EDGES)
+            drawing.suptitle(text, x=0.008, ha="left", fontsize=HEAD)
         if note:
             footnote(drawing, note)
 

@@ -27,7 +27,7 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.common.texts import for_csv
 from pendulum_env.envs.limits import IDS
 from pendulum_env.study.compare import Comparison
-from pendulum_env.study.lists.tables import TABLES, find_table
+from pendulum_env.study.lists.tables import TABLES
 
 
 def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -415,7 +415,7 @@ def test_a_list_is_one_screen_and_all_of_it_more(what: str, run_here: Here, monk
     if what == "ids":
         assert [line.split()[0] for line in lines[:-1]] == list(IDS)
     if what in TABLES:
-        assert all(row[0] in " ".join(printed.split()) for row in find_table(what).rows)
+        assert all(row[0] in " ".join(printed.split()) for row in TABLES[what]().rows)
     if what != "scenes --scene lab":
         assert len(run_here("list", *what.split(), "--all")[1]) > len(printed)
         assert "--all" in lines[-1]

@@ -13,7 +13,7 @@ from readme_code import check_listed
 
 from pendulum_env.lab import Recording, RecordingError, fit, measure, measure_gate
 from pendulum_env.lab.quantities import ANGLE, DISTANCE, FORCE, GATE, PERIOD, QUANTITIES, RATE, TRACK
-from pendulum_env.study.lists.tables import find_table
+from pendulum_env.study.lists.tables import TABLES
 
 FORMATS = {one.name: one for one in BENCH_FILES}
 REFUSED = {
@@ -65,7 +65,7 @@ KINDS = {"angle": ANGLE, "rate": RATE, "acceleration": FORCE, "track": TRACK, "d
 
 def test_the_table_of_formats_is_made_from_the_declaration() -> None:
     check_listed("formats")
-    rows = find_table("formats").rows
+    rows = TABLES["formats"]().rows
     assert rows == tuple(quantity.cells for quantity in QUANTITIES)
     assert {one.kind for one in BENCH_FILES} == set(KINDS)
     assert all(quantity.reading and quantity.cells in rows for quantity in KINDS.values())

@@ -7,13 +7,13 @@ import re
 import pytest
 from readme_code import check_listed, check_table
 
-from pendulum_env import SCENES, SceneError
+from pendulum_env import SCENES
 from pendulum_env.bench.sources import SOURCES
 from pendulum_env.engine.motion import EVENTS
 from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
-from pendulum_env.study.lists.tables import TABLES, find_table
+from pendulum_env.study.lists.tables import TABLES
 from pendulum_env.tasks import TASKS
 
 ELSEWHERE = "integrators"
@@ -31,8 +31,3 @@ def test_a_table_lists_its_registry(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in TABLES if name != ELSEWHERE])
 def test_readmes_are_current(name: str) -> None:
     check_listed(name)
-
-
-def test_unknown_list() -> None:
-    with pytest.raises(SceneError, match="did you mean scenes"):
-        find_table("scene")

@@ -13,7 +13,7 @@ from integrators import RungeKutta
 from integrators.method import exact
 from pendulum_env.common.tables import Table
 from pendulum_env.envs.settings import settings_table
-from pendulum_env.study.lists.tables import find_table
+from pendulum_env.study.lists.tables import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("examples", "integrators", "pendulum_env", "tests")
@@ -78,14 +78,14 @@ def check_numbers(mark: str, least: int, folder: Path) -> None:
 
 def check_table(name: str, registry: Iterable[str]) -> None:
     """AssertionError unless a list has a full row for each of a registry, in its order."""
-    found = find_table(name)
+    found = TABLES[name]()
     assert [row[0] for row in found.rows] == list(registry)
     assert all(len(row) == len(found.head) and all(row) for row in found.rows)
 
 
 def listed(name: str) -> Table:
     """Return the table between the marks ``list NAME`` and ``end`` of a README."""
-    return settings_table() if name == "settings" else find_table(name)
+    return settings_table() if name == "settings" else TABLES[name]()
 
 
 def check_listed(name: str) -> None:

@@ -14,7 +14,7 @@ from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
 from pendulum_env.physics.presets import PURPOSES, SCENES
-from pendulum_env.physics.units import first_line, one_of
+from pendulum_env.physics.units import first_line
 from pendulum_env.study.lists.effects import parameters
 from pendulum_env.study.lists.methods import COLUMNS, entry, shown
 from pendulum_env.tasks import TASKS
@@ -59,11 +59,6 @@ LINES = 2
 """Largest number of lines for each list when all are printed on one screen."""
 ROWS = 21
 """Largest number of rows that a list prints on a screen of 24 lines."""
-
-
-def find_table(name: str) -> Table:
-    """Return the table with a name of :data:`TABLES`, such as "scenes"; raises SceneError for another name."""
-    return TABLES[one_of(name, "list of", TABLES)]()
 
 
 def names_of(name: str, table: Table, width: int, lines: int | None = LINES) -> str:
