@@ -20,7 +20,7 @@ from pendulum_env.common.progress import Progress, with_bar
 from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.engine.machine import checked_tolerance, fitting
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
-from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps
+from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, usual_start
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import boolean, function, naming_keywords, number, several, whole_number
@@ -114,8 +114,7 @@ def cost(
     """
     with naming_keywords(cost):
         place, own = scene_and_shared(scene, damping, parameters)
-    q = number(place.run.angle if angle is None else angle, "angle", unit="rad")
-    v = number(place.run.velocity if velocity is None else velocity, "velocity", unit="rad/s")
+    q, v = usual_start(place, angle, velocity)
     checked_start(place, q, v)
     length = number(place.run.duration if duration is None else duration, "duration", above=0.0, unit="s")
     anew, repeats = not boolean(resume, "resume"), whole_number(repeats, "repeats", MOST_REPEATS)
