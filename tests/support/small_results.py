@@ -12,6 +12,9 @@ from normal_posterior import normal_posterior
 
 import integrators
 from pendulum_env import SCENES, Recording, basins, compare, cost, growth, measure, rollout, section, stress, sweep
+from pendulum_env.auto.calibrate import Choice
+from pendulum_env.auto.ranking import Ranking
+from pendulum_env.auto.search import Candidate
 from pendulum_env.envs.transfer import Difference, Transfer
 from pendulum_env.lab import DrivenFit, DrivenLog, Fit, GateSheet, Measurement
 from pendulum_env.lab.accelerations import Mount
@@ -104,6 +107,8 @@ SMALL: Mapping[str, Callable[[], Any]] = {
     "Section": lambda: section(points=40, runs=2, transient=2, steps=20, backend="python"),
     "Basins": lambda: basins("chaotic", size=2, transient=1, steps=20, backend="python"),
     "Stability": lambda: stability(["rk4", "heun"]),
+    "Ranking": lambda: Ranking(Choice("rk4", 2, 1e-3, 0.02, 10, 1e-4, math.inf, 3.5, 0.0, 4, 8, 2.0, "shipped",
+                                      (Candidate("heun", 5, 9e-4, 2.25),), ("a limit",))),
     "LabSheet": lambda: measure(swing()),
     "GateSheet": lambda: GateSheet("gate", np.ones(3), np.full(3, np.nan), Measurement(1.0, 0.1, "s"),
                                    Measurement(0.99, 0.1, "s"), Measurement(0.24, 0.1, "m"), None, ("from periods",)),
