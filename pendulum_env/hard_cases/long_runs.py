@@ -37,6 +37,7 @@ from pendulum_env.hard_cases.case import (
     graded,
     known,
     ran,
+    run_of,
     then,
 )
 from pendulum_env.hard_cases.predicted import Motion
@@ -162,7 +163,7 @@ def _rounded(starts: int, steps: int, method: Method) -> Finding:
     angles = np.random.default_rng(7).uniform(0.2, 2.8, starts)
     changes = []
     for count in (steps // 100, steps):
-        go = partial(ran, SCENE, method, dt=PRODUCT / SCENE.omega0, steps=count, every=count, compensated=True,
+        go = partial(run_of, SCENE, method, dt=PRODUCT / SCENE.omega0, steps=count, every=count, compensated=True,
                      backend="auto")
         try:
             there = go(angle=angles, velocity=np.zeros(starts))

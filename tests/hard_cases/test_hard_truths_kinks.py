@@ -9,14 +9,13 @@ import mpmath as mp
 import numpy as np
 import pytest
 from breakaway import by_turns
-from hard_truths import traced
+from hard_truths import Force, traced
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b, mathieu_cem
 
 from pendulum_env.hard_cases import fast_drive, non_smooth
 from pendulum_env.physics import exact
-from pendulum_env.truth.pieces import Force
 
 # --- piecewise integration ------------------------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from copy import copy
 from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from forty_digits import fits
@@ -98,8 +99,11 @@ def mutants(name: str) -> Iterator[Mutant]:
 
 
 def noticed(case: Case, mutant: Mutant) -> bool:
-    """Return True if a mutant's outcome in a case is not one that the case allows its method."""
-    with np.errstate(all="ignore"):
+    """Return True if a mutant's outcome in a case is not one that the case allows its method.
+
+    The check that would refuse its coefficients before they run is left out.
+    """
+    with np.errstate(all="ignore"), patch("integrators.analysis.conditions.check_order"):
         return not case.as_expected(METHODS[mutant.method.name], case.tried(mutant.method))
 
 
