@@ -55,7 +55,8 @@ def dangerous(path: Path) -> set[str]:
             literal = all(isinstance(each, ast.Constant) for each in node.args)
             of_re = isinstance(node.func, ast.Attribute) and ast.unparse(node.func.value) == "re"
             found |= {name} if name in RUNS and not literal and not of_re else set()
-            found |= {"allow_pickle"} if any(each.arg == "allow_pickle" for each in node.keywords) else set()
+            found |= {"allow_pickle"} if any(each.arg == "allow_pickle" and ast.unparse(each.value) != "False"
+                                             for each in node.keywords) else set()
     return found
 
 
