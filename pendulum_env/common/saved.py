@@ -13,7 +13,7 @@ whose keys are texts that do not begin with "$". Every other value is an object 
 | `$dict` | a dict with other keys, as a list of pairs |
 | `$float` | "nan", "-nan", "inf", "-inf", or another nan as the 16 hexadecimal digits of its bits |
 | `$number` | a number or a text of NumPy; "dtype" |
-| `$scene` | a scene, as `Scene.to_dict` returns it |
+| `$scene` | a scene, as `Scene.to_dict` returns it; "own": names of its effects that are not of the package |
 | `$method` | a method's name; "fingerprint" of its numbers; "own": true for one that is not of the package |
 | `$same` | the object that stands further up, at a place such as `cases.3` |
 
@@ -326,7 +326,7 @@ class _Writer:
             own = of_package is None or fingerprint(of_package) != fingerprint(one)
             written = {"$method": one.name, "fingerprint": fingerprint(one), **({"own": True} if own else {})}
         elif name == "Scene":
-            written = {"$scene": _scene_data(one)}
+            written = _scene_data(one)
         elif type(one) is not _class_of(name):
             raise SceneError(f"A file cannot keep {place or 'the result'}: its class is not the package's {name}.")
         else:
@@ -347,7 +347,7 @@ def _unusual(one: float) -> str:
 
 
 def _scene_data(scene: Any) -> Any:
-    """Return a scene as plain data; raises SceneError for one that the data do not give again."""
+    """Return what stands for a scene; raises SceneError for one that its plain data do not give again."""
     known = import_module("pendulum_env.physics.effects").EFFECTS
     own = {type(effect).name: type(effect) for effect in scene.effects
            if known.get(effect.name) is not type(effect)}
@@ -359,7 +359,7 @@ def _scene_data(scene: Any) -> Any:
     if not same:
         raise SceneError(f"A file cannot keep the scene '{scene.name}': its dict, Scene.to_dict(), does not give it "
                          "again, perhaps because of a body of your own.")
-    return written
+    return {"$scene": written, **({"own": sorted(own)} if own else {})}
 
 
 def _pack(path: Path, text: bytes, members: Mapping[str, Any], how: int) -> int:
@@ -511,12 +511,11 @@ class _Reader:
         return found
 
     def _scene(self, one: Any, place: str) -> Any:
-        known = import_module("pendulum_env.physics.effects").EFFECTS
-        for effect in one["$scene"]["effects"]:
-            if effect["effect"] not in (*known, *self._effects):
-                raise FileError(f"the effect {shown(effect['effect'])} is not of the package; give its class, as in "
-                                "load(path, effects=[Mine])")
-        self._met[place] = _scene(one["$scene"], self._effects)
+        for name in one.get("own", ()):
+            if name not in self._effects:
+                raise FileError(f"the effect {shown(name)} is not of the package; give its class, as in load(path, "
+                                "effects=[Mine])")
+        self._met[place] = _scene(one["$scene"], {name: self._effects[name] for name in one.get("own", ())})
         return self._met[place]
 
     def _object(self, one: Any, place: str) -> Any:

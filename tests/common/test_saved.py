@@ -332,6 +332,17 @@ def test_an_effect_of_ones_own(tmp_path: Path) -> None:
         load(path)
     assert load(path, effects=[Cubic]).nominal == scene
 
+    class LinearDrag(type(SCENES["lab"].effects[2])):  # type: ignore[misc]
+        """One's own of a name that the package has, which does not stand in for it."""
+
+    mine = SCENES["lab"].with_effects([LinearDrag(**vars(one)) if one.name == "linear_drag" else one
+                                       for one in SCENES["lab"].effects])
+    path = Transfer(mine, np.zeros(2), ()).save(tmp_path / "two.zip")
+    with pytest.raises(SceneError, match="'linear_drag' is not of the package"):
+        load(path)
+    assert load(path, effects=[LinearDrag]).nominal == mine
+    assert load(small("Rollout").save(tmp_path / "three.zip"), effects=[LinearDrag]).scene == small("Rollout").scene
+
 
 def test_a_hard_case_that_is_no_longer_there_keeps_its_data(tmp_path: Path) -> None:
     known = small("Matrix").cases[0]
@@ -584,7 +595,7 @@ REFUSED: Mapping[str, tuple[Callable[[Path, Path], Path], str]] = {
     "kind": (result(angle={"$pickle": "angle"}), r"angle is of the unknown kind '\$pickle'"),
     "method": (result(method={"$method": "rk5000", "fingerprint": "0"}), "no method 'rk5000' in this version"),
     "effect": (edited(lambda whole: whole["result"]["scene"]["$scene"]["effects"][0].update(effect="glue")),
-               "the effect 'glue' is not of the package"),
+               "There is no effect 'glue'"),
     "scene": (edited(lambda whole: whole["result"]["scene"]["$scene"]["body"].update(mass=-1)), "mass must be"),
     "same": (result(dt={"$same": "nowhere"}), "dt names 'nowhere', which does not stand before it"),
     "shape": (replaced(**{"angle.npy": np.zeros(52)}), r"shape \(52,\), not of float64 of shape \(51,\) as declared"),
