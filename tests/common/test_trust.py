@@ -8,6 +8,7 @@ import os
 import pickle
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -64,8 +65,9 @@ def test_nothing_else_runs_text_or_unpickles() -> None:
     roots = [Path(package.__file__).parent for package in (pendulum_env, integrators) if package.__file__]
     found = {path.relative_to(root.parent).as_posix(): dangerous(path) for root in roots for path in root.rglob("*.py")}
     for own in ("pendulum_env/__init__", "pendulum_env/lab/__init__", "pendulum_env/cli/api_pages",
-                "pendulum_env/common/shown", "pendulum_env/notebook/figures"):
-        found[f"{own}.py"] -= {"import_module"}  # of the package's own public names
+                "pendulum_env/common/shown", "pendulum_env/common/results", "pendulum_env/common/saved",
+                "pendulum_env/notebook/figures"):
+        found[f"{own}.py"] -= {"import_module"}  # of the package's own public names, pandas and xarray
     assert {name for name, calls in found.items() if calls} == MAY_RUN.keys()
 
 
@@ -102,6 +104,7 @@ def tried(work):
 
 for path in sorted(folder.iterdir()):
     tried(lambda: Scene.load(path))
+    tried(lambda: pendulum_env.load(path))
     tried(lambda: rollout(str(path), duration=0.01, backend="python"))
     tried(lambda: Recording.read(path))
     tried(lambda: np.load(path, mmap_mode="r"))
@@ -135,6 +138,24 @@ def planted_files(folder: Path, trace: Path) -> None:
     (folder / "recording.txt").write_text(f"# {escaped}\n0 1\n0.1 2\n0.2 1\n0.3 2\n")
     (folder / "pickle.json").write_bytes(pickle.dumps(Planted(trace)))
     np.save(folder / "objects.npy", np.array([Planted(trace)], dtype=object), allow_pickle=True)
+    run = Path(__file__).parent / "version_1" / "rollout.npz"
+    with zipfile.ZipFile(run) as archive:
+        whole = {name: archive.read(name) for name in archive.namelist()}
+    result = json.loads(whole["result.json"])
+    angle = result["result"]["angle"]
+    planted = {
+        "pickled": {**whole, "angle.npy": (folder / "objects.npy").read_bytes()},
+        **{f"said_{i}": {**whole, "result.json": json.dumps({**result, "result": {**result["result"], **part}})}
+           for i, part in enumerate((
+               {"$class": text}, {"angle": {**angle, "dtype": text}}, {"angle": {**angle, "dtype": "|O"}},
+               {"angle": {**angle, "$array": text}}, {"method": {"$method": text, "fingerprint": text}},
+               {"ledger": {"$class": "Path.touch", "self": str(trace)}}, {"dt": {"$number": 1, "dtype": text}},
+               {"dt": {"$float": text}}, {text: 1}, {"dt": {"$same": text}}))},
+    }
+    for name, members in planted.items():
+        with zipfile.ZipFile(folder / f"{name}.zip", "w") as archive:
+            for member, data in members.items():
+                archive.writestr(member, data)
 
 
 def test_what_files_say_is_not_run(tmp_path: Path) -> None:
