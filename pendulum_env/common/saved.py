@@ -57,6 +57,8 @@ TEXT = "result.json"
 """Member of a file with everything but the arrays."""
 MEMBER = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_.+-]*")
 """Names of members: no paths, and nothing that an operating system could read as one."""
+DTYPE = re.compile(r"[<>|][biufcUSmM]\d+(\[\d*[A-Za-z]+\])?")
+"""Names of NumPy's types of numbers, texts and times, such as ``<f8``."""
 LONGEST = 150
 """Largest number of characters of a member's name."""
 MOST, RATIO = 2**28, 200
@@ -468,7 +470,7 @@ class _Reader:
 
     def _number(self, one: Any, place: str) -> Any:
         number = self.value(one["$number"], place)
-        return number[()] if isinstance(number, np.ndarray) else np.dtype(one["dtype"]).type(number)
+        return number[()] if isinstance(number, np.ndarray) else _dtype(one).type(number)
 
     def _objects(self, one: Any, place: str) -> Any:
         array = np.empty(len(one["$objects"]), dtype=object)
@@ -484,7 +486,7 @@ class _Reader:
                 info = self._archive.getinfo(name)
             except KeyError:
                 raise FileError(f"its member {shown(name)} is missing") from None
-            self._arrays[name] = _array(self._archive, info, np.dtype(one["dtype"]), tuple(one["shape"]))
+            self._arrays[name] = _array(self._archive, info, _dtype(one), tuple(one["shape"]))
         return self._arrays[name]
 
     def _same(self, one: Any, place: str) -> Any:
@@ -570,10 +572,15 @@ def _functions(name: Any) -> dict[str, Any]:
     return {"may": gone, "attempt": gone} if case is None else {"may": case.may, "attempt": case.attempt}
 
 
+def _dtype(one: Mapping[str, Any]) -> Any:
+    """Return the type of NumPy that an object names; FileError for one of objects, of fields, or unknown."""
+    if not isinstance(one["dtype"], str) or not DTYPE.fullmatch(one["dtype"]):
+        raise FileError(f"it has the unknown type of numbers {shown(one['dtype'])}")
+    return np.dtype(one["dtype"])
+
+
 def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, dtype: Any, shape: tuple[int, ...]) -> Any:
     """Return the array of a member after a check that it is the declared one, before any memory is taken for it."""
-    if dtype.hasobject:
-        raise FileError(f"its member {shown(info.filename)} would hold objects")
     with archive.open(info) as file:
         found = _header(file)
         left = info.file_size - file.tell()

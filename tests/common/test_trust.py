@@ -8,6 +8,7 @@ import os
 import pickle
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,7 @@ def tried(work):
 
 for path in sorted(folder.iterdir()):
     tried(lambda: Scene.load(path))
+    tried(lambda: pendulum_env.load(path))
     tried(lambda: rollout(str(path), duration=0.01, backend="python"))
     tried(lambda: Recording.read(path))
     tried(lambda: np.load(path, mmap_mode="r"))
@@ -136,6 +138,24 @@ def planted_files(folder: Path, trace: Path) -> None:
     (folder / "recording.txt").write_text(f"# {escaped}\n0 1\n0.1 2\n0.2 1\n0.3 2\n")
     (folder / "pickle.json").write_bytes(pickle.dumps(Planted(trace)))
     np.save(folder / "objects.npy", np.array([Planted(trace)], dtype=object), allow_pickle=True)
+    run = Path(__file__).parent / "version_1" / "rollout.npz"
+    with zipfile.ZipFile(run) as archive:
+        whole = {name: archive.read(name) for name in archive.namelist()}
+    result = json.loads(whole["result.json"])
+    angle = result["result"]["angle"]
+    planted = {
+        "pickled": {**whole, "angle.npy": (folder / "objects.npy").read_bytes()},
+        **{f"said_{i}": {**whole, "result.json": json.dumps({**result, "result": {**result["result"], **part}})}
+           for i, part in enumerate((
+               {"$class": text}, {"angle": {**angle, "dtype": text}}, {"angle": {**angle, "dtype": "|O"}},
+               {"angle": {**angle, "$array": text}}, {"method": {"$method": text, "fingerprint": text}},
+               {"ledger": {"$class": "Path.touch", "self": str(trace)}}, {"dt": {"$number": 1, "dtype": text}},
+               {"dt": {"$float": text}}, {text: 1}, {"dt": {"$same": text}}))},
+    }
+    for name, members in planted.items():
+        with zipfile.ZipFile(folder / f"{name}.zip", "w") as archive:
+            for member, data in members.items():
+                archive.writestr(member, data)
 
 
 def test_what_files_say_is_not_run(tmp_path: Path) -> None:
