@@ -93,7 +93,6 @@ class Result(Plotted):
         its "units" and "columns", lists by name; ``more`` are further keys. nan is null, an infinite number the text
         "inf" or "-inf".
         """
-        more = {name: _json(value) for name, value in more.items()}
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
                          "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
                   for name, table in self.tables().items()}

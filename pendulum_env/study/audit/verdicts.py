@@ -6,10 +6,12 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, fields
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from pendulum_env.common.provenance import provenance
 from pendulum_env.common.results import Columns, Result, columns_of
+from pendulum_env.common.saved import save
 from pendulum_env.common.shown import html_of, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.physics.effects import Effect
@@ -260,6 +262,10 @@ class Simplified(NamedTuple):
     def plot(self, kind: str | None = None) -> Any:
         """Draw the report's figure; see :meth:`pendulum_env.common.shown.Plotted.plot`."""
         return self.report.plot(kind)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the scene and the report as a file; see :meth:`pendulum_env.common.saved.Savable.save`."""
+        return save(self, path)
 
 
 def off_by(audit: Audit, row: AuditRow, name: str) -> float:
