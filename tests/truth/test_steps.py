@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import islice
 from typing import Any
 
 import forty_digits
+import mpmath
 import numpy as np
 import pytest
 from forty_digits import MULTISTEP, ONE_STEP, Problem, mpf
@@ -32,6 +33,13 @@ from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.long_runs import Pair
 from pendulum_env.truth.probes import Probe, ProbeMotions
 from pendulum_env.truth.reference import reference, true_motion
+
+@pytest.fixture(autouse=True)
+def forty() -> Iterator[None]:
+    """Compute in 40 digits, whatever tests before have left."""
+    with mpmath.workdps(40):
+        yield
+
 
 FAMILIES = dict.fromkeys(map(type, METHODS.values()))
 NO_COEFFICIENTS = {
