@@ -219,7 +219,8 @@ def print_result(
 def print_files(paths: Iterable[Path]) -> None:
     """Print the names of files that were written, and their folder."""
     paths = list(paths)
-    print_text(f"Wrote {len(paths)} files to {paths[0].parent}: {', '.join(path.name for path in paths)}")
+    count = "1 file" if len(paths) == 1 else f"{len(paths)} files"
+    print_text(f"Wrote {count} to {paths[0].parent}: {', '.join(path.name for path in paths)}")
 
 
 def terminal_width(otherwise: int = 100) -> int:

@@ -250,7 +250,7 @@ def of_setting(name: str, entry: Field[Any], text: str) -> Parameter:
 
 def about(entry: Field[Any]) -> str:
     """Return the meaning, the words allowed, the unit and the default of a setting, for the help."""
-    text, note, default = str(entry.metadata["doc"]), str(entry.metadata.get("note", "")), entry.default
+    text, note, default = str(entry.metadata.get("doc", entry.name)), str(entry.metadata.get("note", "")), entry.default
     allowed = [named(word) for word in entry.metadata.get("allowed", ()) if "bool" not in str(entry.type)]
     unit = entry.metadata.get("unit", "1")
     text += f": {', '.join(allowed)}" if allowed else ""

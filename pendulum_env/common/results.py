@@ -94,7 +94,7 @@ class Result(Plotted):
         "inf" or "-inf".
         """
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
-                         "columns": {key: [_json(value) for value in one.values] for key, one in table.items()}}
+                         "columns": {key: [_json(value) for value in _cells(one)] for key, one in table.items()}}
                   for name, table in self.tables().items()}
         return json.dumps({"result": type(self).__name__, "complete": self.complete, "provenance": origin_of(self),
                            "tables": tables, **_json(more)}, allow_nan=False)

@@ -58,7 +58,7 @@ FIGURES: Mapping[str, Mapping[str, Draw] | Callable[[Any], Mapping[str, Draw]]] 
     "Simplified": {"changes": lambda result: of("audit", "draw")(result.report.audit)},
     "Stability": stability,
     "Matrix": {"outcomes": of("hard_cases", "draw")},
-    "StudyResult": lambda result: {"figure": result.study.draw} if result.study.has_figure() else {},
+    "StudyResult": lambda result: {"figure": lambda one: one.drawn()} if result.study.has_figure() else {},
     "Section": {"section": of("section", "draw")},
     "Basins": {"basins": of("section", "draw")},
     "Fit": {"fit": of("recorded", "recorded")},

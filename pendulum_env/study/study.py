@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from inspect import cleandoc
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,8 +16,9 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.common.provenance import provenance
 from pendulum_env.common.saved import save
 from pendulum_env.common.shown import one_line
-from pendulum_env.physics.units import Checked, SceneError
-from pendulum_env.study.sweep.study import Point, Sweep, sweep
+from pendulum_env.physics.units import Checked, SceneError, shown
+from pendulum_env.study.sweep.study import ERROR, Point, Sweep, sweep
+from pendulum_env.truth.reference import StudyError
 
 
 class Study(Checked):
@@ -37,6 +40,19 @@ class Study(Checked):
     name: ClassVar[str]
     columns: ClassVar[Mapping[str, str]]
 
+    @classmethod
+    def check(cls) -> None:
+        """Raise SceneError for a class that lacks what a study needs, or has what cannot be, with the remedy."""
+        lacks = [name for name in ("name", "columns") if not hasattr(cls, name)]
+        lacks += [name for name in ("points", "run") if getattr(cls, name) is getattr(Study, name)]
+        if lacks:
+            raise SceneError(f"The study {cls.__name__} needs {' and '.join(lacks)}; define them in the class.")
+        if not is_dataclass(cls):
+            raise SceneError(f"The study {cls.__name__} must be a dataclass; write @dataclass(frozen=True) above it.")
+        if not isinstance(cls.name, str) or not re.fullmatch(r"[A-Za-z0-9_-]{1,80}", cls.name):
+            raise SceneError("The name of a study, which is that of its files, is made of letters, digits, - and _, "
+                             f"not {shown(cls.name)}.")
+
     def points(self) -> Iterable[Mapping[str, Any]]:
         """Return the points of the study, dicts of numbers and texts without repetition, in the order of the rows."""
         raise NotImplementedError
@@ -50,7 +66,10 @@ class Study(Checked):
         return 1.0
 
     def draw(self, found: StudyResult) -> Any:
-        """Return the figure of a result, such as one of ``pendulum_env.plots.figure``; SceneError if there is none."""
+        """Return the figure of a result, such as one of ``pendulum_env.plots.figure``; SceneError if there is none.
+
+        Numbers of points that failed are nan, see :meth:`StudyResult.column`.
+        """
         raise SceneError(f"The study {self.name} has no figure; define its method draw.")
 
     @classmethod
@@ -83,6 +102,7 @@ class Study(Checked):
         Raises StudyError as :func:`pendulum_env.sweep` does, and SceneError for a point or a result with other columns
         than ``columns`` names.
         """
+        self.check()
         made = sweep([*self.points()], executor, run=self._run, name=f"{self.name}: {self!r}", file=file, anew=anew,
                      on_error=on_error, progress=progress, on_row=on_row, work=self.work)
         return StudyResult(made.points, made.results, made.shared, made.facts, made.complete, made.failed, self)
@@ -114,7 +134,34 @@ class StudyResult(Sweep):
     def text(self) -> str:
         """What the study says of the result, and that it was interrupted, if it was."""
         stopped = "" if self.complete else f"Interrupted: {len(self.rows)} of {len(self.points)} points are done."
-        return "\n".join(filter(None, (self.study.text(self), stopped)))
+        return "\n".join(filter(None, (self._asked("text"), stopped)))
+
+    def drawn(self) -> Any:
+        """Return the study's figure of the result."""
+        return self._asked("draw")
+
+    def _asked(self, method: str) -> Any:
+        """Return what a method of the study makes of the result; StudyError that names the method if it fails."""
+        try:
+            return getattr(self.study, method)(self)
+        except (SceneError, AssertionError):
+            raise
+        except Exception as error:
+            raise StudyError(f"The method {method} of the study {self.study.name} failed with {type(error).__name__}: "
+                             f"{error}.") from error
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns: those that the study declares, and "error" if a point failed."""
+        return (*self.study.columns, *([ERROR] if self.failed else []))
+
+    def column(self, name: str) -> list[Any]:
+        """Return one column of all finished points as a list; nan for what a point that failed does not have.
+
+        Raises StudyError for a name that is no column.
+        """
+        empty = None if name == ERROR else math.nan
+        return [empty if value is None else value for value in super().column(name)]
 
     @property
     def stem(self) -> str:

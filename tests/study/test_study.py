@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -143,6 +144,11 @@ def test_a_point_that_fails_is_named_or_recorded() -> None:
     found = study(on_error="record")
     assert [row.get("error", "") for row in found.rows] == ["", "ValueError: as told", ""]
     assert found.tables()["speeds"]["error"].values == ("", "ValueError: as told", "")
+    assert math.isnan(found.column("largest")[1])
+    assert json.loads(found.to_json())["tables"]["speeds"]["columns"]["largest"][1] is None
+    lost = Speeds(number=1, fails=1)(on_error="record")
+    assert list(lost.tables()["speeds"]) == ["angle", "side", "largest", "error"]
+    assert math.isnan(lost.column("largest")[0])
 
 
 @dataclass(frozen=True)
@@ -155,6 +161,55 @@ class Other(Speeds):
 def test_columns_that_are_not_named_are_refused() -> None:
     with pytest.raises(StudyError, match=r"has the columns angle, side, speed, but .* have angle, side, largest"):
         Other(number=1)()
+
+
+class Faulty(Speeds):
+    """A study with a fault in its sentence and in its figure."""
+
+    def text(self, found: object) -> str:
+        return f"{None:.3g}"
+
+    def draw(self, found: object) -> object:
+        raise ZeroDivisionError("no width")
+
+
+def test_a_fault_in_a_method_of_ones_own_is_said_with_its_name() -> None:
+    found = Faulty(number=1)()
+    with pytest.raises(StudyError, match="The method text of the study speeds failed with TypeError: unsupported"):
+        _ = found.text
+    with pytest.raises(StudyError, match="The method draw of the study speeds failed with ZeroDivisionError: no width"):
+        found.plot()
+
+
+def test_a_class_that_is_no_study_is_refused_with_the_remedy() -> None:
+    class Empty(Study):
+        """Nothing."""
+
+    class Plain(Study):
+        """Not a dataclass."""
+
+        name = "plain"
+        columns: ClassVar = {"a": ""}
+        points = run = lambda self, *_: []
+
+    @dataclass(frozen=True)
+    class Away(Speeds):
+        """A name that is a path."""
+
+        name = "../away"
+
+    @dataclass(frozen=True)
+    class Taken(Speeds):
+        """A setting that is an option of every command."""
+
+        out: int = 3
+
+    for kind, said in ((Empty, "needs name and columns and points and run; define them"), (Plain, "@dataclass"),
+                       (Away, "letters, digits, - and _, not '../away'")):
+        with pytest.raises(SceneError, match=re.escape(said)):
+            kind()()
+    with pytest.raises(SceneError, match="A setting of the study speeds cannot be called out"):
+        run_command(Taken)
 
 
 @pytest.mark.parametrize(("settings", "said"), [
@@ -192,7 +247,7 @@ def test_its_command_has_an_option_for_each_setting(command, tmp_path: Path) -> 
     code, printed, _ = command("--help")
     text = " ".join(printed.replace("│", " ").split())
     for words in ("Largest velocity of a swing without losses.", "largest release angle, in degrees; by default 114.6.",
-                  "the method: rk4, velocity_verlet; by default rk4.", "--both", "The folder is out/speeds."):
+                  "the method: rk4, velocity_verlet; by default rk4.", "--both", "The files are written to out/speeds"):
         assert words in text
 
 
@@ -204,6 +259,9 @@ def test_its_command_resumes_and_records(command, tmp_path: Path) -> None:
     code, printed, _ = command("--number", "3", "--fails", "2", "--resume", "--record-errors")
     assert code == 0
     assert "ValueError: as told" in printed
+    code, _, said = command("--number", "2", "--resume")
+    assert code == 2
+    assert "To begin again in this folder, leave --resume out." in said
 
 
 @pytest.mark.parametrize(("words", "said"), [

@@ -34,6 +34,7 @@ from pendulum_env.truth.long_runs import Pair
 from pendulum_env.truth.probes import Probe, ProbeMotions
 from pendulum_env.truth.reference import reference, true_motion
 
+
 @pytest.fixture(autouse=True)
 def forty() -> Iterator[None]:
     """Compute in 40 digits, whatever tests before have left."""

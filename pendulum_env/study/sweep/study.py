@@ -277,7 +277,7 @@ def sweep(
 def _of_failures(failures: Mapping[int, Exception], points: Sequence[Point]) -> StudyError:
     """Return the error that names the first point that failed, and the number of the others."""
     i = min(failures)
-    others = f" {len(failures) - 1} other points failed, too." if len(failures) > 1 else ""
+    others = f"; {len(failures) - 1} other points failed, too." if len(failures) > 1 else ""
     return StudyError(f"Point {i + 1} of {len(points)}, {shown(points[i])}, failed with "
                       f"{type(failures[i]).__name__}: {failures[i]}{others}")
 
