@@ -50,7 +50,7 @@ class LargestSpeed(Study):
     def text(self, found):
         lost = 1.0 - np.divide(found.column("speed_m_per_s"), found.column("without_losses_m_per_s"))
         assert self.scene != "lab" or 0.0 < np.nanmin(lost) <= np.nanmax(lost) < 0.01
-        return f"Losses take {100 * np.nanmin(lost):.2g} to {100 * np.nanmax(lost):.2g} % of the speed."
+        return f"The speed is {100 * np.nanmin(lost):.2g} to {100 * np.nanmax(lost):.2g} % below that without losses."
 
 
 if __name__ == "__main__":
