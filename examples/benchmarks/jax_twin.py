@@ -158,9 +158,15 @@ def true_slope(seconds: float) -> tuple[float, float]:
     """
     if seconds in TRUTH:
         return TRUTH[seconds]
+    from mpmath import mp
+
+    with mp.workdps(32):
+        return _slope(seconds)
+
+
+def _slope(seconds: float) -> tuple[float, float]:
     from mpmath import cos, mp, mpf, sin
 
-    mp.dps = 32
     gamma, stiffness, h = mpf(GAMMA), mpf(9.81) / mpf(LENGTH), mpf(1) / 8
     state = (mpf(START), mpf(0), mpf(0), mpf(0))
 
