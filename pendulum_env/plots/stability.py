@@ -182,15 +182,15 @@ def damped(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     finite = [limit for method in methods if (limit := stability_limit(method)) < FARTHEST]
     wide = min(1.2 * max([*finite, 2.5]), FARTHEST)
     x, y = np.meshgrid(np.linspace(0.0, wide, MAP), np.linspace(0.0, 2.0 * wide, MAP))
-    maps = [("exact", partial(exact_growth, x, y))]
-    maps += [(method.name, partial(spectral_radii, method, x, y)) for method in methods]
+    maps = {"exact": partial(exact_growth, x, y)}
+    maps |= {method.name: partial(spectral_radii, method, x, y) for method in methods}
     abreast = min(ABREAST, len(maps))
     entries = [Patch(facecolor=UNSTABLE, edgecolor=INK, label="grows: unstable"),
                Line2D([], [], label=r"critical damping $\gamma = 2\omega_0$", **CRITICAL)]
     title = r"One step on the damped oscillator $\ddot\theta = -\gamma\dot\theta - \omega_0^2\,\theta$"
     with _panels(-(-len(maps) // abreast), abreast, (3.0, 2.9), figure, title, entries, room=0, shared=True) as (
             drawing, panels):
-        for axes, (name, radii) in zip(panels, maps, strict=False):
+        for axes, (name, radii) in zip(panels, maps.items(), strict=False):
             image = _map(axes, x, y, radii(), name)
         for axes in panels[len(maps) :]:
             axes.set_axis_off()

@@ -278,8 +278,9 @@ def _of_failures(failures: Mapping[int, Exception], points: Sequence[Point]) -> 
     """Return the error that names the first point that failed, and the number of the others."""
     i = min(failures)
     others = f"; {len(failures) - 1} other points failed, too." if len(failures) > 1 else ""
+    said = f"{type(failures[i]).__name__}: {failures[i]}"
     return StudyError(f"Point {i + 1} of {len(points)}, {shown(points[i])}, failed with "
-                      f"{type(failures[i]).__name__}: {failures[i]}{others}")
+                      f"{said.rstrip('.') if others else said}{others}")
 
 
 def _run_missing(
