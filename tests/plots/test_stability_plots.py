@@ -97,7 +97,7 @@ def test_curves_of_oscillation_are_the_analysis_and_end_at_the_limit() -> None:
 def test_the_exact_method_has_one_map() -> None:
     """The map of the exact motion is its own, and no second one."""
     drawn = figures.damped([METHODS["rk4"], METHODS["exact"]])
-    assert [left_title(axes) for axes in drawn.axes if left_title(axes)] == ["exact", "rk4"]
+    assert [axes.get_title("left") for axes in drawn.axes if axes.get_title("left")] == ["exact", "rk4"]
 
 
 def test_maps_are_the_growth_and_mark_where_it_is_unstable() -> None:
