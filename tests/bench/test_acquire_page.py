@@ -300,7 +300,8 @@ def test_a_full_disk_ends_the_run_and_not_the_page(steady: Served, monkeypatch: 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches no single process there")
 def test_ctrl_c_ends_the_command_and_keeps_the_run(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "pendulum_env", "acquire", "--no-browser"]
-    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as running:
+    with subprocess.Popen(words, cwd=tmp_path, stdout=subprocess.PIPE, text=True,  # a job may ignore SIGINT
+                          preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)) as running:
         assert running.stdout is not None
         found = re.search(r"http://127\.0\.0\.1:\d+/\S+", running.stdout.readline())
         assert found
