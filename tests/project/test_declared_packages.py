@@ -84,6 +84,6 @@ def test_the_core_runs_the_main_job_and_every_commands_help(
     job = only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\n```", "the main job")
     assert "rk4" in run(command, shlex.split(job), tmp_path)
     assert {path.suffix for path in (tmp_path / "out" / "compare").iterdir()} >= {".png", ".csv", ".mp4"}
-    assert "rk4" in run(command, ["list"], tmp_path)
+    assert "rk4" in run(command, ["list", "integrators"], tmp_path)
     for name in typer.main.get_command(app).commands:  # type: ignore[attr-defined]
         assert "Usage" in run(command, [name, "--help"], tmp_path)
