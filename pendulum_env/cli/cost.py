@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -62,7 +61,7 @@ def cost(
             if not grown.lines:
                 raise KeyboardInterrupt
             files = write(grown, out, svg)
-            more["growth"] = json.loads(grown.to_json(text=grown.text, files=[str(path) for path in files]))
+            more["growth"] = grown.to_dict(text=grown.text, files=[str(path) for path in files])
     finally:  # whatever becomes of the second study, the first one's results are printed
         before = f"{place.name}: {place.equation()}\nReference solution: {study.reference.how}"
         if not study.complete:

@@ -274,7 +274,8 @@ def value_of(name: str, entry: Field[Any], text: Any) -> object:
             return whole(text)
     except typer.BadParameter as error:
         raise typer.BadParameter(str(error), param_hint=f"--{name.replace('_', '-')}") from None
-    return marks().get(text, text)
+    mark = marks().get(text, text)
+    return mark if mark in entry.metadata.get("allowed", ()) else text
 
 
 def complete(command: Callable[..., None], more: Sequence[Parameter]) -> None:

@@ -22,7 +22,7 @@ TAKEN = ("out", "resume", "record", "record_errors", "svg", "as_json", "json", "
 def command_of(kind: type[Study]) -> Callable[..., None]:
     """Return the command of a study, a function with an option for each of its settings, for typer."""
     kind.check()
-    settings = {entry.name: entry for entry in fields(kind)}  # type: ignore[arg-type]
+    settings = {entry.name: entry for entry in fields(kind) if entry.init}  # type: ignore[arg-type]
     if taken := [name for name in settings if name in TAKEN]:
         raise SceneError(f"A setting of the study {kind.name} cannot be called {taken[0]}, as the commands of all "
                          "studies have that option; give it another name.")

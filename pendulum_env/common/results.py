@@ -86,18 +86,22 @@ class Result(Plotted):
         """Return the columns of the main table whose values, in every combination, number its rows; none by default."""
         return ()
 
-    def to_json(self, **more: Any) -> str:
-        """Return the tables as JSON text.
+    def to_dict(self, **more: Any) -> dict[str, Any]:
+        """Return the tables as data of JSON's types.
 
-        It has the keys "result" (the class), "complete", "provenance" (see :meth:`origin`) and "tables", for each table
-        its "units" and "columns", lists by name; ``more`` are further keys. nan is null, an infinite number the text
-        "inf" or "-inf".
+        The keys are "result" (the class), "complete", "provenance" (see :meth:`origin`) and "tables": for each table
+        its "units" and its "columns", which are lists by name. ``more`` are further keys. nan and empty cells of numbers
+        are None, an infinite number is the text "inf" or "-inf".
         """
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
                          "columns": {key: [_json(value) for value in _cells(one)] for key, one in table.items()}}
                   for name, table in self.tables().items()}
-        return json.dumps({"result": type(self).__name__, "complete": self.complete, "provenance": origin_of(self),
-                           "tables": tables, **_json(more)}, allow_nan=False)
+        return {"result": type(self).__name__, "complete": self.complete, "provenance": origin_of(self),
+                "tables": tables, **_json(more)}
+
+    def to_json(self, **more: Any) -> str:
+        """Return the tables as JSON text, see :meth:`to_dict`; None is null."""
+        return json.dumps(self.to_dict(**more), allow_nan=False)
 
     def to_pandas(self, table: str | None = None) -> Any:
         """Return a table as a ``pandas.DataFrame``: the main one, or that of a name.

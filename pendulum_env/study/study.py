@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from inspect import cleandoc
 from pathlib import Path
 from typing import Any, ClassVar
@@ -46,7 +46,7 @@ class Study(Checked):
         lacks = [name for name in ("name", "columns") if not hasattr(cls, name)]
         lacks += [name for name in ("points", "run") if getattr(cls, name) is getattr(Study, name)]
         if lacks:
-            raise SceneError(f"The study {cls.__name__} needs {' and '.join(lacks)}; define them in the class.")
+            raise SceneError(f"The study {cls.__name__} lacks {', '.join(lacks)}, which its class must define.")
         if not is_dataclass(cls):
             raise SceneError(f"The study {cls.__name__} must be a dataclass; write @dataclass(frozen=True) above it.")
         if not isinstance(cls.name, str) or not re.fullmatch(r"[A-Za-z0-9_-]{1,80}", cls.name):
@@ -97,15 +97,18 @@ class Study(Checked):
             executor, file, anew, on_error, progress, on_row: see :func:`pendulum_env.sweep`: an executor, a journal
                 from which an interrupted study continues, what becomes of a point that fails, and the progress.
 
+        The journal of other settings is refused; a change of the study's code is not noticed, so begin again then.
         KeyboardInterrupt ends the study early: the result has the points so far, and its ``complete`` is False.
 
-        Raises StudyError as :func:`pendulum_env.sweep` does, and SceneError for a point or a result with other columns
-        than ``columns`` names.
+        Raises SceneError for a class that is no study, and StudyError as :func:`pendulum_env.sweep` does, also where a
+        point and its result have other columns than ``columns`` names.
         """
         self.check()
-        made = sweep([*self.points()], executor, run=self._run, name=f"{self.name}: {self!r}", file=file, anew=anew,
+        settings = ", ".join(f"{entry.name}={getattr(self, entry.name)!r}"  # defaults, too, which may change
+                             for entry in fields(self))  # type: ignore[arg-type]
+        made = sweep([*self.points()], executor, run=self._run, name=f"{self.name}({settings})", file=file, anew=anew,
                      on_error=on_error, progress=progress, on_row=on_row, work=self.work)
-        return StudyResult(made.points, made.results, made.shared, made.facts, made.complete, made.failed, self)
+        return StudyResult(made.points, made.results, made.shared, made.facts, made.complete, made.failed, study=self)
 
     def _run(self, point: Point) -> Mapping[str, Any]:
         result = self.run(point)
@@ -120,7 +123,7 @@ class Study(Checked):
 class StudyResult(Sweep):
     """Result of a :class:`Study`: a :class:`pendulum_env.Sweep` that knows its study, with units and a figure."""
 
-    study: Study = None  # type: ignore[assignment]
+    study: Study = field(kw_only=True)
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.study!r}, {sum(1 for _ in self)} of {len(self.points)} points")
@@ -175,8 +178,9 @@ class StudyResult(Sweep):
     def origin(self) -> Mapping[str, str]:
         """Return the settings of the study, and what computed it."""
         settings = {entry.name: getattr(self.study, entry.name) for entry in fields(self.study)}  # type: ignore[arg-type]
-        held = {name: value.to_dict() if hasattr(value, "to_dict") else value for name, value in settings.items()}
-        return provenance(Study=self.title, **held, Complete=self.complete)
+        texts = {name: value if isinstance(value, str) else json.dumps(value, default=_as_data)
+                 for name, value in settings.items()}
+        return provenance(**{"Study": self.title, **texts, "Complete": self.complete})
 
     def save(self, path: str | Path) -> Path:
         """Write rows, units and settings of the study as a file; ``pendulum_env.load`` returns them as a Sweep.
@@ -186,3 +190,8 @@ class StudyResult(Sweep):
         units = {"Units": json.dumps(dict(self.units()))}
         return save(Sweep(self.points, self.results, self.shared, {**self.origin(), **units}, self.complete,
                           self.failed), path)
+
+
+def _as_data(value: Any) -> Any:
+    """Return a setting as data: a scene or another object with ``to_dict`` by that, any other by its repr."""
+    return value.to_dict() if hasattr(value, "to_dict") else repr(value)

@@ -19,6 +19,7 @@ import pendulum_env
 from pendulum_env import SCENES, SceneError, Study
 from pendulum_env.cli.studies import run_command
 from pendulum_env.common.results import write
+from pendulum_env.physics.units import choice, setting
 from pendulum_env.truth.reference import StudyError
 
 OMEGA0 = SCENES["vacuum"].omega0
@@ -131,6 +132,57 @@ def test_other_settings_are_another_study(tmp_path: Path) -> None:
     assert Speeds(number=1)(file=path).rows == first.rows
 
 
+def test_a_default_that_was_changed_is_another_study(tmp_path: Path) -> None:
+    """The journal has all settings, not those alone that differ from their defaults: else rows of both would mix."""
+    @dataclass(frozen=True)
+    class Changed(Speeds):
+        """The same study after an edit."""
+
+        integrator: str = choice("velocity_verlet", ("rk4", "velocity_verlet"), "the method")
+
+    Changed.__name__ = Speeds.__name__
+    Speeds(number=1)(file=tmp_path / "a.jsonl")
+    with pytest.raises(StudyError, match="belongs to another sweep"):
+        Changed(number=1)(file=tmp_path / "a.jsonl")
+
+
+@dataclass(frozen=True)
+class Words(Speeds):
+    """A study with a word among its settings that also names a separator."""
+
+    word: str = choice("space", ("space", "comma"), "a word")
+    scene: object = setting(SCENES["vacuum"], "a scene")
+    method: object = setting(pendulum_env.rollout, "anything")
+
+
+def test_words_are_taken_as_they_stand_and_all_settings_are_in_the_head(command, tmp_path: Path) -> None:
+    code, _, said = command("--word", "comma", "--number", "1", kind=Words)
+    assert (code, said) == (0, "")
+    head = (tmp_path / "out" / "speeds" / "speeds.csv").read_text()
+    assert "# word: comma\n" in head
+    assert '"name": "vacuum"' in head
+    assert "# method: \"<function rollout" in head
+
+
+def test_ctrl_c_says_how_to_go_on(command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """130 is the exit code; the rows so far are written."""
+    run = Speeds.run
+    monkeypatch.setattr(Speeds, "run", lambda self, point: run(self, point) if point["angle"] < 1.0 else stop())
+    code, printed, said = command("--number", "4")
+    assert code == 130
+    assert "Interrupted: 1 of 4 points are done." in printed
+    assert "--resume continues the study" in said
+    assert len(rows_of(tmp_path / "out" / "speeds" / "speeds.csv")) == 1
+    monkeypatch.setattr(Speeds, "run", run)
+    code, printed, _ = command("--number", "4", "--resume")
+    assert (code, "Interrupted" in printed) == (0, False)
+    assert len(rows_of(tmp_path / "out" / "speeds" / "speeds.csv")) == 4
+
+
+def stop() -> None:
+    raise KeyboardInterrupt
+
+
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_it_runs_in_an_executor(pool: type) -> None:
     with pool(2) as executor:
@@ -204,7 +256,7 @@ def test_a_class_that_is_no_study_is_refused_with_the_remedy() -> None:
 
         out: int = 3
 
-    for kind, said in ((Empty, "needs name and columns and points and run; define them"), (Plain, "@dataclass"),
+    for kind, said in ((Empty, "lacks name, columns, points, run, which its class must define"), (Plain, "@dataclass"),
                        (Away, "letters, digits, - and _, not '../away'")):
         with pytest.raises(SceneError, match=re.escape(said)):
             kind()()
@@ -226,10 +278,10 @@ def command(monkeypatch, tmp_path, capsys):
     """Run the command of the study in a folder of the test; return its code and what it printed."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*words: str) -> tuple[object, str, str]:
+    def run(*words: str, kind: type[Study] = Speeds) -> tuple[object, str, str]:
         monkeypatch.setattr(sys, "argv", ["speeds", *words])
         with pytest.raises(SystemExit) as end:
-            run_command(Speeds)
+            run_command(kind)
         printed = capsys.readouterr()
         return end.value.code or 0, printed.out, printed.err
 

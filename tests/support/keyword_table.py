@@ -59,7 +59,7 @@ UNSPOILT: Mapping[str, str] = {
         "Nystrom", "RungeKutta", "Splitting", "Taylor")), "a table checks itself, in tests of its own"),
     "integrators.Event": "solve and rollout check it; names of events are allowed in rollout only",
     "effects.Effect": "the base of all effects, which are here", "Study": "the base of all studies",
-    "Sweep.to_json": "takes further keys of any name",
+    "Sweep.to_dict": "takes further keys of any name", "Sweep.to_json": "takes further keys of any name",
     "bench.Source": "the base of all sources", "bench.Chunk": "what sources make, which an acquisition checks",
     "integrators.unroll": "writes programs for solve and the engine, from what these have checked",
     **dict.fromkeys(("LabPendulumVectorEnv.call", "LabPendulumVectorEnv.call_at"),
