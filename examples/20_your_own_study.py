@@ -22,33 +22,33 @@ class LargestSpeed(Study):
     """Largest speed of the bob against the release angle."""
 
     name = "largest_speed"
-    columns: ClassVar = {"angle_rad": "rad", "speed_m_per_s": "m/s", "without_losses_m_per_s": "m/s"}
+    columns: ClassVar = {"angle": "rad", "speed": "m/s", "without_losses": "m/s"}
 
     scene: str = choice("lab", SCENES, "the scene")
     largest: float = si(3.0, "rad", "largest release angle", above=0.0)
     angles: int = count(12, "number of angles", 10_000)
 
     def points(self):
-        return [{"angle_rad": float(angle)} for angle in np.linspace(0.0, self.largest, self.angles + 1)[1:]]
+        return [{"angle": float(angle)} for angle in np.linspace(0.0, self.largest, self.angles + 1)[1:]]
 
     def run(self, point):
-        scene, angle = SCENES[self.scene], point["angle_rad"]
+        scene, angle = SCENES[self.scene], point["angle"]
         swing = rollout(scene, angle=angle, velocity=0.0, duration=10.0 / scene.omega0)
         reach = scene.body.reach
-        return {"speed_m_per_s": reach * float(np.abs(swing.velocity).max()),
-                "without_losses_m_per_s": 2.0 * reach * scene.omega0 * abs(math.sin(angle / 2.0))}
+        return {"speed": reach * float(np.abs(swing.velocity).max()),
+                "without_losses": 2.0 * reach * scene.omega0 * abs(math.sin(angle / 2.0))}
 
     def draw(self, found):
         figure, (axes,) = plots.figure()
-        angle = np.degrees(found.column("angle_rad"))
-        axes.plot(angle, found.column("without_losses_m_per_s"), color="0.6", label="without losses")
-        axes.plot(angle, found.column("speed_m_per_s"), "o", label=self.scene)
+        angle = np.degrees(found.column("angle"))
+        axes.plot(angle, found.column("without_losses"), color="0.6", label="without losses")
+        axes.plot(angle, found.column("speed"), "o", label=self.scene)
         axes.set(xlabel="release angle [degrees]", ylabel="largest speed [m/s]", xlim=(0, 180), ylim=(0, None))
         axes.legend()
         return figure
 
     def text(self, found):
-        lost = 1.0 - np.divide(found.column("speed_m_per_s"), found.column("without_losses_m_per_s"))
+        lost = 1.0 - np.divide(found.column("speed"), found.column("without_losses"))
         assert self.scene != "lab" or 0.0 < np.nanmin(lost) <= np.nanmax(lost) < 0.01
         return f"The speed is {100 * np.nanmin(lost):.2g} to {100 * np.nanmax(lost):.2g} % below that without losses."
 

@@ -90,8 +90,8 @@ class Result(Plotted):
         """Return the tables as data of JSON's types.
 
         The keys are "result" (the class), "complete", "provenance" (see :meth:`origin`) and "tables": for each table
-        its "units" and its "columns", which are lists by name. ``more`` are further keys. nan and empty cells of numbers
-        are None, an infinite number is the text "inf" or "-inf".
+        its "units" and its "columns", which are lists by name. ``more`` are further keys. nan and empty cells of
+        numbers are None, an infinite number is the text "inf" or "-inf".
         """
         tables = {name: {"units": {key: one.unit for key, one in table.items()},
                          "columns": {key: [_json(value) for value in _cells(one)] for key, one in table.items()}}

@@ -16,6 +16,7 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.common.provenance import provenance
 from pendulum_env.common.saved import save
 from pendulum_env.common.shown import one_line
+from pendulum_env.common.tables import Table
 from pendulum_env.physics.units import Checked, SceneError, shown
 from pendulum_env.study.sweep.study import ERROR, Point, Sweep, sweep
 from pendulum_env.truth.reference import StudyError
@@ -154,6 +155,12 @@ class StudyResult(Sweep):
                              f"{error}.") from error
 
     @property
+    def table(self) -> Table:
+        """Table of all finished points as text, with units in its heads and numbers to six digits."""
+        made, units = super().table, self.units()
+        return Table(tuple(f"{name} [{units[name]}]" if units.get(name) else name for name in made.head), made.rows)
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns: those that the study declares, and "error" if a point failed."""
         return (*self.study.columns, *([ERROR] if self.failed else []))
@@ -176,20 +183,19 @@ class StudyResult(Sweep):
         return self.study.columns
 
     def origin(self) -> Mapping[str, str]:
-        """Return the settings of the study, and what computed it."""
+        """Return the settings of the study, the units of its columns, and what computed it."""
         settings = {entry.name: getattr(self.study, entry.name) for entry in fields(self.study)}  # type: ignore[arg-type]
         texts = {name: value if isinstance(value, str) else json.dumps(value, default=_as_data)
                  for name, value in settings.items()}
-        return provenance(**{"Study": self.title, **texts, "Complete": self.complete})
+        return provenance(**{"Study": self.title, **texts, "Units": dict(self.units()), "Complete": self.complete})
 
     def save(self, path: str | Path) -> Path:
         """Write rows, units and settings of the study as a file; ``pendulum_env.load`` returns them as a Sweep.
 
         The class of a study of one's own is not kept. See :meth:`pendulum_env.common.saved.Savable.save`.
         """
-        units = {"Units": json.dumps(dict(self.units()))}
-        return save(Sweep(self.points, self.results, self.shared, {**self.origin(), **units}, self.complete,
-                          self.failed), path)
+        return save(Sweep(self.points, self.results, self.shared, self.origin(), self.complete, self.failed), path)
+
 
 
 def _as_data(value: Any) -> Any:

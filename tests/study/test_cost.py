@@ -435,7 +435,7 @@ def test_an_interrupted_and_resumed_study_equals_an_uninterrupted_one(tmp_path):
     again = cost(**given, file=path, on_point=lambda p: pytest.fail("measured again"))
     assert again.points == found.points
     before = path.read_bytes()
-    with pytest.raises(StudyError, match=r"with duration 1\.0 instead of 2\.0; .* switch resume off"):
+    with pytest.raises(StudyError, match=r"with duration 1\.0 instead of 2\.0; .* resume=False .* leave out --resume"):
         cost(**{**given, "duration": 2.0}, file=path)
     assert path.read_bytes() == before
     assert cost(**{**given, "duration": 2.0}, file=path, resume=False).complete

@@ -45,7 +45,7 @@ def test_a_study_has_rows_table_files_and_figure(tmp_path: Path) -> None:
     found = Speeds(number=3, both=True)()
     check(list(found.rows))
     assert [row["angle"] for row in found.rows] == pytest.approx([2 / 3, 4 / 3, 2.0] * 2)
-    assert found.table.head == ("angle", "side", "largest")
+    assert found.table.head == ("angle [rad]", "side", "largest [rad/s]")
     assert found.title == "Largest velocity of a swing without losses"
     assert found.text == f"The largest of all is {max(found.column('largest')):.4g} rad/s."
     paths = write(found, tmp_path, svg=True)
@@ -53,6 +53,7 @@ def test_a_study_has_rows_table_files_and_figure(tmp_path: Path) -> None:
     check(rows_of(tmp_path / "speeds.csv"))
     head = (tmp_path / "speeds.csv").read_text()
     assert "# number: 3\n" in head
+    assert '# Units: {"angle": "rad", "side": "", "largest": "rad/s"}\n' in head
     assert "# both: true\n" in head
     kept = json.loads(found.to_json())["tables"]["speeds"]
     assert kept["units"] == {"angle": "rad", "side": "", "largest": "rad/s"}

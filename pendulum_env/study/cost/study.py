@@ -140,7 +140,8 @@ def cost(
             on_row=lambda point, row: _tell(on_point, point, row, setting, motion),
         )
     except OtherSweepError as error:
-        raise StudyError(f"{error} To empty the file and start from the beginning, switch resume off.") from None
+        raise StudyError(f"{error} In cost, resume=False empties this one and begins again; on the command line, leave "
+                         "out --resume.") from None
     rows: dict[Rung, dict[int, Mapping[str, Any]]] = {}
     for point, row in zip(measured.points, measured.results, strict=True):
         if row is not None:
