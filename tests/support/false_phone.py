@@ -103,9 +103,8 @@ class FalsePhone:
         with self._lock:
             self._measure()
             if self.measuring:
-                self.measuring = False
-                self.events.append({"event": "PAUSE", "experimentTime": self.now() + self._shift,
-                                    "systemTime": 1.7e9 + self.now()})
+                self.measuring, at = False, self.now()  # one reading of the clock: between two, other work may run
+                self.events.append({"event": "PAUSE", "experimentTime": at + self._shift, "systemTime": 1.7e9 + at})
 
     def _measure(self) -> None:
         """Take the samples up to now."""
