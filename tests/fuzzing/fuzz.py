@@ -6,7 +6,7 @@ declare as its own, or if reading a file takes longer than 20 s. Finds are print
 the folder ``--keep``. The exit code is 1 if there are finds.
 
 Everything happens in a new folder, which is the home folder, too. An audit hook of Python refuses, and reports, every
-write to a file elsewhere, every removal of one, and every program that is started.
+write to a file elsewhere, every removal of one, and every program that is started but the encoder of films.
 """
 
 from __future__ import annotations
@@ -288,8 +288,13 @@ def within(seconds: int) -> Iterator[None]:
 
 def guard(folder: Path) -> Callable[[], None]:
     """Refuse, from now on, to change files outside of a folder and to start programs; return a function that ends it.
+
+    The encoder of films may start, since ``compare --film`` draws one.
     """
+    import imageio_ffmpeg
+
     ended: list[bool] = []
+    encoder = imageio_ffmpeg.get_ffmpeg_exe()
 
     def inside(path: Any) -> bool:
         if isinstance(path, int):
@@ -304,7 +309,7 @@ def guard(folder: Path) -> Callable[[], None]:
             raise Escape(f"{given[0]} is opened for writing")
         if event in PATHS and not all(inside(path) for path in given[: PATHS[event]] if path is not None):
             raise Escape(f"{event} of {given[: PATHS[event]]}")
-        if event in STARTS:
+        if event in STARTS and given[0] != encoder:
             raise Escape(f"{event} of {given[:2]}")
 
     sys.addaudithook(hook)
