@@ -66,6 +66,9 @@ def fit(
     ] = None,
     torque: Annotated[str | None, options.option("Column of the torque in logs of driven runs.")] = None,
     current: Annotated[str | None, options.option("Column of the motor's current in logs of driven runs.")] = None,
+    details: Annotated[
+        bool, options.flag("Also print the lab sheet, every model, correlations, chi² and how the errors were "
+                           "calculated.", "--details")] = False,
     svg: options.Svg = False,
     out: options.Out = Path("out/fit"),
     settings: options.Settings = None,
@@ -76,9 +79,10 @@ def fit(
     Release and equilibrium are determined from the recording, and every inferred setting is printed. The quantities of
     the lab sheet are measured first: period, amplitudes, decay, length. Then the whole trajectory is fitted; with auto,
     by every damping; without --scene, for a bob in air. A measured length with its error is compared with the fitted
-    one. The report, the tables and scene.json, which gym.make and compare accept, are written to the
-    output folder. With --posterior, posterior.csv, posterior.npz and the corner figure are written, too. Logs of driven
-    runs, with an action, torque or current beside the angle, are fitted for motor, friction, delay and sensor.
+    one. The result is printed as a table of the fitted numbers and a few sentences; --details adds what they are based
+    on. The report, the tables and scene.json, which gym.make and compare accept, are written to the output folder.
+    With --posterior, posterior.csv, posterior.npz and the corner figure are written, too. Logs of driven runs, with an
+    action, torque or current beside the angle, are fitted for motor, friction, delay and sensor.
     """
     from pendulum_env.cli.driven import fit_logs, is_driven_fit
     from pendulum_env.lab.checked import check_half_turn, side
@@ -90,9 +94,10 @@ def fit(
     from pendulum_env.study.fit_report import (
         against_told,
         against_track,
-        goodness,
+        in_detail,
         needs_length,
         parameter_table,
+        summary,
         to_lay_over,
         write,
         write_posterior,
@@ -137,11 +142,12 @@ def fit(
             check_half_turn(swing.centred().angle, f"{data.source}: a fit needs")
         sheet, no_sheet = side("the lab sheet", measured) if oscillations is None else (measured(), "")
 
-    def show_measured() -> None:
+    def show_measured(whole: bool = True) -> None:
         print_text(data.text if file is not None else f"{options.SIMULATED}\n{data.text}")
         if sheet is not None:
-            print_table(sheet.table, "the lab sheet")
-            print_text(sheet.text)
+            if whole:
+                print_table(sheet.table, "the lab sheet")
+            print_text(sheet.text if whole else sheet.text.partition("\n")[0])
 
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
@@ -153,22 +159,20 @@ def fit(
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))
         if found is not None:
             paths[-1:-1] = write_posterior(found, out, svg)
-    show_measured()
+    show_measured(details)
     tell_of(warned, best.grade.text if sheet is None else f"{best.grade.text}\n{sheet.text}")
-    if best.comparison is not None:
+    if details and best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
-        if best.grade.usable:
-            print_text(best.comparison.text)
-    print_table(parameter_table(best), f"fitted parameters, {best.damping} damping; r: correlations")
+    print_table(parameter_table(best, details), f"fitted numbers, {best.damping} damping"
+                + ("; r: correlations" if details else ""))
     assumed = "" if scene or "radius" in known else (
         f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
     scene_line = f"Scene: {best.scene.equation()}"
-    beside = [text or left_out for text, left_out in (side("the goodness of the fit", lambda: goodness(best)),
-                                                      side("the radius of the track", lambda: against_track(best)))]
-    if beside[0].startswith("Left out:"):
-        beside[0] += f"\n{best.grade.text}"  # which the goodness would have ended with
-    usable = [beside[0], verdict, beside[1], assumed, scene_line]
-    lines = [*(usable if best.grade.usable else [scene_line, best.grade.text]), no_sheet]
+    more, track = [text or left_out for text, left_out in (
+        side("the details of the fit", lambda: in_detail(best) if details else ""),
+        side("the radius of the track", lambda: against_track(best)))]
+    usable = [more, verdict, track, assumed]
+    lines = [summary(best), *(usable if best.grade.usable else []), scene_line, no_sheet]
     print_text("\n".join(line for line in lines if line))
     if found is not None:
         print_table(found.table, f"posterior, {best.damping} damping")

@@ -171,7 +171,7 @@ class LabSheet(Plotted):
             ("period at small amplitude T0", str(self.small_period),
              f"mean of {self.oscillations if cycles is None else self._averaged(cycles)} cycles, "
              f"{'' if cycles is None else 'each '}corrected by K(sin(A/2))"),
-            *([] if cycles is None else [_cycle_by_cycle(cycles)]),
+            *([] if cycles is None else [_single_cycles(cycles)]),
             ("omega0", str(self.omega0), "2 pi/T0"),
             ("length of a point pendulum", str(self.length), f"g T0²/(4 pi²) with g = {self.scene.gravity:g} m/s²"),
             *(() if self.gravity is None or self.known_length is None else (
@@ -306,11 +306,15 @@ def measure(
                     envelope_rate(points, spread), cycles, parts, tuple(filter(None, (no_cycles, no_parts))))
 
 
-def _cycle_by_cycle(cycles: Cycles) -> tuple[str, str, str]:
+def _single_cycles(cycles: Cycles) -> tuple[str, str, str]:
     """Return the row of the lab sheet's table for the periods of single cycles."""
-    drift = Measurement(1e3 * cycles.drift.value, 1e3 * cycles.drift.error, "ms")
-    over = f"; {drift} over the run" if math.isfinite(cycles.drift.error) else ""
-    return "T0, cycle by cycle", f"constant within {100.0 * cycles.spread:.2g} %", f"{len(cycles.time)} cycles{over}"
+    drift, how = cycles.drift, f"{len(cycles.time)} cycles"
+    if abs(drift.value) > SURE * drift.error:
+        size = Measurement(1e3 * abs(drift.value), 1e3 * drift.error, "ms")
+        how += f"; a line through them {'rises' if drift.value > 0.0 else 'falls'} by {size} over the run"
+    elif math.isfinite(drift.error):
+        how += "; they neither rise nor fall over the run"
+    return "T0 of single cycles", f"within {100.0 * cycles.spread:.2g} % of their mean", how
 
 
 def apparatus(scene: str | Scene | Mapping[str, object] | PathLike[str] | None, known: Mapping[str, Any]) -> Scene:

@@ -189,10 +189,9 @@ def section(one: Any) -> Iterator[str]:
 
 def fit(one: Any) -> Iterator[str]:
     """Yield the parts of a Fit's card."""
-    from pendulum_env.study.fit_report import goodness, parameter_table
+    from pendulum_env.study.fit_report import parameter_table, summary
 
-    text = goodness(one) if one.comparison is None else f"{goodness(one)}\n{one.comparison.text}"
-    return study(f"Fit of {one.recording.source}, {one.damping} damping", one.scene, parameter_table(one), text,
+    return study(f"Fit of {one.recording.source}, {one.damping} damping", one.scene, parameter_table(one), summary(one),
                  most=None)
 
 

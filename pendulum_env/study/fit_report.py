@@ -35,41 +35,47 @@ AGREEMENT = ((2.0, "agrees with"), (3.0, "is in tension with"), (math.inf, "cont
 """Largest difference in standard deviations, and the words for it."""
 
 
-def parameter_table(found: Fit) -> Table:
-    """Return a table of the fitted numbers: value with standard error, unit and correlations.
+def parameter_table(found: Fit, correlations: bool = False) -> Table:
+    """Return a table of the fitted numbers: value with standard error, and unit.
 
-    Where models of damping were compared, a column gives the spread of the number over all models that fit about as
-    well.
+    Where models of damping were compared, a column gives how far the number differs in the models that fit about as
+    well. With ``correlations``, there is a column for the correlation with each fitted number.
     """
-    models = [found.comparison] if found.comparison is not None else []
+    models = [found.comparison] if found.comparison is not None and found.comparison.alike else []
+    names = found.names if correlations else ()
     rows = tuple(
         (name, found.parameter_text(name, unit=False), found.parameters[name].unit,
-         *(f"{one.spread(name):.2g}" for one in models), *(f"{x:+.2f}" for x in found.correlations[i]))
+         *(f"{one.spread(name):.2g}" for one in models), *(f"{x:+.2f}" for x in found.correlations[i][:len(names)]))
         for i, name in enumerate(found.names)
     )
-    others = ["other models" for _ in models]
-    return Table(("parameter", "value", "unit", *others, *(f"r {n.rpartition('.')[2]}" for n in found.names)), rows)
+    others = ["± by model" for _ in models]
+    return Table(("parameter", "value", "unit", *others, *(f"r {n.rpartition('.')[2]}" for n in names)), rows)
 
 
-def goodness(found: Fit) -> str:
-    """Return sentences on how well a fit describes a recording: size of the residual, chi², test for patterns in it.
+def summary(found: Fit) -> str:
+    """Return the result of a fit in a few sentences: whether the model follows the recording and what may be wrong,
+    and what the recording tells about the damping, if models were compared and the fit is usable.
+    """
+    damping = found.comparison.verdict if found.comparison is not None and found.grade.usable else ""
+    return "\n".join(filter(None, (found.grade.text, damping)))
 
-    Without a comparison of models, which says it too, the grade of the fit comes last.
+
+def in_detail(found: Fit) -> str:
+    """Return sentences on how well a fit describes a recording: chi², whether the residual has a pattern, and how the
+    standard errors were calculated.
     """
     runs, degrees, sign = found.runs, found.shown, found.sign
-    order = "the signs of the residual are in random order" if runs.p >= DEPENDENT else (
-        "the signs change more often than in random order, as rounding can make them; a misfit makes them change less "
-        "often" if runs.z > 0.0 else
-        "neighbouring readings are rounded alike, which makes such a pattern"
+    order = "as often as by chance" if runs.p >= DEPENDENT else (
+        "more often than by chance, as rounding can make it" if runs.z > 0.0 else
+        "less often than by chance, as neighbouring readings are rounded alike"
         if found.rounded_alike and found.rms < EXCESS * found.noise else
-        "the residual has a pattern, which this model does not explain")
+        "less often than by chance: it has a pattern, which this model does not explain")
     return "\n".join((
         f"{found.damping} damping: residual {degrees(found.rms):.3g}{sign} rms, the error of a reading is "
         f"{degrees(found.noise):.2g}{sign}; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of "
         f"freedom, {_chance(found.p_value)}.",
-        f"Runs test of the signs of the residual: z = {runs.z:.1f}, {_chance(runs.p)}: {order}.",
+        f"The residual changes its sign {order} (runs test, {_chance(runs.p)}).",
         found.how,
-        *(() if found.comparison is not None else (found.grade.text,)),
     ))
 
 

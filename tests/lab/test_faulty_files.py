@@ -442,7 +442,7 @@ SIDE = {
     "pendulum_env.lab.fitting.result.reading_error": "left out: the noise of the readings, because it fails here",
     "pendulum_env.plots.recorded.recorded": "Left out: the figure fit.png, because it fails here.",
     "pendulum_env.study.fit_report.against_track": "Left out: the radius of the track, because it fails here.",
-    "pendulum_env.study.fit_report.goodness": "Left out: the goodness of the fit, because it fails here.",
+    "pendulum_env.study.fit_report.in_detail": "Left out: the details of the fit, because it fails here.",
 }
 """Function that is made to fail -> what the text says."""
 
@@ -464,7 +464,8 @@ def test_no_side_quantity_ends_a_fit(
         raise error("it fails here")
 
     monkeypatch.setattr(name, fails)
-    code, out, said = run_here("fit", str(path), "--effects", "linear", "--mass", "1", "--out", str(tmp_path / "out"))
+    code, out, said = run_here("fit", str(path), "--effects", "linear", "--mass", "1", "--details", "--out",
+                               str(tmp_path / "out"))
     text = re.sub(r"\s+", " ", out + said)
     assert code == 0, text
     assert SIDE[name] in text
@@ -497,7 +498,7 @@ def test_a_measurement_goes_on_without_the_periods_of_cycles(monkeypatch: pytest
     part = measure(recording)
     assert part.cycles is None
     assert part.small_period.value == pytest.approx(whole.small_period.value, rel=1e-4)
-    assert not any("cycle by cycle" in row[0] for row in part.table.rows)
+    assert not any("single cycles" in row[0] for row in part.table.rows)
     assert "Left out: the periods of single cycles, because it fails here." in part.text
     with pytest.raises(RecordingError, match="500 full oscillations"):  # what was asked for is no side quantity
         measure(recording, n=500)

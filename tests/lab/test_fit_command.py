@@ -38,7 +38,7 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.plots import recorded as figure
 from pendulum_env.study import fit_report as report
 from pendulum_env.study.compare import Comparison, compare
-from pendulum_env.study.fit_report import against_told, goodness, parameter_table, to_lay_over, write
+from pendulum_env.study.fit_report import against_told, in_detail, parameter_table, to_lay_over, write
 
 LENGTH, GAMMA, START, ZERO, NOISE = 0.1, 0.2, 0.6, 0.03, 2e-3
 TRUE = Scene("true", Body(length=LENGTH, mass=0.05, radius=0.01), air(20.0), (Gravity(), LinearDrag(gamma=GAMMA)))
@@ -150,11 +150,11 @@ def test_it_prints_and_writes_all(
 ) -> None:
     monkeypatch.setattr(figure, "recorded", lambda found: plots.figure(size=(1.0, 1.0))[0])
     code, printed, said = run_here("fit", "swing.txt", "--length", "0.105", "--length-error", "0.004", "--mass", "0.05",
-                                   "--set", "radius=0.01", "--out", "x")
+                                   "--set", "radius=0.01", "--details", "--out", "x")
     assert code == 0, said
     for words in ("unit: deg, as the header says", "quality factor", "Reynolds number",
-                  "The best model is linear", "delta BIC", "other models", "linear_drag.gamma", "r gamma",
-                  "chi² =", "Runs test", "1.2 sigma below",
+                  "Damping: linear fits best", "delta BIC", "linear_drag.gamma", "r gamma",
+                  "chi² =", "runs test", "1.2 sigma below",
                   "theta'' = -98.1 sin(theta) - 0.2 theta'", "Wrote 7 files to x", "--scene x/scene.json"):
         assert words in printed, words
     own = [line for line in said.splitlines() if line.strip() and "deprecated" not in line]  # of old matplotlib
@@ -164,6 +164,19 @@ def test_it_prints_and_writes_all(
         "auto", None, 0.105, 0.05, 0.01)
     assert {path.name for path in (tmp_path / "x").iterdir()} == {
         "measured.csv", "amplitudes.csv", "parameters.csv", "residuals.csv", "models.csv", "fit.png", "scene.json"}
+
+
+def test_without_details_a_result_is_sentences_and_a_table(
+    asked: list[dict[str, Any]], run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(figure, "recorded", lambda found: plots.figure(size=(1.0, 1.0))[0])
+    code, printed, said = run_here("fit", "swing.txt", "--mass", "0.05", "--radius", "0.01", "--out", "x")
+    assert code == 0, said
+    for words in ("oscillations of", "linear_drag.gamma", "The fit is usable.", "Damping: linear fits best",
+                  "theta'' = -98.1 sin(theta)"):
+        assert words in printed, words
+    for words in ("quality factor", "delta BIC", "r gamma", "chi²", "runs", "Newey"):
+        assert words not in printed, words
 
 
 def test_no_verdict_follows_a_fit_that_is_not_usable(
@@ -177,7 +190,7 @@ def test_no_verdict_follows_a_fit_that_is_not_usable(
     code, printed, said = run_here("fit", "swing.txt", "--length", "0.105", "--length-error", "0.004", "--out", "x")
     assert code == 0, said
     assert (printed + said).count("The fit is not usable, because the pendulum is driven.") == 1
-    for words in ("The best model", "verdict", "ruled out", "sigma", "Runs test"):
+    for words in ("Damping:", "verdict", "ruled out", "sigma", "runs test"):
         assert words not in printed, words
 
 
@@ -285,13 +298,12 @@ def test_a_length_that_was_not_fitted_has_nothing_to_be_set_against(found: Fit) 
         against_told(other, 0.1, 0.01)
 
 
-def test_goodness_says_whether_a_pattern_is_left(found: Fit) -> None:
-    assert "in random order" in goodness(found)
+def test_details_say_whether_a_pattern_is_left(found: Fit) -> None:
+    assert "as often as by chance" in in_detail(found)
     wave = found.residual + 5e-3 * np.sin(found.recording.time)
     off = replace(found, solution=replace(found.solution, residual=wave))
-    assert "has a pattern" in goodness(off)
-    assert goodness(off).endswith(off.grade.text)
-    assert "p < 1e-06" in goodness(off)
+    assert "has a pattern" in in_detail(off)
+    assert "p < 1e-06" in in_detail(off)
 
 
 def test_the_command_that_follows_takes_the_scale(found: Fit) -> None:
@@ -306,7 +318,8 @@ def test_the_command_that_follows_takes_the_scale(found: Fit) -> None:
 
 
 def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None:
-    made = parameter_table(found)
+    assert parameter_table(found).head == ("parameter", "value", "unit")
+    made = parameter_table(found, correlations=True)
     assert [row[0] for row in made.rows] == list(found.names)
     assert made.head[3:] == ("r angle", "r velocity", "r zero", "r length", "r gamma")
     assert all(row[3 + i] == "+1.00" for i, row in enumerate(made.rows))

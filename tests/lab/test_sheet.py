@@ -302,7 +302,7 @@ def test_gravity_is_the_scenes() -> None:
 def test_table_and_text_say_each_thing() -> None:
     sheet = sheet_of(radius=0.011)
     words = " ".join(" ".join(row) for row in sheet.table.rows)
-    for word in ("small amplitude T0", "cycle by cycle", "6 spread", "quality", "Reynolds", "constant part", "g T0²",
+    for word in ("small amplitude T0", "single cycles", "6 spread", "quality", "Reynolds", "constant part", "g T0²",
                  "point pendulum"):
         assert word in words
     assert all(len(row) == len(sheet.table.head) and all(row) for row in sheet.table.rows)

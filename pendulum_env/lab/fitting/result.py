@@ -511,6 +511,18 @@ class FitComparison:
         grade = self.best.grade
         return " ".join([*self._sentences(), grade.text] if grade.usable else [grade.text])
 
+    @property
+    def verdict(self) -> str:
+        """A sentence on the damping: the best model, and which others the recording can and cannot tell from it."""
+        best, *_ = models = [one.damping.replace("+", " + ").replace("none", "no damping") for one in self.fits]
+        if len(models) == 1:
+            return f"Damping: {best}; no other model was fitted."
+        alike = [name for name, own in zip(models, self.verdicts, strict=True) if own == "alike"]
+        worse = [name for name, own in zip(models, self.verdicts, strict=True) if own in ("unlikely", "ruled out")]
+        return (f"Damping: {best} fits best"
+                + (f"; the recording cannot tell it from {_listed(alike)}" if alike else "")
+                + (f"; it rules out {_listed(worse)}" if worse else "") + ".")
+
     def _sentences(self) -> list[str]:
         """Return the sentences of the summary of a comparison of damping models."""
         best = self.best
