@@ -69,13 +69,14 @@ def corner(posterior: Posterior, figure: Figure | None = None) -> Figure:
              f"{posterior.independent:.0f} independent samples")
     with page((side, side), figure, title, layout=None) as drawing:
         drawn(np.stack([one.values for one in axes], axis=1), bins=CELLS, range=[one.limits for one in axes],
-              labels=[one.label for one in axes], label_kwargs={"fontsize": 10}, color=SAMPLE, fig=drawing,
-              smooth=SMOOTH, levels=SHARES, plot_datapoints=False, plot_density=False, fill_contours=True, quiet=True,
-              contourf_kwargs={"colors": [(SAMPLE, shade) for shade in (0.0, *SHADES)]}, max_n_ticks=3,
-              hist_kwargs={"density": True, "linewidth": 1.4})
+              labels=[one.label for one in axes], label_kwargs={"fontsize": 10}, labelpad=-0.04, color=SAMPLE,
+              fig=drawing, smooth=SMOOTH, levels=SHARES, quiet=True, plot_datapoints=False, plot_density=False,
+              fill_contours=True, contourf_kwargs={"colors": [(SAMPLE, shade) for shade in (0.0, *SHADES)]},
+              max_n_ticks=3, hist_kwargs={"density": True, "linewidth": 1.4})
         drawing.subplots_adjust(BESIDE / side, BESIDE / side, 1.0 - 0.3 * ABOVE / side, 1.0 - ABOVE / side)
         for i, down in enumerate(axes):
             for j, across in enumerate(axes[: i + 1]):
+                drawing.axes[len(axes) * i + j].tick_params(labelrotation=0, labelsize=9)
                 _normal(drawing.axes[len(axes) * i + j], across, down, float(posterior.fit.correlations[i, j]))
         drawing.legend(handles=[
             Patch(facecolor=(SAMPLE, SHADES[1]), label="posterior, 68 %"),
