@@ -81,7 +81,7 @@ def fit(
     by every damping; without --scene, for a bob in air. A measured length with its error is compared with the fitted
     one. The result is printed as a table of the fitted numbers and a few sentences; --details adds what they are based
     on. The report, the tables and scene.json, which gym.make and compare accept, are written to the output folder.
-    With --posterior, posterior.csv, posterior.npz and the corner figure are written, too. Logs of driven runs, with an
+    With --posterior, posterior.csv, posterior.zip and the corner figure are written, too. Logs of driven runs, with an
     action, torque or current beside the angle, are fitted for motor, friction, delay and sensor.
     """
     from pendulum_env.cli.driven import fit_logs, is_driven_fit

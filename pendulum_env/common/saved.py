@@ -395,8 +395,7 @@ def _opened(place: Path) -> Iterator[tuple[zipfile.ZipFile, dict[str, Any]]]:
             infos = archive.infolist()
             names = [info.filename for info in infos]
             if TEXT not in names:
-                raise FileError(f"it is not a file that save wrote, because it has no member {TEXT}"
-                                + ("; Posterior.load reads this one" if "chain.npy" in names else ""))
+                raise FileError(f"it is not a file that save wrote, because it has no member {TEXT}")
             for name, count in Counter(names).items():
                 if not MEMBER.fullmatch(name) or count > 1:
                     raise FileError(f"its member {shown(name)} is unsafe: a path, or there twice")

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.common.texts import clean
+from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.physics.arrays import float_array
-from pendulum_env.physics.units import SceneError, number, shown, whole_number
+from pendulum_env.physics.units import SceneError, file_path, number, shown, whole_number
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +33,14 @@ class RecordingError(ValueError):
         super().__init__(clean(message, None))
 
 
+def file_name(path: Any) -> str:
+    """Return the path of a file as text; RecordingError for what is no path."""
+    try:
+        return str(file_path(path, "path"))
+    except SceneError as error:
+        raise RecordingError(str(error)) from None
+
+
 def one_number(value: Any, name: str, **limits: Any) -> float:
     """Return a number if it is finite and within the limits of :func:`pendulum_env.physics.units.number`.
 
@@ -50,6 +58,23 @@ def numbers(values: Any, name: str) -> FloatArray:
         return float_array(values)
     except TypeError:
         raise RecordingError(f"{name} must be an array of numbers, got {shown(values)}") from None
+
+
+def check_origin(record: Any, arrays: Iterable[str]) -> None:
+    """Clean the source and the notes of a frozen record, and make read-only float64 arrays of its named attributes.
+
+    Raises RecordingError for a source or notes that are not texts, and for attributes that are not numbers.
+    """
+    if not isinstance(record.source, str):
+        raise RecordingError(f"source must be text, got {shown(record.source)}")
+    if not isinstance(record.notes, tuple) or not all(isinstance(note, str) for note in record.notes):
+        raise RecordingError(f"{clean(record.source)}: notes must be a tuple of texts, got {shown(record.notes)}")
+    object.__setattr__(record, "source", clean(record.source))
+    object.__setattr__(record, "notes", tuple(clean(note, NOTE) for note in record.notes))
+    for name in arrays:
+        values = numbers(getattr(record, name), f"{record.source}: {name}")
+        values.setflags(write=False)
+        object.__setattr__(record, name, values)
 
 
 def readings(time: Any, angle: Any) -> tuple[FloatArray, FloatArray]:

@@ -367,7 +367,7 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
     if not 1 <= len(given) <= 3:
         allowed = f"{TRACK!r}, or names or numbers of (time, angle), (time, x, y) or, with rate=, (angle,)"
         raise RecordingError(f"columns must be {allowed}, got {shown(columns)}")
-    places = [_place(table, titles, entry) for entry in given]
+    places = [place_of(table, titles, entry) for entry in given]
     if len(set(places)) < len(places):
         raise RecordingError(f"columns must be different ones, got {shown(columns)}")
     if len(places) == 1 and not timed and table.rate is None:
@@ -380,7 +380,7 @@ def _selected(table: TextTable, titles: list[str], columns: Any, timed: bool) ->
     return ColumnLayout(None, (places[0],), []) if len(places) == 1 else ColumnLayout(places[0], tuple(places[1:]), [])
 
 
-def _by_kind(table: TextTable, columns: str) -> tuple[str | int, ...]:
+def _by_kind(table: TextTable, columns: str) -> tuple[str, ...]:
     """Return the columns that a text such as "time=2,angle=5" or "time=1,x=2,y=3" names, in the usual order."""
     parts = {kind.strip(): place.strip() for kind, _, place in (part.partition("=") for part in columns.split(","))}
     choices = ("time", "angle"), ("time", "x", "y"), ("time", RATED), ("time", FORCED), ("angle",), ("x", "y")
@@ -388,21 +388,27 @@ def _by_kind(table: TextTable, columns: str) -> tuple[str | int, ...]:
     if kinds is None:
         raise RecordingError(f"{table.name}: columns={columns!r} must name time and angle, rate, {FORCED} or x and y, "
                              "as in columns='time=2,angle=5'")
-    return tuple(int(parts[kind]) if parts[kind].isdigit() else parts[kind] for kind in kinds)
+    return tuple(parts[kind] for kind in kinds)
 
 
-def _place(table: TextTable, titles: list[str], entry: Any) -> int:
-    """Return the number, from 0, of a column that is selected by name or by number from 1."""
-    if isinstance(entry, int) and not isinstance(entry, bool) and 1 <= entry <= table.width:
-        return entry - 1
+def place_of(table: TextTable, titles: list[str], entry: Any, option: str = "") -> int:
+    """Return the number, from 0, of a column that is selected by name or by number from 1, which may be text.
+
+    ``option`` names the option that selects it, for messages. Raises RecordingError if there is no such column.
+    """
     names = {name.lower(): i for i, title in enumerate(table.titles) for name in (*title, titles[i]) if name}
     if isinstance(entry, str) and entry.strip().lower() in names:
         return names[entry.strip().lower()]
+    if isinstance(entry, str) and entry.strip().isdigit():
+        entry = int(entry[:9])
+    if isinstance(entry, int) and not isinstance(entry, bool) and 1 <= entry <= table.width:
+        return entry - 1
     if isinstance(entry, str):
         known = nearest(entry.lower(), names) if names else "; its columns have no names."
-        raise RecordingError(f"{table.name}: there is no column {shown(entry)}{known}")
-    span = f"from 1 to {table.width}"
-    raise RecordingError(f"{table.name}: a column is given by its name, or a number {span}, not {shown(entry)}")
+        chosen = f" for {option}=" if option else ""
+        raise RecordingError(f"{table.name}: there is no column {shown(entry)}{chosen}{known}")
+    raise RecordingError(f"{table.name}: a column is given by its name, or a number from 1 to {table.width}, not "
+                         f"{shown(entry)}")
 
 
 def _constant(table: TextTable, column: int) -> bool:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pendulum_env.common.saved import Savable
 from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.texts import NOTE, clean
-from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
+from pendulum_env.lab.checked import FloatArray, RecordingError, file_name, known, numbers, one_number
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.fitting.statistics import correlation_time
@@ -23,7 +23,6 @@ from pendulum_env.lab.measures import Measurement, doubt_of_gravity, doubt_of_le
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, GATE, LENGTH, PERIOD, TIME
 from pendulum_env.lab.table import TextTable
 from pendulum_env.physics import exact
-from pendulum_env.physics.units import SceneError, file_path
 
 if TYPE_CHECKING:
     from pendulum_env.common.tables import Table
@@ -114,10 +113,7 @@ def measure_gate(
     """
     if states is not None:
         known(states, "states", STATES)
-    try:
-        name = str(file_path(path, "path"))
-    except SceneError as error:
-        raise RecordingError(str(error)) from None
+    name = file_name(path)
     text, notes = text_of(name)
     table = TextTable(name, text)
     titles = [" ".join(title).lower() for title in table.titles]

@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.accelerations import Mount
-from pendulum_env.lab.checked import FloatArray, RecordingError, numbers, one_number
+from pendulum_env.lab.checked import FloatArray, RecordingError, check_origin, file_name, one_number
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.noise import noise_level, quantum_level
 from pendulum_env.lab.parts import Drop, kept, share
 from pendulum_env.lab.reading import ReadOptions, read_file
 from pendulum_env.lab.turning import TurningPoints, all_turning_points, equilibrium, extremes
-from pendulum_env.physics.units import SceneError, file_path, shown
+from pendulum_env.physics.units import shown
 
 __all__ = ["Recording", "RecordingError"]
 
@@ -69,17 +68,8 @@ class Recording(Plotted):
         return one_line(self, f"{self.source}, {len(self.time)} readings in {self.time[-1] - self.time[0]:.4g} s")
 
     def __post_init__(self) -> None:
-        if not isinstance(self.source, str):
-            raise RecordingError(f"source must be text, got {shown(self.source)}")
-        if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
-            raise RecordingError(f"{clean(self.source)}: notes must be a tuple of texts, got {shown(self.notes)}")
-        object.__setattr__(self, "source", clean(self.source))
-        object.__setattr__(self, "notes", tuple(clean(note, NOTE) for note in self.notes))
         beside = [name for name in ("rate", "force") if getattr(self, name) is not None]
-        for name in ("time", "angle", *beside):
-            values = numbers(getattr(self, name), f"{self.source}: {name}")
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        check_origin(self, ("time", "angle", *beside))
         for name in ("release", "zero"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, one_number(getattr(self, name), f"{self.source}: {name}"))
@@ -162,10 +152,7 @@ class Recording(Plotted):
 
         Raises RecordingError for a file or setting that cannot be used, with the line number of a faulty line.
         """
-        try:
-            name = str(file_path(path, "path"))
-        except SceneError as error:
-            raise RecordingError(str(error)) from None
+        name = file_name(path)
         zero = None if zero is None else one_number(zero, "zero")
         file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit,
                                            part, run, sensor, until, drop))

@@ -242,7 +242,7 @@ def write_driven(found: DrivenFit, folder: str | Path, svg: bool = False) -> lis
 
 
 def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write ``posterior.csv``, ``posterior.npz`` and ``corner.png`` (with ``svg`` also as SVG); return the paths.
+    """Write ``posterior.csv``, ``posterior.zip`` and ``corner.png`` (with ``svg`` also as SVG); return the paths.
 
     See :meth:`pendulum_env.lab.fitting.posterior.Posterior.save`. Raises OutputError where the folder cannot be
     written.
@@ -250,7 +250,7 @@ def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> 
     from pendulum_env.plots.corner import corner
 
     place, origin = output_folder(folder), facts(found.fit, seed=found.seed)  # type: ignore[arg-type]
-    paths = [found.save(place / f"posterior.{ending}") for ending in ("csv", "npz")]
+    paths = [found.save(place / f"posterior.{ending}") for ending in ("csv", "zip")]
     title = {**origin, "Title": f"posterior of {found.fit.recording.source}"}
     return [*paths, *drawn(lambda: corner(found), place / "corner", title, svg)]
 

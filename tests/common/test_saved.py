@@ -39,7 +39,6 @@ from pendulum_env.common.version import sources
 from pendulum_env.envs.transfer import Transfer
 from pendulum_env.hard_cases.case import Case, Finding
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
-from pendulum_env.lab import Posterior
 from pendulum_env.notebook.cards import CARDS
 from pendulum_env.notebook.figures import FIGURES
 from pendulum_env.physics.effects import Effect
@@ -362,14 +361,6 @@ def test_a_sweep_that_stands_in_a_file_is_saved_too(tmp_path: Path) -> None:
     found = sweep({"a": [1, 2]}, run=lambda point: {"b": point["a"] / 3}, file=tmp_path / "s.jsonl", in_memory=False,
                   name="thirds")
     assert load(found.save(tmp_path / "one.zip")).rows == found.rows == ({"a": 1, "b": 1 / 3}, {"a": 2, "b": 2 / 3})
-
-
-def test_a_posterior_keeps_its_own_files(tmp_path: Path) -> None:
-    found = small("Posterior")
-    again = Posterior.load(found.save(tmp_path / "one.npz"), found.fit)
-    assert same(again.chain, found.chain)
-    with pytest.raises(SceneError, match=r"has no member result\.json; Posterior\.load reads this one"):
-        load(tmp_path / "one.npz")
 
 
 # --- where a result comes from ----------------------------------------------------------------------------------------

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import csv
 import importlib.util
-import json
 import math
-import random
+import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,15 +16,13 @@ from typing import Any
 import emcee
 import numpy as np
 import pytest
-from archives import damaged
 from bench_files import written
-from emcee.autocorr import integrated_time as of_emcee
 from PIL import Image
 from scipy.stats import t
 from typer.testing import CliRunner
 from virtual_swings import recorded, swing
 
-from pendulum_env import LabPendulumEnv, Recording, fit, rollout
+from pendulum_env import LabPendulumEnv, Recording, fit, load, rollout
 from pendulum_env.cli import app
 from pendulum_env.lab import RecordingError, simulated_recording
 from pendulum_env.lab.fitting import posterior as sampling
@@ -34,7 +31,7 @@ from pendulum_env.lab.fitting.grade import Fault
 from pendulum_env.lab.fitting.posterior import Posterior
 from pendulum_env.lab.fitting.priors import Prior, priors_of
 from pendulum_env.lab.fitting.result import Fit
-from pendulum_env.lab.fitting.statistics import integrated_time, split_r
+from pendulum_env.lab.fitting.statistics import split_r
 from pendulum_env.physics.units import SceneError
 
 OMEGA = math.sqrt(9.81)
@@ -128,8 +125,12 @@ def test_priors_are_what_they_say(entry: Any, log: Callable[[Any], Any]) -> None
     assert one.log(x) - one.log(x[:1]) == pytest.approx(log(x) - log(x[:1]), abs=1e-12)
     assert one.log(np.array([-0.1])) == [-math.inf]
     assert one.bounded
-    own = one.drawn(4000, np.random.default_rng(0))
-    assert np.isfinite(one.log(own)).all()
+    low, high = max(one.low, one.mean - 8.0 * one.error), min(one.high, one.mean + 8.0 * one.error)
+    grid = np.linspace(low, high, 20001)
+    chances = np.exp(one.log(grid))
+    mean = float(np.average(grid, weights=chances))
+    error = math.sqrt(float(np.average((grid - mean) ** 2, weights=chances)))
+    assert one.moments == pytest.approx((mean, error), rel=1e-3 if one.kind != "log" else 0.25)
 
 
 # --- the sample -------------------------------------------------------------------------------------------------------
@@ -320,14 +321,22 @@ def test_it_is_as_wide_as_errors_that_allow_for_correlation() -> None:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
-def test_autocorrelation_times_against_a_closed_form_and_emcee(rho: float) -> None:
+def test_autocorrelation_times_against_a_closed_form(rho: float) -> None:
     """An autoregressive chain has the time ``(1 + rho) / (1 - rho)``."""
-    source, chain = np.random.default_rng(4), np.zeros((4000, 64, 2))
+    source, chain = np.random.default_rng(4), np.zeros((4000, 64, 3))
     for i in range(1, len(chain)):
-        chain[i] = rho * chain[i - 1] + source.standard_normal((64, 2))
-    own = integrated_time(chain)
-    assert own == pytest.approx([(1.0 + rho) / (1.0 - rho)] * 2, rel=0.12)
-    assert own == pytest.approx(np.maximum(of_emcee(chain, tol=0), 1.0), rel=1e-6)
+        chain[i] = rho * chain[i - 1] + source.standard_normal((64, 3))
+    own = replace(linear_posterior(), chain=chain)
+    assert own.autocorrelation_time == pytest.approx([(1.0 + rho) / (1.0 - rho)] * 3, rel=0.12)
+    assert (own.autocorrelation_time >= 1.0).all()
+
+
+def test_a_walker_that_never_moved_makes_the_chain_too_short() -> None:
+    chain = linear_posterior().chain.copy()
+    chain[:, 3] = 0.5  # the mean of the steps is exact, so that the walker's variance is 0
+    stuck = replace(linear_posterior(), chain=chain)
+    assert stuck.autocorrelation_time.tolist() == [len(chain)] * 3
+    assert "are 1 autocorrelation times" in stuck.problem
 
 
 def test_walkers_apart_have_a_large_r_hat() -> None:
@@ -410,22 +419,16 @@ def test_without_emcee_it_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch
 
 def test_saved_files_have_the_samples_and_their_origin(tmp_path: Path) -> None:
     found = linear_posterior()
-    with np.load(found.save(tmp_path / "one.npz")) as kept:
-        assert np.array_equal(kept["chain"], found.chain)
-        assert np.array_equal(kept["log_density"], found.log_density)
-        assert kept["names"].tolist() == ["angle", "velocity", "zero"]
-        assert kept["units"].tolist() == ["rad", "rad/s", "rad"]
-        assert json.loads(str(kept["origin"]))["recording"] == "harmonic"
-        assert int(kept["discarded"]) == found.discarded
     lines = found.save(tmp_path / "one.csv").read_text(encoding="utf-8").splitlines()
     head, *rows = csv.reader(line for line in lines if not line.startswith("#"))
     assert head == ["angle [rad]", "velocity [rad/s]", "zero [rad]", "log_density"]
     assert {tuple(map(float, row[:3])) for row in rows} <= {tuple(row) for row in found.samples.tolist()}
     assert 1000 < len(rows) <= len(found.samples)
     assert any(line.startswith("# seed: 1") for line in lines)
-    with pytest.raises(SceneError, match=r"'\.txt'.*\.npz"):
-        found.save(tmp_path / "one.txt")
-    assert {path.name for path in tmp_path.iterdir()} == {"one.npz", "one.csv"}
+    assert any(line.startswith("# recording: harmonic") for line in lines)
+    with pytest.raises(SceneError, match=r"'\.npz'.*\.zip"):
+        found.save(tmp_path / "one.npz")
+    assert {path.name for path in tmp_path.iterdir()} == {"one.csv"}
 
 
 def test_a_saved_posterior_is_loaded_again(tmp_path: Path) -> None:
@@ -434,57 +437,41 @@ def test_a_saved_posterior_is_loaded_again(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         kept = harmonic().posterior(walkers=8, steps=60, seed=5, priors=given)
-    found = Posterior.load(kept.save(tmp_path / "one.npz"), harmonic())
+    found: Any = load(kept.save(tmp_path / "one.zip"))
     assert (found.text, found.table, found.priors, found.problem) == (kept.text, kept.table, kept.priors, kept.problem)
-    assert (found.seed, found.asked, found.warm) == (5, 60, 12)
+    assert (found.seed, found.asked) == (5, 60)
+    assert found.fit.parameters == kept.fit.parameters
     np.testing.assert_array_equal(found.samples, kept.samples)
     np.testing.assert_array_equal(found.log_density, kept.log_density)
     assert str(found.sample(3, seed=2)) == str(kept.sample(3, seed=2))
 
 
-def test_a_damaged_posterior_is_refused_with_one_error(tmp_path: Path) -> None:
-    """Damaged bytes of the archive, and whole arrays of other shapes and types."""
-    saved, source = linear_posterior().save(tmp_path / "one.npz"), random.Random(3)
-    whole, refused = saved.read_bytes(), 0
-    for _ in range(60):
-        saved.write_bytes(damaged(whole, source))
-        try:
-            Posterior.load(saved, harmonic())
-        except RecordingError:
-            refused += 1
-    assert refused > 30
-    saved.write_bytes(whole)
-    with np.load(saved) as file:
-        arrays = dict(file)
-    for name, other in (("chain", arrays["chain"][0]), ("names", np.arange(3.0)), ("fit", np.zeros(2)),
-                        ("priors", np.zeros((3, 3))), ("log_density", arrays["chain"]), ("kinds", np.zeros(3)),
-                        ("acceptance", np.zeros(2)), ("asked", np.array("many")), ("chain", arrays["chain"] > 0.0)):
-        np.savez(saved, **{**arrays, name: other})
-        with pytest.raises(RecordingError, match=r"one\.npz: expected a file that Posterior.save wrote"):
-            Posterior.load(saved, harmonic())
+def test_it_is_data_for_arviz_with_names_units_and_the_density() -> None:
+    """Its groups hold the steps that are not discarded, with one chain for each walker."""
+    found = linear_posterior()
+    tree = found.to_arviz()
+    kept = found.chain[found.discarded:]
+    assert dict(tree["posterior"].sizes) == {"chain": 32, "draw": len(kept)}
+    for i, (name, unit) in enumerate(zip(found.names, ("rad", "rad/s", "rad"), strict=True)):
+        column = tree["posterior"][name]
+        assert column.attrs["units"] == unit
+        np.testing.assert_array_equal(column.values, kept[:, :, i].T)
+    np.testing.assert_array_equal(tree["sample_stats"]["lp"].values, found.log_density[found.discarded:].T)
 
 
-def test_what_is_no_saved_posterior_of_the_fit_is_not_loaded(tmp_path: Path) -> None:
-    saved = linear_posterior().save(tmp_path / "one.npz")
-    seen = harmonic().recording
-    other = fit(replace(seen, angle=1.01 * seen.angle), "none", scene="textbook", free=())
-    with pytest.raises(RecordingError, match="is of a fit with angle "):
-        Posterior.load(saved, other)
-    more = fit(seen, "none", scene="textbook", free=("length",))
-    with pytest.raises(RecordingError, match="parameters angle, velocity, zero, the fit angle, velocity, zero, length"):
-        Posterior.load(saved, more)
-    (tmp_path / "text.npz").write_text("no archive")
-    np.savez(tmp_path / "other.npz", chain=np.zeros(3))
-    np.savez(tmp_path / "objects.npz", chain=np.array([tmp_path], dtype=object))
-    for name, why in (("text", "expected a file that Posterior.save wrote"), ("none", "can be read: no such file"),
-                      ("objects", "expected a file that Posterior.save wrote, .*Object arrays cannot be loaded"),
-                      ("other", "expected a file that Posterior.save wrote, .*log_density")):
-        with pytest.raises(RecordingError, match=why):
-            Posterior.load(tmp_path / f"{name}.npz", harmonic())
-    with pytest.raises(SceneError, match=r"'\.csv'.*\.npz"):
-        Posterior.load(tmp_path / "one.csv", harmonic())
-    with pytest.raises(SceneError, match="fit must be the fit of which"):
-        Posterior.load(saved, seen)  # type: ignore[arg-type]
+@pytest.mark.parametrize(("module", "call", "extra"), [
+    ("arviz_base", lambda found: found.to_arviz(), "arviz"), ("corner", lambda found: found.plot(), "posterior"),
+])
+def test_without_an_extra_it_is_judged_and_printed_alike_and_says_what_is_missing(
+    module: str, call: Callable[[Posterior], Any], extra: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = linear_posterior()
+    said = found.text, found.table, found.problem, found.fit.errors.how
+    monkeypatch.setitem(sys.modules, module, None)
+    again = replace(found)
+    assert (again.text, again.table, again.problem, again.fit.errors.how) == said
+    with pytest.raises(ValueError, match=rf"pip install 'lab-pendulum\[{extra}\]'"):
+        call(again)
 
 
 def test_drawn_scenes_are_samples() -> None:
@@ -520,29 +507,41 @@ SHORT = ["fit", "--mass", "0.01", "--radius", "0.02", "--effects", "linear+quadr
 def test_the_command_writes_valid_files_even_if_it_is_interrupted(
     interrupted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    calls, propose = [0], sampling.Jump.__call__
+    calls, density = [0], LogDensity.__call__
 
-    def stop(self: Any, rows: Any, source: Any) -> Any:
+    def stop(self: Any, rows: Any) -> Any:
         calls[0] += 1
-        if interrupted and calls[0] > 20:
+        if interrupted and calls[0] > 40:
             raise KeyboardInterrupt
-        return propose(self, rows, source)
+        return density(self, rows)
 
-    monkeypatch.setattr(sampling.Jump, "__call__", stop)
+    monkeypatch.setattr(LogDensity, "__call__", stop)
     done = CliRunner().invoke(app, [*SHORT, "--posterior", "--walker-steps", "120", "--seed", "3", "--svg", "--prior",
                                     "gamma=normal:0.03:0.001", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.exception
-    names = {"posterior.csv", "posterior.npz", "corner.png", "corner.svg", "fit.png", "scene.json"}
+    names = {"posterior.csv", "posterior.zip", "corner.png", "corner.svg", "fit.png", "scene.json"}
     assert names <= {path.name for path in tmp_path.iterdir()}
     assert "gamma normal, 0.03 ± 0.001, above 0" in " ".join(done.output.split())
-    with np.load(tmp_path / "posterior.npz") as kept:
-        assert kept["chain"].shape[1:] == (32, 6)
-        assert (len(kept["chain"]) < 120) == interrupted
-        gamma = kept["chain"][kept["discarded"]:, :, kept["names"].tolist().index("linear_drag.gamma")]
-        assert abs(float(gamma.mean()) - 0.03) < 0.002
-        assert json.loads(str(kept["origin"]))["seed"] == "3"
+    kept: Any = load(tmp_path / "posterior.zip")
+    assert kept.chain.shape[1:] == (32, 6)
+    assert (len(kept.chain) < 120) == interrupted
+    assert abs(kept.parameters["linear_drag.gamma"].value - 0.03) < 0.002
+    assert kept.seed == 3
     with Image.open(tmp_path / "corner.png") as picture:
         assert picture.info["seed"] == "3"
+
+
+@pytest.mark.slow
+def test_the_command_without_corner_writes_its_files_and_says_how_to_get_the_figure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "corner", None)
+    with pytest.warns(UserWarning, match=r"corner\.png.*pip install 'lab-pendulum\[posterior\]'|chain is too short"):
+        done = CliRunner().invoke(app, [*SHORT, "--posterior", "--walker-steps", "60", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.exception
+    assert {"posterior.csv", "posterior.zip"} <= {path.name for path in tmp_path.iterdir()}
+    assert not list(tmp_path.glob("corner.*"))
+    assert "lab-pendulum[posterior]" in " ".join(done.output.split())
 
 
 @pytest.mark.parametrize(("words", "why"), [

@@ -251,7 +251,7 @@ def test_its_axes_say_what_they_show_and_in_which_unit(name: str) -> None:
             label, named = axis.get_label_text(), [text.get_text() for text in axis.get_ticklabels()]
             words = any(text[:1].isalpha() or text[:1] == "(" for text in named)
             shared = name == "plots.stability.damped" or (name, axis.axis_name) == ("plots.stability.oscillation", "x")
-            empty = not axis.get_ticklocs().size or not any(text.strip() for text in named)
+            empty = not len(axis.get_ticklocs()) or not any(text.strip() for text in named)
             assert label or words or shared or empty, (axes.get_title("left"), axis.axis_name)
             assert not label or "[" in label or any(known in label for known in UNITLESS), label
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,9 +15,8 @@ import numpy as np
 
 from pendulum_env.common.saved import Savable
 from pendulum_env.common.shown import one_line
-from pendulum_env.common.texts import NOTE, clean
-from pendulum_env.lab.checked import FloatArray, RecordingError, known, numbers, one_number
-from pendulum_env.lab.columns import described
+from pendulum_env.lab.checked import FloatArray, RecordingError, check_origin, file_name, known, one_number
+from pendulum_env.lab.columns import described, place_of
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.driven.start import misfit
 from pendulum_env.lab.noise import noise_level, quantum_level
@@ -33,7 +32,6 @@ from pendulum_env.lab.quantities import (
     pattern,
 )
 from pendulum_env.lab.table import TextTable
-from pendulum_env.physics.units import SceneError, file_path, nearest, shown
 
 __all__ = ["DRIVES", "DrivenLog", "is_driven"]
 
@@ -58,6 +56,7 @@ _COMMANDED = re.compile(r"(?<![a-z])(?:des|desired|set|ref|target|soll|cmd|goal)
 """Words in the titles of columns with set values, which were not measured."""
 UNITS = {name: unit.size for name, unit in ANGLE.units.items()}
 _ANGLE = pattern((*ANGLE.words, "*position*", "pos"))
+_ANGLE_NAME = re.compile(r"angle|theta|θ|phi|φ|winkel", re.IGNORECASE)
 _IN_BRACKETS = re.compile(r"[(\[]([^)\]]*)[)\]]")
 _SIZES = {kind: {word: unit.size for unit in drive.quantity.units.values() for word in unit.words}
           for kind, drive in DRIVES.items()}
@@ -91,19 +90,11 @@ class DrivenLog(Savable):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if not isinstance(self.source, str):
-            raise RecordingError(f"source must be text, got {shown(self.source)}")
-        if not isinstance(self.notes, tuple) or not all(isinstance(note, str) for note in self.notes):
-            raise RecordingError(f"{clean(self.source)}: notes must be a tuple of texts, got {shown(self.notes)}")
-        object.__setattr__(self, "source", clean(self.source))
-        object.__setattr__(self, "notes", tuple(clean(note, NOTE) for note in self.notes))
+        check_origin(self, ("time", "angle", "drive"))
         known(self.kind, "kind", DRIVES)
         for name in ("time", "angle", "drive"):
-            values = numbers(getattr(self, name), f"{self.source}: {name}")
-            if values.ndim != 1 or not np.isfinite(values).all():
+            if getattr(self, name).ndim != 1 or not np.isfinite(getattr(self, name)).all():
                 raise RecordingError(f"{self.source}: {name} must be an array of finite numbers in one dimension")
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
         if not len(self.time) == len(self.angle) == len(self.drive):
             found = f"{len(self.time)}, {len(self.angle)} and {len(self.drive)}"
             raise RecordingError(f"{self.source}: time, angle and drive must have one length, found {found}")
@@ -204,74 +195,76 @@ class DrivenLog(Savable):
         Raises RecordingError for a file that cannot be read, without a drive or with several, with times that do not
         increase, and if the unit of the angle cannot be inferred.
         """
-        try:
-            name = str(file_path(path, "path"))
-        except SceneError as error:
-            raise RecordingError(str(error)) from None
+        name = file_name(path)
         size = one_number(factor, "factor")
         if size == 0.0:
             raise RecordingError("factor must not be 0")
         if unit is not None:
             known(unit, "unit", UNITS)
         text, notes = text_of(name, part)
-        table = TextTable(name, text)
-        titles = [" ".join(title).strip() for title in table.titles]
-        given = {kind: column for kind, column in (("action", action), ("torque", torque), ("current", current))
-                 if column is not None}
-        kind, drive_place = _drive_column(table, titles, given)
-        time_place = _column(table, titles, time, "time", TIME.form, (drive_place,))
-        angle_place = _column(table, titles, angle, "angle", _ANGLE, (drive_place, time_place))
-        places = (time_place, angle_place, drive_place)
-        if len(set(places)) < len(places):
-            raise RecordingError(f"{name}: time, angle and {kind} must be different columns, got "
-                                 f"{', '.join(str(i + 1) for i in places)}; {described(table, titles)}")
+        table, given = TextTable(name, text), {"action": action, "torque": torque, "current": current}
+        kind, places, titles = _layout(table, given, time, angle)
         values, marks = table.values(places, "a time, an angle and a drive")
         whole = np.isfinite(values).all(axis=1)
         notes += [*table.notes, *marks]
         if not whole.all():
             notes.append(f"dropped: {np.count_nonzero(~whole)} rows without all numbers")
         times, angles, drives = values[whole].T
-        units = TIME.units_in([titles[time_place].replace("_", " ")])
+        units = TIME.units_in([titles[places[0]]])
         times = times * TIME.units[units.pop() if len(units) == 1 else "s"].size
-        drive_size, why = _drive_unit(name, kind, titles[drive_place])
+        drive_size, why = _drive_unit(name, kind, titles[places[2]])
         shown_as = ", ".join(f"{what} {i + 1}{f' ({titles[i]})' if titles[i] else ''}"
                              for what, i in zip(("time", "angle", kind), places, strict=True))
-        notes.append(f"columns: {shown_as}, {'as given' if given else 'as the header names them'}{why}")
+        chosen = "as given" if given[kind] is not None else "as the header names them"
+        notes.append(f"columns: {shown_as}, {chosen}{why}")
         if size != 1.0:
             notes.append(f"factor: {kind} multiplied by {size:g}")
         with np.errstate(over="ignore"):
             drives = drives * drive_size * size
         log = cls(times, angles, drives, kind, Path(name).name)
         log = log if until is None else log.between(-math.inf if len(times) == 0 else float(times[0]), until)
-        angles, how = _in_radians(log, titles[angle_place], unit)
+        angles, how = _in_radians(log, titles[places[1]], unit)
         return replace(log, angle=angles, notes=(*notes, *log.notes, how))
 
 
 def is_driven(path: str | os.PathLike[str]) -> bool:
     """Return True if the header of a file names a time, an angle and just one drive; False for any other file."""
     try:
-        name = str(file_path(path, "path"))
-        table = TextTable(name, text_of(name)[0])
-        titles = [" ".join(title).strip() for title in table.titles]
-        _, drive = _drive_column(table, titles, {})
-        time = _column(table, titles, None, "time", TIME.form, (drive,))
-        place = _column(table, titles, None, "angle", _ANGLE, (drive, time))
-    except (RecordingError, SceneError):
+        name = file_name(path)
+        _, places, titles = _layout(TextTable(name, text_of(name)[0]))
+    except RecordingError:
         return False
-    return len({drive, time, place}) == 3 and all(titles[i] for i in (drive, time, place))
+    return all(titles[i] for i in places)
 
 
-def _drive_column(table: TextTable, titles: list[str], given: dict[str, Any]) -> tuple[str, int]:
+def _layout(
+    table: TextTable, given: Mapping[str, Any] | None = None, time: Any = None, angle: Any = None
+) -> tuple[str, tuple[int, int, int], list[str]]:
+    """Return the kind of drive, the numbers, from 0, of the columns of time, angle and drive, and all titles.
+
+    ``given`` are columns of the drive by its kind, ``time`` and ``angle`` are columns; None is inferred.
+    """
+    titles = [" ".join(title).strip() for title in table.titles]
+    kind, drive = _drive_column(table, titles, {key: one for key, one in (given or {}).items() if one is not None})
+    taken = [drive]
+    for what, column in (("time", time), ("angle", angle)):
+        taken.append(_column(table, titles, what, taken) if column is None else place_of(table, titles, column, what))
+    drive, first, second = taken
+    if len(set(taken)) < len(taken):
+        raise RecordingError(f"{table.name}: time, angle and {kind} must be different columns, got "
+                             f"{first + 1}, {second + 1}, {drive + 1}; {described(table, titles)}")
+    return kind, (first, second, drive), titles
+
+
+def _drive_column(table: TextTable, titles: list[str], given: Mapping[str, Any]) -> tuple[str, int]:
     """Return the kind of drive and the number of its column, from 0."""
     if len(given) > 1:
         raise RecordingError(f"{table.name}: give one of action, torque and current, not {' and '.join(given)}")
-    if given:
-        (kind, column), = given.items()
-        return kind, _place(table, titles, column, kind)
+    for kind, column in given.items():
+        return kind, place_of(table, titles, column, kind)
     found = [(kind, i) for kind, drive in DRIVES.items() for i, title in enumerate(titles)
              if drive.quantity.names(title)]
-    measured = [entry for entry in found if not _COMMANDED.search(titles[entry[1]])]
-    best = measured or found
+    best = [(kind, i) for kind, i in found if not _COMMANDED.search(titles[i])] or found
     if len(best) == 1:
         return best[0]
     if not best:
@@ -282,42 +275,25 @@ def _drive_column(table: TextTable, titles: list[str], given: dict[str, Any]) ->
                          f"{' or '.join(f'{kind}=' for kind in dict(best))}")
 
 
-def _column(
-    table: TextTable, titles: list[str], given: Any, what: str, form: re.Pattern[str], others: Iterable[int]
-) -> int:
+def _column(table: TextTable, titles: list[str], what: str, taken: list[int]) -> int:
     """Return the number, from 0, of the column of the time or angle; without titles, the first free one."""
-    if given is not None:
-        return _place(table, titles, given, what)
-    taken = set(others)
-    fitting = [i for i, title in enumerate(titles)
-               if i not in taken and form.search(title) and not RATE_OF_CHANGE.names(title)]
-    best = [i for i in fitting if not _COMMANDED.search(titles[i])] or fitting
-    best = [i for i in best if not (what == "angle" and DISTANCE.units_in([titles[i]]))]
+    free = [i for i in range(table.width) if i not in taken]
+    if not any(titles):
+        return free[0] if free else 0
+    fits = TIME.names if what == "time" else _is_angle
+    best = [i for i in free if fits(titles[i]) and not RATE_OF_CHANGE.names(titles[i])]
+    best = [i for i in best if not _COMMANDED.search(titles[i])] or best
     if what == "angle" and len(best) > 1:
-        named = [i for i in best if re.search(r"angle|theta|θ|phi|φ|winkel", titles[i], re.IGNORECASE)]
-        best = named if len(named) == 1 else best
+        best = [i for i in best if _ANGLE_NAME.search(titles[i])] or best
     if len(best) == 1 or (what == "time" and best):
         return best[0]
-    if not any(titles):
-        return min(set(range(table.width)) - taken, default=0)
     problem = f"found columns {', '.join(str(i + 1) for i in best)}" if best else "found none"
     raise RecordingError(f"{table.name}: expected one column of the {what}, {problem}; {described(table, titles)}")
 
 
-def _place(table: TextTable, titles: list[str], column: Any, what: str) -> int:
-    """Return the number, from 0, of a column given by its name or by a number from 1."""
-    if isinstance(column, str) and column.strip().isdigit() and len(column) < 9:
-        column = int(column)
-    if isinstance(column, int) and not isinstance(column, bool) and 1 <= column <= table.width:
-        return column - 1
-    names = {name.lower(): i for i, title in enumerate(table.titles) for name in (*title, titles[i]) if name}
-    if isinstance(column, str) and column.strip().lower() in names:
-        return names[column.strip().lower()]
-    if isinstance(column, str):
-        near = nearest(column.lower(), names) if names else "; its columns have no names"
-        raise RecordingError(f"{table.name}: there is no column {shown(column)} for {what}={near}")
-    raise RecordingError(f"{table.name}: {what}= takes a name, or a number from 1 to {table.width}, not "
-                         f"{shown(column)}")
+def _is_angle(title: str) -> bool:
+    """Return True if a title names an angle, or a position without a unit of length."""
+    return bool(_ANGLE.search(title)) and not DISTANCE.units_in([title])
 
 
 def _drive_unit(name: str, kind: str, title: str) -> tuple[float, str]:
@@ -339,7 +315,7 @@ def _in_radians(log: DrivenLog, title: str, given: str | None) -> tuple[FloatArr
     Without a unit in the title, the motion decides: a pendulum's ``theta'' = -k sin(theta) + ...`` fits in one unit
     only, unless all angles are small.
     """
-    units = ANGLE.units_in([title.replace("_", " ")])
+    units = ANGLE.units_in([title])
     written = units.pop() if len(units) == 1 else None
     unit, why = given or written, "as given" if given else "as the header says"
     if unit is None:

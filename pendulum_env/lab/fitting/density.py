@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.curves import hermite
+from pendulum_env.lab.fitting.curves import between
 from pendulum_env.lab.fitting.intervals import Fitted
 from pendulum_env.lab.fitting.priors import Prior
 from pendulum_env.physics.units import SceneError
@@ -43,18 +43,23 @@ class LogDensity:
     """
 
     def __init__(self, fit: Fitted, priors: Sequence[Prior]) -> None:
-        variances = np.diag(fit.errors.plain)
-        self.model, self.centre, self.priors = fit.model, fit.values, tuple(priors)
-        self.best, self.freedom = float(fit.residual @ fit.residual), fit.errors.freedom
-        self.variance = self.best / fit.degrees_of_freedom
+        own, variances = fit.solution, np.diag(fit.errors.plain)
+        self.model, self.centre, self.priors = own.model, own.values, tuple(priors)
+        self.best, self.freedom = float(own.residual @ own.residual), fit.errors.freedom
+        self.variance = self.best / (len(own.residual) - len(own.values))
         if not self.variance > 0.0:
             raise SceneError("The model passes through all readings exactly, so the posterior has no width.")
         with np.errstate(divide="ignore", invalid="ignore"):
-            wider = np.sqrt(np.diag(fit.covariance) / variances)
+            wider = np.sqrt(np.diag(fit.errors.covariance) / variances)
         self.wider = np.where(np.isfinite(wider), np.maximum(wider, 1.0), 1.0)
         self.step = self.model.step_for(self.centre)
-        self._sums = _Sums(fit, self.step) if self.model.mount is None else None
-        self._fit = fit
+        self._readings = fit.recording.readings
+        if self.model.mount is None:
+            _, value, slope = self.model.nodes(self.centre, self.step)
+            self._nodes = np.concatenate([value[0], slope[0]])
+            weights = between(self.model.time, self.step, value.shape[1], int(self.model.rate))
+            self._squares = weights.T @ weights
+            self._linear = -2.0 * (weights.T @ (self._readings - weights @ self._nodes))
 
     def __call__(self, rows: Array) -> Array:
         """Return the logarithm of the density for parameters of shape ``(runs, parameters)``, an array of runs.
@@ -78,44 +83,12 @@ class LogDensity:
         It is nan for parameters that cannot be simulated.
         """
         try:
-            if self._sums is not None:
-                return self._sums.rises(*self.model.nodes(rows, self.step)[1:])
-            off = self._fit.recording.readings - self.model.angles(rows)
-            return np.asarray(np.sum(off * off, axis=1) - self.best)
+            if self.model.mount is not None:
+                return np.asarray(np.sum((self._readings - self.model.angles(rows)) ** 2, axis=1) - self.best)
+            away = np.concatenate(self.model.nodes(rows, self.step)[1:], axis=1).T - self._nodes[:, None]
+            with np.errstate(invalid="ignore", over="ignore"):
+                return np.asarray(np.sum(away * (self._squares @ away + self._linear[:, None]), axis=0))
         except SceneError:
             if len(rows) == 1:
                 return np.full(1, math.nan)
             return np.concatenate([self.rises(row[None]) for row in rows])
-
-
-class _Sums:
-    """Coefficients of the rise of the sum of squares, as a quadratic form of values and slopes at the steps."""
-
-    def __init__(self, fit: Fitted, step: float) -> None:
-        time, value, slope = fit.model.nodes(fit.values, step)
-        self.value, self.slope = value[0], slope[0]
-        at = fit.model.time
-        cell = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-        self.last = int(cell[-1]) + 2
-        basis = hermite((at - time[cell]) / step, step, int(fit.model.rate))
-        ends = np.stack([self.value[cell], self.slope[cell], self.value[cell + 1], self.slope[cell + 1]])
-        off = fit.recording.readings - np.einsum("ij,ij->j", basis, ends)
-
-        def summed(weights: Array, shift: int = 0) -> Array:
-            return np.asarray(np.bincount(cell + shift, weights, self.last))
-
-        a, b, c, d = basis
-        self.squares = summed(a * a) + summed(c * c, 1), summed(b * b) + summed(d * d, 1)
-        self.mixed = 2.0 * (summed(a * b) + summed(c * d, 1))
-        self.across = tuple(2.0 * summed(x * y)[:-1] for x in (a, b) for y in (c, d))
-        self.linear = tuple(-2.0 * (summed(off * x) + summed(off * y, 1)) for x, y in ((a, c), (b, d)))
-
-    def rises(self, value: Array, slope: Array) -> Array:
-        """Return the rise of the sum of squares for values and slopes at the steps, both ``(runs, steps)``."""
-        x, y = value[:, : self.last] - self.value[: self.last], slope[:, : self.last] - self.slope[: self.last]
-        pairs = [(one[:, :-1], other[:, 1:]) for one in (x, y) for other in (x, y)]
-        with np.errstate(invalid="ignore", over="ignore"):
-            rise = (x * x) @ self.squares[0] + (y * y) @ self.squares[1] + (x * y) @ self.mixed
-            for (one, other), weights in zip(pairs, self.across, strict=True):
-                rise = rise + (one * other) @ weights
-            return np.asarray(rise + x @ self.linear[0] + y @ self.linear[1])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -16,8 +16,9 @@ from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.errors import Errors
 from pendulum_env.lab.fitting.grade import Grade
-from pendulum_env.lab.fitting.model import SENSOR, START, Model
+from pendulum_env.lab.fitting.model import SENSOR, START
 from pendulum_env.lab.fitting.shooting import FitSolution, refit
+from pendulum_env.lab.fitting.statistics import correlation_time
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, boolean, nearest, number, shown, whole_number
@@ -38,8 +39,8 @@ PATIENCE = 10_000
 
 
 class Fitted(Protocol):
-    """Protocol of the attributes of a fit from which intervals and random draws are calculated; see
-    :class:`pendulum_env.lab.fitting.result.Fit`.
+    """Protocol of the attributes of a :class:`pendulum_env.lab.fitting.result.Fit` from which intervals and random
+    draws are calculated.
     """
 
     @property
@@ -47,21 +48,7 @@ class Fitted(Protocol):
     @property
     def solution(self) -> FitSolution: ...
     @property
-    def model(self) -> Model: ...
-    @property
-    def names(self) -> tuple[str, ...]: ...
-    @property
-    def values(self) -> Array: ...
-    @property
-    def residual(self) -> Array: ...
-    @property
-    def degrees_of_freedom(self) -> int: ...
-    @property
-    def correlation_time(self) -> float: ...
-    @property
     def errors(self) -> Errors: ...
-    @property
-    def covariance(self) -> Array: ...
     @property
     def correlations(self) -> Array: ...
     @property
@@ -93,14 +80,19 @@ def scatter_of(fit: Fitted, covariance: Array, rows: Array | None = None) -> Sca
 
     Raises RecordingError if one of them has no finite error.
     """
-    own = [place for place, name in enumerate(fit.names) if name not in SENSOR]
-    lost = [fit.names[place] for place in own if not math.isfinite(covariance[place, place])]
+    model, names = fit.solution.model, fit.solution.model.names
+    own = [place for place, name in enumerate(names) if name not in SENSOR]
+    _refuse_lost(fit, covariance, own)
+    return Scatter(tuple(names[place] for place in own), fit.solution.values[own], covariance[np.ix_(own, own)],
+                   model.least[own], None if rows is None else rows[:, own])
+
+
+def _refuse_lost(fit: Fitted, covariance: Array, places: Iterable[int]) -> None:
+    """Raise RecordingError if one of some parameters has no finite error."""
+    lost = [fit.solution.model.names[place] for place in places if not math.isfinite(covariance[place, place])]
     if lost:
         raise RecordingError(f"{fit.recording.source}: cannot draw values of {', '.join(lost)}, as the error is not "
                              "finite")
-    least = np.broadcast_to(np.asarray(fit.model.least, dtype=np.float64), len(fit.names))
-    return Scatter(tuple(fit.names[place] for place in own), fit.values[own], covariance[np.ix_(own, own)], least[own],
-                   None if rows is None else rows[:, own])
 
 
 class Interval(NamedTuple):
@@ -112,9 +104,10 @@ class Interval(NamedTuple):
 
 def place_of(fit: Fitted, name: str) -> int:
     """Return the index of a fitted parameter; RecordingError with the nearest name for one that was not fitted."""
-    if not isinstance(name, str) or name not in fit.names:
-        raise RecordingError(f"{shown(name)} was not fitted{nearest(name, fit.names)}")
-    return fit.names.index(name)
+    names = fit.solution.model.names
+    if not isinstance(name, str) or name not in names:
+        raise RecordingError(f"{shown(name)} was not fitted{nearest(name, names)}")
+    return names.index(name)
 
 
 def level_of(level: float) -> float:
@@ -125,16 +118,27 @@ def level_of(level: float) -> float:
     return checked
 
 
+def between_quantiles(rows: Array, level: float) -> Interval:
+    """Return the interval between two quantiles of an array that leave equal shares outside."""
+    tail = 0.5 * (1.0 - level_of(level))
+    return Interval(*map(float, np.quantile(rows, (tail, 1.0 - tail))))
+
+
+def _reach(fit: Fitted, level: float) -> float:
+    """Return Student's quantile for a confidence level and the degrees of freedom of the standard errors."""
+    from scipy.stats import t
+
+    return float(t.ppf(0.5 + 0.5 * level_of(level), fit.errors.freedom))
+
+
 def student(fit: Fitted, name: str, level: float) -> Interval:
     """Return the interval ``value ± t error`` of a parameter, cut at the parameter's lower bound.
 
     t is Student's quantile for the confidence level and the degrees of freedom of the standard errors.
     """
-    from scipy.stats import t
-
     at = place_of(fit, name)
-    reach = float(t.ppf(0.5 + 0.5 * level_of(level), fit.errors.freedom)) * math.sqrt(fit.covariance[at, at])
-    value, least = float(fit.values[at]), float(fit.model.least[at])
+    reach = _reach(fit, level) * math.sqrt(fit.errors.covariance[at, at])
+    value, least = float(fit.solution.values[at]), float(fit.solution.model.least[at])
     return Interval(max(value - reach, least), value + reach)
 
 
@@ -147,17 +151,14 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | No
     residuals. An end of the interval is the parameter's bound if that lies within, and infinite if the sum of squares
     never rises far enough.
     """
-    from scipy.stats import t
-
-    at = place_of(fit, name)
-    error, plain = (math.sqrt(matrix[at, at]) for matrix in (fit.covariance, fit.errors.plain))
+    at, own = place_of(fit, name), fit.solution
+    error, plain = (math.sqrt(matrix[at, at]) for matrix in (fit.errors.covariance, fit.errors.plain))
+    value, least = float(own.values[at]), float(own.model.least[at])
     if not (math.isfinite(error) and plain > 0.0):
-        return Interval(float(fit.model.least[at]), math.inf)
-    best, value, least = float(fit.residual @ fit.residual), float(fit.values[at]), float(fit.model.least[at])
-    variance = best / fit.degrees_of_freedom
-    wanted = float(t.ppf(0.5 + 0.5 * level_of(level), fit.errors.freedom)) * error / plain
-    slopes = fit.solution.jacobian
-    others = np.delete(np.arange(len(fit.values)), at)
+        return Interval(least, math.inf)
+    best = float(own.residual @ own.residual)
+    variance, wanted = best / (len(own.residual) - len(own.values)), _reach(fit, level) * error / plain
+    others = np.delete(np.arange(len(own.values)), at)
     tangent = fit.errors.plain[:, at] / fit.errors.plain[at, at]
     better = False
 
@@ -167,9 +168,9 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | No
         It is in standard deviations, minus the rise that is wanted at an end of the interval, so that it is 0 there.
         """
         nonlocal better
-        start = fit.values + tangent * (other - value)
+        start = own.values + tangent * (other - value)
         start[at] = other
-        _, squares = refit(fit.model, fit.recording.readings, start, slopes, others)
+        _, squares = refit(own.model, fit.recording.readings, start, own.jacobian, others)
         better = better or squares < best - 0.01 * variance
         return math.sqrt(max(squares - best, 0.0) / variance) - wanted
 
@@ -228,7 +229,7 @@ class Bootstrap(Savable):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the fitted parameters, in the order of the columns of ``values``."""
-        return self.fit.names
+        return self.fit.solution.model.names
 
     @property
     def covariance(self) -> Array:
@@ -250,8 +251,7 @@ class Bootstrap(Savable):
         if tail * len(column) < 1.0:
             needed = math.ceil(1.0 / tail)
             raise RecordingError(f"an interval of level {level:g} needs {needed} refits, there are {len(column)}")
-        low, high = np.quantile(column, (tail, 1.0 - tail))
-        return Interval(float(low), float(high))
+        return between_quantiles(column, level)
 
 
 def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool | None) -> Bootstrap:
@@ -264,10 +264,10 @@ def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool | None) 
     with a warning.
     """
     count, source = whole_number(n, "n", MOST_DRAWS), np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
-    residual, readings = fit.residual, len(fit.residual)
-    length = math.ceil(max(readings ** (1.0 / 3.0), LONG * fit.correlation_time))
+    own, residual, readings = fit.solution, fit.solution.residual, len(fit.solution.residual)
+    length = math.ceil(max(readings ** (1.0 / 3.0), LONG * correlation_time(residual)))
     length = min(length, max(readings // 4, 1))
-    grown = (residual - residual.mean()) * math.sqrt(readings / fit.degrees_of_freedom)
+    grown = (residual - residual.mean()) * math.sqrt(readings / (readings - len(own.values)))
     motion = fit.recording.readings - residual
     starts, within = readings - length + 1, np.arange(length)
     refits: list[Array] = []
@@ -277,7 +277,7 @@ def bootstrap(fit: Fitted, n: int, seed: int, progress: Progress | bool | None) 
                 tell(i / count, f"refit {i + 1} of {count}")
                 first = source.integers(0, starts, math.ceil(readings / length))
                 drawn = grown[(first[:, None] + within).ravel()[:readings]]
-                refits.append(refit(fit.model, motion + drawn, fit.values, fit.solution.jacobian, trust=LINEAR)[0])
+                refits.append(refit(own.model, motion + drawn, own.values, own.jacobian, trust=LINEAR)[0])
         except KeyboardInterrupt:
             if len(refits) < 2:
                 raise
@@ -294,19 +294,15 @@ def sample(fit: Fitted, n: int, seed: int, start: bool) -> dict[str, Any]:
     Raises RecordingError if a parameter has no finite error, or if hardly any draw is within the bounds.
     """
     count, source = whole_number(n, "n", MOST_DRAWS), np.random.default_rng(whole_number(seed, "seed", 2**63, least=0))
-    errors = np.sqrt(np.diag(fit.covariance))
-    if not np.isfinite(errors).all():
-        lost = ", ".join(name for name, error in zip(fit.names, errors, strict=True) if not math.isfinite(error))
-        raise RecordingError(f"{fit.recording.source}: cannot draw values of {lost}, as the error is not finite")
-    scale = np.where(errors > 0.0, errors, 1.0)
-    sizes, axes = np.linalg.eigh(fit.covariance / np.outer(scale, scale))
-    spread = (axes * np.sqrt(np.maximum(sizes, 0.0))).T * scale
+    values, errors = fit.solution.values, np.sqrt(np.diag(fit.errors.covariance))
+    _refuse_lost(fit, fit.errors.covariance, range(len(errors)))
     rows, tried, valid = np.empty((0, len(errors))), 0, 0
     while valid < count:
         if tried > PATIENCE * (valid + 1):
             raise RecordingError(f"{fit.recording.source}: only {valid} of {tried} draws have no parameter below 0")
-        draws = fit.values + source.standard_normal((2 * (count - valid) + 16, len(errors))) @ spread
-        rows = np.concatenate([rows, draws[(draws >= fit.model.least).all(axis=1)]])
+        draws = values + errors * source.multivariate_normal(np.zeros(len(errors)), fit.correlations,
+                                                             2 * (count - valid) + 16, method="eigh")
+        rows = np.concatenate([rows, draws[(draws >= fit.solution.model.least).all(axis=1)]])
         tried, valid = tried + len(draws), len(rows)
     return keywords_of(fit, rows[:count], start)
 
@@ -314,6 +310,6 @@ def sample(fit: Fitted, n: int, seed: int, start: bool) -> dict[str, Any]:
 def keywords_of(fit: Fitted, rows: Array, start: bool) -> dict[str, Any]:
     """Return rows of a fit's parameters as keywords of ``gym.make_vec`` or, with ``start``, of ``rollout``."""
     wanted = {*START[:2]} if boolean(start, "start") else set()
-    columns = {name: column.copy() for name, column in zip(fit.names, rows.T, strict=True)
+    columns = {name: column.copy() for name, column in zip(fit.solution.model.names, rows.T, strict=True)
                if name not in SENSOR or name in wanted}
     return {"scene": fit.scene, **columns}

@@ -52,11 +52,13 @@ class Prior:
         room = 0.01 * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
         return min(max(value, self.low + room), self.high - room)
 
-    def drawn(self, n: int, source: np.random.Generator) -> Array:
-        """Return ``n`` random values within the range of a bounded prior; a normal one is cut at its bounds."""
+    @property
+    def moments(self) -> tuple[float, float]:
+        """Mean and standard deviation of a bounded density, of a flat one over its range; (0, inf) of any other."""
         if self.kind == NORMAL:
-            return np.asarray(np.clip(self.mean + self.error * source.standard_normal(n), self.low, self.high))
-        return source.uniform(self.low, self.high, n)
+            return self.mean, self.error
+        wide = (self.high - self.low) / math.sqrt(12.0)
+        return (0.5 * (self.low + self.high) if math.isfinite(wide) else 0.0), wide
 
     @property
     def text(self) -> str:

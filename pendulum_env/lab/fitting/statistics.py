@@ -89,24 +89,6 @@ def correlation_time(residual: Array) -> float:
     return min(max(1.0, float(sums[beyond[0]] if beyond.size else sums[-1])), float(n))
 
 
-def integrated_time(chain: Array) -> Array:
-    """Return the integrated autocorrelation time, in steps, of every parameter of a Markov chain; at least 1.
-
-    It is ``1 + 2 sum of rho_lag`` with the autocorrelation rho averaged over the walkers (Goodman & Weare 2010, Commun.
-    Appl. Math. Comput. Sci. 5, 65). The sum ends at the first lag that is 5 times the sum (Sokal 1997).
-
-    Args:
-        chain: parameters of all walkers after every step, ``(steps, walkers, parameters)``.
-    """
-    n, times = len(chain), np.ones(chain.shape[2])
-    for i, columns in enumerate(np.moveaxis(chain - chain.mean(axis=0), 2, 0)):
-        rho = np.mean([autocorrelation(column) for column in columns.T], axis=0)
-        sums = 2.0 * np.cumsum(rho) - 1.0
-        beyond = np.flatnonzero(np.arange(n) >= WINDOW * sums)
-        times[i] = max(1.0, sums[beyond[0]] if beyond.size else sums[-1])
-    return times
-
-
 def split_r(chain: Array) -> Array:
     """Return the potential scale reduction R-hat of every parameter of a Markov chain, an array; 1 below 4 steps.
 
