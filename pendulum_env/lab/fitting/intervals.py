@@ -110,11 +110,11 @@ class Interval(NamedTuple):
     high: float
 
 
-def place_of(fit: Fitted, name: str) -> int:
+def place_of(fit: Any, name: str) -> int:
     """Return the index of a fitted parameter; RecordingError with the nearest name for one that was not fitted."""
     if not isinstance(name, str) or name not in fit.names:
         raise RecordingError(f"{shown(name)} was not fitted{nearest(name, fit.names)}")
-    return fit.names.index(name)
+    return tuple(fit.names).index(name)
 
 
 def level_of(level: float) -> float:
@@ -123,19 +123,6 @@ def level_of(level: float) -> float:
     if checked >= 1.0:
         raise SceneError(f"level must be below 1, not {checked!r}.")
     return checked
-
-
-def student(fit: Fitted, name: str, level: float) -> Interval:
-    """Return the interval ``value ± t error`` of a parameter, cut at the parameter's lower bound.
-
-    t is Student's quantile for the confidence level and the degrees of freedom of the standard errors.
-    """
-    from scipy.stats import t
-
-    at = place_of(fit, name)
-    reach = float(t.ppf(0.5 + 0.5 * level_of(level), fit.errors.freedom)) * math.sqrt(fit.covariance[at, at])
-    value, least = float(fit.values[at]), float(fit.model.least[at])
-    return Interval(max(value - reach, least), value + reach)
 
 
 def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | None) -> Interval:
