@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 MOST = 25
 """Largest number of Gauss-Newton steps."""
-CLOSE = 1e-6
+CLOSE = 1e-7
 """A step that is predicted to lower the sum of squares by less than this share of the residual variance is the last."""
 HONEST, NEAR = 0.8, 100.0
 """Derivatives are recalculated if the ratio of the fall of the sum of squares to the predicted fall is not between the
@@ -75,7 +75,7 @@ def refit(
     """Fit all or some numbers again, starting close to the minimum; return the values and the sum of squares.
 
     The steps are Gauss-Newton steps within the bounds. Derivatives are reused as long as the sum of squares falls as
-    they predict, and calculated anew before the last step, which ends within some 1e-6 of the standard errors.
+    they predict, and calculated anew before the last step, which ends within some 1e-7 of the standard errors.
 
     Args:
         problem: what is fitted, with equal weights of the residuals.
