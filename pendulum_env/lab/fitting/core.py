@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 
 MOST = 25
 """Largest number of Gauss-Newton steps."""
-CLOSE = 1e-7
-"""A step that is predicted to lower the sum of squares by less than this share of the residual variance is the last."""
+CLOSE = 1e-6
+"""Usual share of the residual variance by which the last step is predicted to lower the sum of squares."""
 HONEST, NEAR = 0.8, 100.0
 """Derivatives are recalculated if the ratio of the fall of the sum of squares to the predicted fall is not between the
 first number and its inverse, or if the fall exceeds the second number times the residual variance."""
@@ -70,12 +70,13 @@ def refit(
     slopes: Array,
     which: NDArray[np.intp] | None = None,
     trust: float = 0.0,
+    close: float = CLOSE,
     fresh: bool = False,
 ) -> tuple[Array, float]:
     """Fit all or some numbers again, starting close to the minimum; return the values and the sum of squares.
 
     The steps are Gauss-Newton steps within the bounds. Derivatives are reused as long as the sum of squares falls as
-    they predict, and calculated anew before the last step, which ends within some 1e-7 of the standard errors.
+    they predict, and calculated anew before the last step, which ends within some 1e-6 of the standard errors.
 
     Args:
         problem: what is fitted, with equal weights of the residuals.
@@ -84,6 +85,8 @@ def refit(
         which: indices of the numbers to fit; all by default. Others stay at ``start``.
         trust: if the total fall of the sum of squares agrees to this share with the first prediction of ``slopes``, the
             model is linear enough to end without new derivatives.
+        close: a step that is predicted to lower the sum of squares by less than this share of the residual variance is
+            the last.
         fresh: True for ``slopes`` exactly at ``start``.
     """
     places = np.arange(len(start)) if which is None else which
@@ -97,7 +100,7 @@ def refit(
         predicted, fallen = float(target @ target) - float((target - r @ step) @ (target - r @ step)), 0.0
         trial = values.copy()
         trial[places] = np.maximum(values[places] + step / size, least)
-        if predicted >= CLOSE * squares / len(residual):
+        if predicted >= close * squares / len(residual):
             missed = problem.residual(trial)
             fallen = squares - float(missed @ missed)
             falls = [falls[0] or predicted, falls[1] + fallen]

@@ -40,8 +40,10 @@ NUDGE, ASIDE = 6e-6, 1e-7
 """
 BEYOND = 10.0
 """Residual [rad] that is assumed after a trial trajectory has stopped early."""
-ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
+ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-7, "xtol": 1e-8, "max_nfev": 60}
 """Termination of the least-squares search, for a part of the recording and for all of it."""
+CLOSEST = 1e-11
+"""Predicted relative fall of the last step of a fit, as :data:`core.CLOSE`: it ends within 1e-6 of the errors."""
 SEARCHED, LEAST_SEEN, WORTH = 6_000, 50, 4
 """A search of a long recording takes every n-th reading: at least SEARCHED readings, and LEAST_SEEN per period. If n is
 below WORTH, it takes all."""
@@ -163,8 +165,9 @@ def solve(
     solution = solution_at(model, values, angle, sigma)
     if solution.lost:
         return solution
-    values, _ = refit(model, angle, values, solution.jacobian, fresh=True)
-    return min(solution, solution_at(model, values, angle, sigma), key=lambda one: one.squares)
+    values, _ = core.refit(Swing(model, angle), values, solution.jacobian, close=CLOSEST, fresh=True)
+    again = solution_at(model, values, angle, sigma)
+    return solution if _worse(again, solution) else again
 
 
 def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitSolution:
@@ -261,10 +264,9 @@ def refit(
     slopes: Array,
     which: NDArray[np.intp] | None = None,
     trust: float = 0.0,
-    fresh: bool = False,
 ) -> tuple[Array, float]:
     """Fit a model to readings [rad] again, starting close to the minimum; see :func:`core.refit`."""
-    return core.refit(Swing(model, angle), start, slopes, which, trust, fresh)
+    return core.refit(Swing(model, angle), start, slopes, which, trust)
 
 
 # --- several models --------------------------------------------------------------------------------------------------
