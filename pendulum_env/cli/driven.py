@@ -44,7 +44,7 @@ def fit_logs(
 
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
-    from pendulum_env.study.fit_report import write_driven
+    from pendulum_env.study.fit_report import write
 
     if not files:
         raise SceneError("A drive's column needs a log of a driven run; give its file.")
@@ -64,7 +64,7 @@ def fit_logs(
         warnings.simplefilter("always", UserWarning)
         with shown_if_refused(lambda: show_logs(logs)):
             found = fit_driven(logs, progress=progress, **known)
-    paths = write_driven(found, out, svg)
+    paths = write(found, None, out, svg)
     show_logs(logs)
     tell_of(warned, found.grade.text)
     print_table(found.table, "fitted parameters; r: correlations")

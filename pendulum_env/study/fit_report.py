@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 import math
 import shlex
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.common.provenance import output_folder, provenance, write_csv
+from pendulum_env.common.provenance import output_folder, write_csv
 from pendulum_env.common.replacing import replacing
 from pendulum_env.common.tables import Table
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import side
 from pendulum_env.lab.driven.result import DrivenFit
+from pendulum_env.lab.fitting.base import FitResult
 from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
@@ -148,47 +149,43 @@ def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] =
 
 def facts(found: Fit, **more: Any) -> dict[str, str]:
     """Return the origin of a fit (recording, damping, grade, scene, versions), written into output files."""
-    return provenance(recording=found.recording.source, notes=list(found.recording.notes), damping=found.damping,
-                      grade=found.grade.text, scene=found.scene.to_dict(), **more)
+    return found.origin(**more)
 
 
 def write(
-    found: Fit, sheet: LabSheet | None, folder: str | Path, svg: bool = False, *, progress: Progress | None = None
+    found: FitResult, sheet: LabSheet | None, folder: str | Path, svg: bool = False, *, progress: Progress | None = None
 ) -> list[Path]:
     """Write ``fit.png`` (with ``svg`` also as SVG), CSV tables and ``scene.json`` of a fit, and return the paths.
 
-    ``measured.csv`` is the lab sheet, ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half
-    swing; ``models.csv`` is the comparison of models, where there is one; ``parameters.csv`` has each fitted number
-    with error and correlations, ``residuals.csv`` time [s], reading, model and residual, in the unit of the readings;
-    ``scene.json`` is a scene for ``gym.make("LabPendulum-v0", scene=...)``. Other files in the folder stay unchanged.
+    ``parameters.csv`` has each fitted number with error and correlations, ``residuals.csv`` time [s], reading and
+    residual, in the unit of the readings; ``models.csv`` is the comparison of models, where there is one;
+    ``scene.json`` is a scene for ``gym.make("LabPendulum-v0", scene=...)``. Of a fit to logs of driven runs,
+    ``bench.json`` are the settings of an environment. With a lab sheet, ``measured.csv`` is the sheet, and
+    ``amplitudes.csv`` has time [s], amplitude and its error [rad] of each half swing. Other files in the folder stay
+    unchanged.
 
-    Without a lab sheet (None), its two tables are not written. A figure that cannot be drawn is left out, with a
-    warning. Raises OutputError where the folder cannot be written.
+    A figure that cannot be drawn is left out, with a warning. Raises OutputError where the folder cannot be written.
     """
-    from pendulum_env.plots.recorded import recorded
-
     if not isinstance(sheet, (LabSheet, type(None))):
         raise SceneError(f"sheet must be a LabSheet, the result of measure, not {shown(sheet)}.")
-    tell, place, origin = told_by(progress), output_folder(folder), facts(found)
-    models, swing = found.comparison, found.recording
-    unit = swing.unit.replace("/", "_per_").replace("^", "")
+    tell, place, origin = told_by(progress), output_folder(folder), found.origin()
     tables: dict[str, CsvTable] = {}
     if sheet is not None:
         points = sheet.points
         tables["measured"] = sheet.numbers.head, sheet.numbers.rows
-        tables["amplitudes"] = ("time_s", "amplitude_rad", "error_rad"), _rows(
-            points.time, points.amplitude, points.error)
-    tables["parameters"] = (
-        ("parameter", "value", "error", "unit", "other_models", *(f"correlation_{name}" for name in found.names)),
-        ((name, one.value, one.error, one.unit, "" if models is None else models.spread(name), *row)
-         for (name, one), row in zip(found.parameters.items(), found.correlations.tolist(), strict=True)))
-    tables["residuals"] = ("time_s", *(f"{name}_{unit}" for name in ("recorded", "model", "residual"))), _rows(
-        swing.time, swing.readings, swing.readings - found.residual, found.residual)
-    if models is not None:
-        tables["models"] = models.table.head, models.table.rows
-    paths = _write_tables(place, tables, origin)
+        tables["amplitudes"] = ("time_s", "amplitude_rad", "error_rad"), zip(
+            *(column.tolist() for column in (points.time, points.amplitude, points.error)), strict=True)
+    for name, columns in found.tables().items():
+        tables[name] = tuple(columns), zip(*(one.values for one in columns.values()), strict=True)
+    paths = [place / f"{name}.csv" for name in tables]
+    for path, (head, rows) in zip(paths, tables.values(), strict=True):
+        write_csv(path, head, rows, origin)
     tell(0.2, "drawing")
-    paths += drawn(lambda: recorded(found), place / "fit", {**origin, "Title": f"fit of {swing.source}"}, svg)
+    paths += drawn(found.plot, place / "fit", {**origin, "Title": f"fit of {found.source}"}, svg)
+    if isinstance(found, DrivenFit):
+        paths.append(place / "bench.json")
+        with replacing(paths[-1]) as temporary:
+            temporary.write_text(json.dumps(found.to_dict(provenance=origin), indent=2) + "\n", encoding="utf-8")
     paths.append(place / "scene.json")
     found.scene.save(paths[-1], origin)
     tell(1.0, "written")
@@ -209,38 +206,6 @@ def drawn(figure: Callable[[], Figure], path: Path, origin: dict[str, str], svg:
     return plots.save_all(made, path, origin, svg)
 
 
-def write_driven(found: DrivenFit, folder: str | Path, svg: bool = False) -> list[Path]:
-    """Write figure, CSV tables, settings and scene of a fit to logs of driven runs, and return the paths.
-
-    ``fit.png`` is the figure (with ``svg`` also as SVG), ``parameters.csv`` has each fitted number with error, interval
-    and correlations, ``residuals.csv`` log, window, time [s], reading and residual [rad]; ``bench.json`` are the
-    settings of an environment, ``scene.json`` is its scene. Raises OutputError where the folder cannot be written.
-    """
-    from pendulum_env.plots.driven import driven
-
-    place, windows = output_folder(folder), found.solution.windows
-    origin = provenance(recording=[log.source for log in found.logs],
-                        notes=[note for log in found.logs for note in log.notes],
-                        grade=found.grade.text, scene=found.scene.to_dict())
-    paths = _write_tables(place, {
-        "parameters": (
-            ("parameter", "value", "error", "low", "high", "unit", *(f"correlation_{name}" for name in found.names)),
-            ((name, one.value, one.error, *found.interval(name), one.unit, *row) for (name, one), row
-             in zip(found.parameters.items(), found.correlations.tolist(), strict=True))),
-        "residuals": (
-            ("log", "window", "time_s", "recorded_rad", "residual_rad"),
-            ((windows.logs[window.log].source, number, *row)
-             for number, (window, part) in enumerate(zip(windows.places, windows.slices, strict=True))
-             for row in _rows(windows.logs[window.log].time[window.first : window.last], windows.angle[part],
-                              found.solution.residual[part]))),
-    }, origin)
-    paths += [place / "bench.json", place / "scene.json"]
-    with replacing(paths[2]) as temporary:
-        temporary.write_text(json.dumps({**found.to_dict(), "provenance": origin}, indent=2) + "\n", encoding="utf-8")
-    found.scene.save(paths[3], provenance=origin)
-    return paths + drawn(lambda: driven(found), place / "fit", {**origin, "Title": f"fit of {found.source}"}, svg)
-
-
 def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> list[Path]:
     """Write ``posterior.csv``, ``posterior.zip`` and ``corner.png`` (with ``svg`` also as SVG); return the paths.
 
@@ -253,13 +218,3 @@ def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> 
     paths = [found.save(place / f"posterior.{ending}") for ending in ("csv", "zip")]
     title = {**origin, "Title": f"posterior of {found.fit.recording.source}"}
     return [*paths, *drawn(lambda: corner(found), place / "corner", title, svg)]
-
-
-def _rows(*columns: Any) -> Iterable[tuple[float, ...]]:
-    return zip(*(column.tolist() for column in columns), strict=True)
-
-
-def _write_tables(place: Path, tables: Mapping[str, CsvTable], origin: dict[str, str]) -> list[Path]:
-    for name, (head, rows) in tables.items():
-        write_csv(place / f"{name}.csv", head, rows, origin)
-    return [place / f"{name}.csv" for name in tables]

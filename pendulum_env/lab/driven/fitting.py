@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +14,18 @@ from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.start import start_of
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
+from pendulum_env.lab.fitting.core import refit, search
 from pendulum_env.lab.noise import noise_level
 
 Array = NDArray[np.float64]
 
-NUDGE = {STIFFNESS: 1e-4, DRIVE: 1e-4}
-"""Relative change of a number for its numerical derivative; NUDGES has the changes of the other numbers."""
-NUDGES = {VISCOUS: 1e-3, DRY: 1e-3, DELAY: 1e-3, LAG: 1e-3, ZERO: 1e-4}
-"""Change of a number for its numerical derivative, in units of omega0, omega0², 1/omega0, 1/omega0 and rad."""
-AT_START = (1e-4, 1e-4)
-"""Changes of the angle [rad] and of the velocity [omega0] at the start of a window for their derivatives."""
+NUDGES = {STIFFNESS: 1e-4, DRIVE: 1e-4, VISCOUS: 1e-3, DRY: 1e-3, DELAY: 1e-3, LAG: 1e-3, ZERO: 1e-4}
+"""Change of a number for its numerical derivative, as a share of stiffness and drive, and in units of omega0, omega0²,
+1/omega0, 1/omega0 and rad."""
+AT_START = 1e-4
+"""Change of the angle [rad] and of the velocity [omega0] at the start of a window for their derivatives."""
+SOFTEST = 0.2
+"""Smallest stiffness in a search, as a share of the one at its start."""
 SEEN = 0.02
 """A change of a window's start counts if it moves the readings by more than this share of the change (rms).
 Friction that holds the bob hides changes of its velocity."""
@@ -48,10 +50,10 @@ BOUNDS: dict[str, dict[int, float]] = {
 }
 """Lower bounds of the numbers by the kind of drive: the delay of a measured torque may be negative,
 as it may be recorded later than it acts; the delay of an action may not."""
-MOST = 40
-"""Largest number of steps of a search."""
-CLOSE = 1e-7
-"""Relative fall of the sum of squares at which a search ends."""
+ROUGH = {"ftol": 1e-5, "xtol": 1e-8, "max_nfev": 40}
+"""Termination of the least-squares search."""
+ROUNDS = 2
+"""Number of refits at the end, each with weights from the residuals of the one before."""
 WRONSKIAN = 0.2
 """Lower bound of the Wronskian in the effect of torque noise; see :func:`_walk`."""
 DEGENERATE = 1e-9
@@ -100,19 +102,18 @@ class DrivenSolution:
 
 
 @dataclass(frozen=True, eq=False)
-class _Point:
-    """Residuals and derivatives of the windows at given numbers.
+class Linearised:
+    """Derivatives of the windows' readings at given numbers and starts.
 
     Attributes:
-        rates, starts: the numbers, and the windows' starts.
+        values, starts: the free numbers, and the windows' starts.
         residual, slopes: readings minus model, and derivatives of the model by the free numbers.
         by_start: derivatives of the model by the angle and the velocity at the window's start.
         inverses: for every window, the matrix that turns residuals into changes of its start.
         own, own_slopes: residuals and derivatives less the part that changes of the windows' starts can produce.
-        weight: weight of every reading.
     """
 
-    rates: Array
+    values: Array
     starts: Array
     residual: Array
     slopes: Array
@@ -120,12 +121,122 @@ class _Point:
     inverses: list[Array]
     own: Array
     own_slopes: Array
-    weight: Array
 
-    @property
-    def squares(self) -> float:
-        """Weighted sum of squares of the residuals."""
-        return float(self.weight @ self.residual**2)
+
+class Driven:
+    """Problem of :mod:`core <pendulum_env.lab.fitting.core>`: numbers of the equation of motion, and logs in windows.
+
+    The windows' starts are eliminated: they move with the numbers as the derivatives predict, and the derivatives of
+    the problem are the part of those by the numbers that no change of a start can produce.
+
+    Attributes:
+        windows: the windows.
+        free: places of the free numbers in RATES.
+        least: lower bounds of the free numbers, an array.
+        weight: weight of every reading, an array.
+        at: derivatives at the values that were accepted last.
+    """
+
+    def __init__(self, windows: Windows, rates: Array, free: tuple[int, ...], starts: Array | None = None) -> None:
+        self.windows, self.free, self._rates, self.weight = windows, free, rates, np.ones(len(windows.angle))
+        self.least = lower_bounds(windows.logs[0].kind, free)
+        self.least[[place == STIFFNESS for place in free]] = SOFTEST * rates[STIFFNESS]
+        values = rates[list(free)]
+        self.at = self._linearised(values, windows.starts if starts is None else starts, central=False)
+        for _ in range(SETTLE if starts is None else 1):
+            self.residual(values)
+            self.slopes(values)
+
+    def rates(self, values: Array) -> Array:
+        """Return all numbers, an array in the order of RATES, for values of the free ones."""
+        rates = self._rates.copy()
+        rates[list(self.free)] = values
+        return rates
+
+    def sizes(self, values: Array) -> Array:
+        """Return, for every free number, a change that would be large, an array."""
+        return 100.0 * self._nudges(self.rates(values))
+
+    def _nudges(self, rates: Array) -> Array:
+        omega0 = math.sqrt(rates[STIFFNESS])
+        units = {VISCOUS: omega0, DRY: omega0**2, DELAY: 1.0 / omega0, LAG: 1.0 / omega0, ZERO: 1.0}
+        return np.array([NUDGES[place] * units.get(place, abs(rates[place])) for place in self.free])
+
+    def moved(self, values: Array) -> tuple[Array, Array]:
+        """Return the starts of the windows for values of the free numbers, and the residuals [rad] with them, arrays.
+
+        Of the proposed change of a start, the best-fitting fraction (one of SHARES) is made: where friction holds the
+        bob, or near the top, the derivatives predict the effect of small changes only.
+        """
+        left = self.at.residual - self.at.slopes @ (values - self.at.values)
+        change = np.array([inverse @ left[part] for part, inverse in zip(
+            self.windows.slices, self.at.inverses, strict=True)])
+        trials = self.at.starts + np.array(SHARES)[:, None, None] * change
+        missed = self.windows.angle - self.windows.angles(np.tile(self.rates(values), (len(trials), 1)), trials)
+        squares = np.add.reduceat(missed**2, [part.start for part in self.windows.slices], axis=1)
+        best = np.argmin(squares, axis=0)
+        return trials[best, np.arange(len(best))], missed[best[self.windows.owner], np.arange(missed.shape[1])]
+
+    def residual(self, values: Array, ahead: bool = False) -> Array:
+        """Return readings minus model [rad], an array, times the roots of their weights; the starts move."""
+        starts, residual = self.moved(values)
+        self._latest = values.tobytes(), starts
+        return np.asarray(residual * np.sqrt(self.weight))
+
+    def slopes(self, values: Array, central: bool = False) -> Array:
+        """Return the derivatives of the model, ``(readings, numbers)``, less what changes of the starts can produce,
+        times the roots of the readings' weights."""
+        if self._latest[0] != values.tobytes():
+            self.residual(values)
+        self.at = self._linearised(values.copy(), self._latest[1], central)
+        return np.asarray(self.at.own_slopes * np.sqrt(self.weight)[:, None])
+
+    def weights(self, squares: Array) -> tuple[Array, Array]:
+        """Return weights of readings with these squared residuals, and the usual squares in the log of each, arrays.
+
+        They are 1 for windows that fit, less for those that are far off, so that their pull on the result is at most
+        that of FAR times the usual residual (Huber 1964, Ann. Math. Stat. 35, 73).
+        """
+        size = np.array([float(np.mean(squares[part])) for part in self.windows.slices])
+        log = np.array([place.log for place in self.windows.places])
+        usual = np.array([float(np.median(size[log == i])) for i in log]) + 1e-300
+        weight = FAR / np.sqrt(np.maximum(size / usual, FAR**2))
+        return weight[self.windows.owner], usual[self.windows.owner]
+
+    def loss(self, squares: Array) -> Array:
+        """Return Huber's loss of whole windows for squared residuals, and its first and second derivatives, an array
+        ``(3, readings)``."""
+        weight, usual = self.weights(squares)
+        far = FAR**2 * usual * (2.0 / weight - 1.0)
+        return np.stack([np.where(weight < 1.0, far, squares), weight, np.zeros_like(squares)])
+
+    def _linearised(self, values: Array, starts: Array, central: bool) -> Linearised:
+        """Simulate the windows with given numbers, and with slightly changed ones for the derivatives, in one batch."""
+        windows, rates, count = self.windows, self.rates(values), len(self.free)
+        steps, begin = self._nudges(rates), AT_START * np.array([1.0, math.sqrt(rates[STIFFNESS])])
+        sides = (1.0, -1.0) if central else (1.0,)
+        runs = np.tile(rates, (1 + len(sides) * (count + 2), 1))
+        begins = np.tile(starts, (len(runs), 1, 1))
+        for i, side in enumerate(sides):
+            first = 1 + i * (count + 2)
+            runs[np.arange(first, first + count), list(self.free)] = np.maximum(values + side * steps, self.least)
+            begins[first + count, :, 0] += side * begin[0]
+            begins[first + count + 1, :, 1] += side * begin[1]
+        angles = windows.angles(runs, begins)
+        ahead, behind = angles[1 : count + 3], angles[count + 3 :] if central else angles[:1]
+        changed = runs[:, list(self.free)]
+        width = np.diagonal(changed[1 : 1 + count] - (changed[count + 3 : -2] if central else values))
+        all_slopes = ((ahead - behind) / np.concatenate([width, len(sides) * begin])[:, None]).T
+        residual, slopes, by_start = windows.angle - angles[0], all_slopes[:, :count], all_slopes[:, count:]
+        own, own_slopes, inverses = residual.copy(), slopes.copy(), []
+        for part in windows.slices:
+            u, s, v = np.linalg.svd(by_start[part] * begin, full_matrices=False)
+            some = s >= SEEN * AT_START * math.sqrt(len(u))
+            u, s, v = u[:, some], s[some], v[some]
+            inverses.append(begin[:, None] * (v.T / s) @ u.T)
+            own[part] -= u @ (u.T @ own[part])
+            own_slopes[part] -= u @ (u.T @ own_slopes[part])
+        return Linearised(values, starts, residual, slopes, by_start, inverses, own, own_slopes)
 
 
 def solve(
@@ -163,159 +274,60 @@ def solve(
     windows = Windows.of(logs, max(SEARCH * period, READINGS * usual), omega0, skip, end)
     measured = DRIVES[logs[0].kind].measured
     progress(0.1, "start")
-    point = _search(windows, rates, free, None, robust=True)
-    lost = tuple(windows.span(i) for i in _astray(point, windows))
+    problem = _searched(Driven(windows, rates, free))
+    lost = tuple(windows.span(i) for i in _astray(problem))
     windows = Windows.of(logs, duration, omega0, skip, end).without(lost)
     if len(windows.places) < 2:
         raise RecordingError(f"{logs[0].source}: the {logs[0].kind} explains the motion in hardly any part of the log")
     progress(0.3, f"windows of {duration:.2g} s")
-    point = _search(windows, point.rates, free, None, robust=True)
+    problem = _searched(Driven(windows, problem.rates(problem.at.values), free))
     while not (lost or measured) and duration * LONGER <= min(least, LONGEST * period):
         duration *= LONGER
         longer = Windows.of(logs, duration, omega0, skip, end)
         progress(min(0.3 + 0.6 * duration / least, 0.9), f"windows of {duration:.2g} s")
-        trial = _search(longer, point.rates, free, _continued(windows, point, longer), robust=True)
-        if not _rms(trial) < WORSE * _rms(point):
+        trial = _searched(Driven(longer, problem.rates(problem.at.values), free, _continued(problem, longer)))
+        if not _rms(trial) < WORSE * _rms(problem):
             break
-        windows, point = longer, trial
-    point = _search(windows, point.rates, free, point.starts, robust=True, fine=True)
-    return _solution(windows, point, free, lost)
+        problem = trial
+    for _ in range(ROUNDS):
+        problem.weight, _ = problem.weights(problem.at.residual**2)
+        values = problem.at.values
+        values, _ = refit(problem, values, problem.slopes(values, central=True), fresh=True)
+        problem.slopes(values, central=True)
+    return _solution(problem, lost)
 
 
-def _rms(point: _Point) -> float:
-    return float(np.sqrt(np.mean(point.residual**2)))
+def _searched(problem: Driven) -> Driven:
+    """Return a problem after a search that gives less weight to windows that are far off."""
+    search(problem, problem.at.values, ROUGH, problem.loss)
+    return problem
 
 
-def _continued(before: Windows, point: _Point, windows: Windows) -> Array:
+def _rms(problem: Driven) -> float:
+    return float(np.sqrt(np.mean(problem.at.residual**2)))
+
+
+def _continued(before: Driven, windows: Windows) -> Array:
     """Return starts of longer windows: those of the shorter windows that start at the same step, or measured ones."""
-    known = {(place.log, place.step): start for place, start in zip(before.places, point.starts, strict=True)}
+    known = {(place.log, place.step): start for place, start in zip(
+        before.windows.places, before.at.starts, strict=True)}
     return np.array([known.get((place.log, place.step), start)
                      for place, start in zip(windows.places, windows.starts, strict=True)])
 
 
-def _astray(point: _Point, windows: Windows) -> list[int]:
+def _astray(problem: Driven) -> list[int]:
     """Return the numbers of the windows whose residual is more than ASTRAY times the usual one of their log."""
-    size = np.array([float(np.sqrt(np.mean(point.residual[part] ** 2))) for part in windows.slices])
+    windows, squares = problem.windows, problem.at.residual**2
+    size = np.array([float(np.sqrt(np.mean(squares[part]))) for part in windows.slices])
     log = np.array([place.log for place in windows.places])
     usual = np.array([max(float(np.median(size[log == i])), windows.logs[i].noise) for i in log])
     return np.flatnonzero(size > ASTRAY * usual).tolist()
 
 
-def _search(
-    windows: Windows, rates: Array, free: tuple[int, ...], starts: Array | None, *, robust: bool = False,
-    fine: bool = False,
-) -> _Point:
-    """Minimise the sum of squares over the free numbers and the starts of all windows (Levenberg-Marquardt).
-
-    ``robust``: True for less weight of windows that are far off. ``fine``: True for central differences.
-    """
-    from scipy.optimize import lsq_linear
-
-    places = list(free)
-    least = lower_bounds(windows.logs[0].kind, free)
-    begin = windows.starts if starts is None else starts
-    point = _point(windows, rates, begin, free, fine)
-    for _ in range(SETTLE if starts is None else 1):
-        moved = np.array([inverse @ point.residual[part]
-                          for part, inverse in zip(windows.slices, point.inverses, strict=True)])
-        point = _point(windows, rates, _best_starts(windows, rates, point.starts, moved), free, fine)
-    point = _weighted(point, windows) if robust else point
-    damping = 1e-3
-    for _ in range(MOST):
-        root = np.sqrt(point.weight)
-        scaled, target = point.own_slopes * root[:, None], point.own * root
-        size = np.sqrt(np.einsum("ij,ij->j", scaled, scaled))
-        size[size == 0.0] = 1.0
-        matrix = np.concatenate([scaled / size, math.sqrt(damping) * np.eye(len(size))])
-        q, r = np.linalg.qr(matrix)
-        low = np.minimum((least - point.rates[places]) * size, 0.0) - 1e-15
-        step = lsq_linear(r, q[: len(target)].T @ target, (low, np.inf), method="bvls").x / size
-        new = point.rates.copy()
-        new[places] = np.maximum(new[places] + step, least)
-        new[STIFFNESS] = max(new[STIFFNESS], 0.2 * point.rates[STIFFNESS])
-        change = new[places] - point.rates[places]
-        moved = np.array([inverse @ (point.residual[part] - point.slopes[part] @ change)
-                          for part, inverse in zip(windows.slices, point.inverses, strict=True)])
-        starts = _best_starts(windows, new, point.starts, moved)
-        trial = replace(_point(windows, new, starts, free, fine), weight=point.weight)
-        fall = (point.squares - trial.squares) / point.squares
-        if fall >= 0.0:
-            point = _weighted(trial, windows) if robust else trial
-            damping = max(damping / 10.0, 1e-10)
-            if fall < (CLOSE if fine else 100.0 * CLOSE):
-                break
-        elif damping > 1e4 or fall > -0.01 * CLOSE:
-            break
-        else:
-            damping = max(damping, 1e-4) * 20.0
-    return point
-
-
-def _best_starts(windows: Windows, rates: Array, starts: Array, moved: Array) -> Array:
-    """Return the start of each window after the best-fitting fraction (one of SHARES) of its proposed change ``moved``.
-
-    Where friction holds the bob, or near the top, the derivatives predict the effect of small changes only.
-    """
-    trials = starts + np.array(SHARES)[:, None, None] * moved
-    angles = windows.angles(np.tile(rates, (len(trials), 1)), trials)
-    squares = np.add.reduceat((windows.angle - angles) ** 2, [part.start for part in windows.slices], axis=1)
-    best = np.argmin(squares, axis=0)
-    return np.asarray(trials[best, np.arange(len(best))])
-
-
-def _point(windows: Windows, rates: Array, starts: Array, free: tuple[int, ...], central: bool) -> _Point:
-    """Simulate the windows with given numbers, and with slightly changed ones for the derivatives, in one batch."""
-    omega0 = math.sqrt(rates[STIFFNESS])
-    units = {VISCOUS: omega0, DRY: omega0**2, DELAY: 1.0 / omega0, LAG: 1.0 / omega0, ZERO: 1.0}
-    steps = np.array([NUDGE[place] * abs(rates[place]) if place in NUDGE else NUDGES[place] * units[place]
-                      for place in free])
-    begin = np.array([AT_START[0], AT_START[1] * omega0])
-    sides = (1.0, -1.0) if central else (1.0,)
-    least = BOUNDS[windows.logs[0].kind]
-    count = len(free)
-    runs = np.tile(rates, (1 + len(sides) * (count + 2), 1))
-    begins = np.tile(starts, (len(runs), 1, 1))
-    for i, side in enumerate(sides):
-        first = 1 + i * (count + 2)
-        for k, place in enumerate(free):
-            runs[first + k, place] = max(rates[place] + side * steps[k], least.get(place, -math.inf))
-        for k in range(2):
-            begins[first + count + k, :, k] += side * begin[k]
-    angles = windows.angles(runs, begins)
-    ahead, behind = angles[1 : count + 3], angles[count + 3 :] if central else angles[:1]
-    width = np.array([runs[1 + k, place] - (runs[count + 3 + k, place] if central else rates[place])
-                      for k, place in enumerate(free)])
-    width = np.concatenate([width, len(sides) * begin])
-    all_slopes = ((ahead - behind) / width[:, None]).T
-    residual, slopes, by_start = windows.angle - angles[0], all_slopes[:, :count], all_slopes[:, count:]
-    own, own_slopes, inverses = residual.copy(), slopes.copy(), []
-    for part in windows.slices:
-        u, s, v = np.linalg.svd(by_start[part] * begin, full_matrices=False)
-        some = s >= SEEN * AT_START[0] * math.sqrt(len(u))
-        u, s, v = u[:, some], s[some], v[some]
-        inverses.append(begin[:, None] * (v.T / s) @ u.T)
-        own[part] -= u @ (u.T @ own[part])
-        own_slopes[part] -= u @ (u.T @ own_slopes[part])
-    return _Point(rates, starts, residual, slopes, by_start, inverses, own, own_slopes, np.ones(len(residual)))
-
-
-def _weighted(point: _Point, windows: Windows) -> _Point:
-    """Return a point with the weights of a robust search: 1 for windows that fit, less for those that are far off, so
-    that their pull on the result is at most that of FAR times the usual residual (Huber 1964, Ann. Math. Stat. 35, 73).
-    """
-    size = np.array([float(np.mean(point.residual[part] ** 2)) for part in windows.slices])
-    log = np.array([place.log for place in windows.places])
-    usual = np.array([float(np.median(size[log == i])) for i in log])
-    weight = FAR / np.sqrt(np.maximum(size / (usual + 1e-300), FAR**2))
-    return replace(point, weight=weight[windows.owner])
-
-
 # --- errors ----------------------------------------------------------------------------------------------------------
 
 
-def _solution(
-    windows: Windows, point: _Point, free: tuple[int, ...], lost: tuple[tuple[int, float, float], ...]
-) -> DrivenSolution:
+def _solution(problem: Driven, lost: tuple[tuple[int, float, float], ...]) -> DrivenSolution:
     """Return a solution with the covariance of its numbers.
 
     The error of a reading is that of the sensor, plus the effect of a torque that is not in the log: white noise, as of
@@ -326,7 +338,9 @@ def _solution(
     smaller drive. The expected size of this part of the normal equations is subtracted (corrected score: Stefanski
     1989, Commun. Stat. Theory Methods 18, 4335). The corrected numbers stay within their BOUNDS.
     """
-    normal = (point.own_slopes * point.weight[:, None]).T @ point.own_slopes
+    windows, point, free, weights, rates = (
+        problem.windows, problem.at, problem.free, problem.weight, problem.rates(problem.at.values))
+    normal = (point.own_slopes * weights[:, None]).T @ point.own_slopes
     _check_determined(windows, normal, free)
     inverse: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
     sigma, noise = [], []
@@ -342,7 +356,7 @@ def _solution(
         first, second, fourth, seen, leaned = 0.0, 0.0, 0.0, 0.0, 0.0
         for k in parts:
             part = windows.slices[k]
-            own, slopes, weight = point.own[part], point.own_slopes[part], float(point.weight[part.start])
+            own, slopes, weight = point.own[part], point.own_slopes[part], float(weights[part.start])
             walk = _walk(windows, point, k)
             along, square = walk @ slopes, walk @ walk
             walked += weight * slopes.T @ along
@@ -362,26 +376,21 @@ def _solution(
         loose += float(np.trace(inverse @ walked_meat)) * excess
         if DRIVES[log.kind].measured and DRIVE in free:
             step = float(np.median(np.diff(log.time)))
-            known = (point.rates[DRIVE] * noise_level(log.time, log.drive)) ** 2 * step
-            pulled[free.index(DRIVE)] += min(known, excess) * leaned / point.rates[DRIVE]
+            known = (rates[DRIVE] * noise_level(log.time, log.drive)) ** 2 * step
+            pulled[free.index(DRIVE)] += min(known, excess) * leaned / rates[DRIVE]
     covariance = inverse @ meat @ inverse
     if any(DRIVES[log.kind].measured for log in windows.logs):
-        covariance = _widened(covariance, windows, point, inverse)
+        covariance = _widened(covariance, problem, inverse)
     share_of_walk = loose / float(np.trace(inverse @ meat))
     freedom = min(trust / max(share_of_walk, 1e-3) ** 2, float(len(point.own) - len(free)))
+    starts, residual = point.starts, point.residual
     if pulled.any():
-        rates = point.rates.copy()
         least = lower_bounds(windows.logs[0].kind, free)
-        pull = point.own_slopes.T @ (point.weight * point.own) + pulled
-        change = _within_bounds(normal, pull, least - rates[list(free)])
-        rates[list(free)] = np.maximum(rates[list(free)] + change, least)
-        moved = np.array([start @ (point.residual[part] - point.slopes[part] @ change)
-                          for part, start in zip(windows.slices, point.inverses, strict=True)])
-        starts = _best_starts(windows, rates, point.starts, moved)
-        point = replace(point, rates=rates, starts=starts,
-                        residual=windows.angle - windows.angles(rates[None, :], starts[None])[0])
-    return DrivenSolution(point.rates, free, covariance, max(freedom, 2.0), windows, lost, point.starts,
-                          point.residual, tuple(sigma), tuple(noise))
+        change = _within_bounds(normal, point.own_slopes.T @ (weights * point.own) + pulled, least - point.values)
+        values = np.maximum(point.values + change, least)
+        rates, (starts, residual) = problem.rates(values), problem.moved(values)
+    return DrivenSolution(rates, free, covariance, max(freedom, 2.0), windows, lost, starts, residual, tuple(sigma),
+                          tuple(noise))
 
 
 def _within_bounds(normal: Array, pull: Array, least: Array) -> Array:
@@ -398,14 +407,16 @@ def _within_bounds(normal: Array, pull: Array, least: Array) -> Array:
     return np.asarray(lsq_linear(root, target, (np.minimum(least * size, 0.0) - 1e-15, np.inf), method="bvls").x / size)
 
 
-def _widened(covariance: Array, windows: Windows, point: _Point, inverse: Array) -> Array:
+def _widened(covariance: Array, problem: Driven, inverse: Array) -> Array:
     """Return a covariance whose errors are at least those that the scatter between windows shows.
 
     Torque noise near a rest and noise of the derivatives have effects beyond the linear ones of white noise. The
     scatter is that of the windows' pulls on the numbers (sandwich estimate: White 1980, Econometrica 48, 817), with the
     factor n/(n - p) for n windows and p numbers.
     """
-    pulls = np.array([point.weight[part] * point.own[part] @ point.own_slopes[part] for part in windows.slices])
+    point = problem.at
+    pulls = np.array([problem.weight[part] * point.own[part] @ point.own_slopes[part]
+                      for part in problem.windows.slices])
     count, fitted = pulls.shape
     if count < 2 * fitted:
         return covariance
@@ -427,14 +438,14 @@ def _check_determined(windows: Windows, normal: Array, free: tuple[int, ...]) ->
                              "as the drive excites too little; log a drive that changes more, or hold one of them")
 
 
-def _reading_error(windows: Windows, point: _Point, parts: Sequence[int]) -> float:
+def _reading_error(windows: Windows, point: Linearised, parts: Sequence[int]) -> float:
     """Return the standard deviation of a reading, from successive residuals; at least that of rounding [rad]."""
     log = windows.logs[windows.places[parts[0]].log]
     differences = np.concatenate([np.diff(point.residual[windows.slices[k]]) for k in parts])
     return max(float(np.sqrt(0.5 * np.mean(differences**2))), log.quantum / math.sqrt(12.0), 1e-12)
 
 
-def _walk(windows: Windows, point: _Point, number: int) -> Array:
+def _walk(windows: Windows, point: Linearised, number: int) -> Array:
     """Return the covariance of a window's readings for white torque noise of unit size [s³], less the part that a
     change of the window's start can produce.
 

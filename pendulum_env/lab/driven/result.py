@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Column, Columns, columns_of
 from pendulum_env.common.saved import Savable
-from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.texts import LONGEST, listed
 from pendulum_env.lab.checked import RecordingError, one_number
 from pendulum_env.lab.driven.fitting import BOUNDS, DrivenSolution
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
+from pendulum_env.lab.fitting.base import FitResult
 from pendulum_env.lab.fitting.grade import Fault, Grade
-from pendulum_env.lab.fitting.intervals import Interval, Scatter
-from pendulum_env.lab.measures import Measurement, bounded_text, upper_limit
+from pendulum_env.lab.fitting.intervals import Scatter
+from pendulum_env.lab.measures import upper_limit
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import BearingFriction, CoulombFriction, Gravity, Motor
 from pendulum_env.physics.scene import Run, Scene
 from pendulum_env.physics.sensor import Sensor
-from pendulum_env.physics.units import SceneError, nearest, number, shown, whole_number
+from pendulum_env.physics.units import shown, whole_number
 
 Array = NDArray[np.float64]
 
@@ -78,7 +79,7 @@ class DrivenPrediction(Savable):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DrivenFit(Plotted):
+class DrivenFit(FitResult):
     """Fit of one pendulum and motor to logs of driven runs.
 
     Attributes:
@@ -159,62 +160,28 @@ class DrivenFit(Plotted):
         return np.asarray(slopes @ self.solution.covariance @ slopes.T)
 
     @property
-    def correlations(self) -> Array:
-        """Correlation matrix of the fitted parameters."""
-        errors = np.sqrt(np.diag(self.covariance))
-        return np.asarray(self.covariance / np.outer(errors, errors))
-
-    @property
     def units(self) -> dict[str, str]:
         """Units of the fitted parameters by name."""
         units = {"length": "m", "inertia": "kg m^2", "moment": "kg m", "bearing_viscosity": "N m s",
                  "friction_torque": "N m", "delay": "s", "lag": "s", "zero": "rad", **dict([CONSTANTS[self.kind]])}
         return {name: units[name] for name in self.names}
 
-    @cached_property
-    def parameters(self) -> dict[str, Measurement]:
-        """Fitted parameters by name, with standard errors and units.
-
-        ``length`` is that of a point pendulum with the same period, g/omega0²; ``moment`` is mass times distance of the
-        centre of mass.
+    @property
+    def least(self) -> Array:
+        """Lower bounds of the fitted parameters, an array: 0, but -inf for the zero and the delay of a measured drive.
         """
-        errors = np.sqrt(np.diag(self.covariance))
-        return {name: Measurement(float(value), float(error), unit) for (name, unit), value, error in
-                zip(self.units.items(), self.values, errors, strict=True)}
+        free = {"zero"} if DELAY in BOUNDS[self.kind] else {"zero", "delay"}
+        return np.array([-math.inf if name in free else 0.0 for name in self.names])
 
     @property
-    def at_bound(self) -> tuple[str, ...]:
-        """Names of the parameters whose best value is 0, at the bound that physics sets: friction, lag, and the delay
-        of an action."""
-        places = {"bearing_viscosity": VISCOUS, "friction_torque": DRY, "delay": DELAY, "lag": LAG}
-        bounds = BOUNDS[self.kind]
-        return tuple(name for name in self.names if name in places and places[name] in bounds
-                     and self.solution.rates[places[name]] <= bounds[places[name]])
+    def freedom(self) -> float:
+        """Degrees of freedom of Student's t for intervals."""
+        return self.solution.freedom
 
-    def parameter_text(self, name: str, unit: bool = True) -> str:
-        """Return a fitted parameter as text: its value with error, or the limit below which a parameter at its bound
-        is with 95 %; without its unit if ``unit`` is False."""
-        one = self.parameters[name] if unit else replace(self.parameters[name], unit="")
-        return bounded_text(one, self.solution.freedom) if name in self.at_bound else str(one).strip()
-
-    def interval(self, name: str, level: float = 0.95) -> Interval:
-        """Return the confidence interval ``value ± t error`` of a parameter; quantities that cannot be negative are cut
-        at 0.
-
-        Raises RecordingError for a name that was not fitted, SceneError for a level that is not between 0 and 1.
-        """
-        from scipy.special import stdtrit
-
-        if name not in self.names:
-            raise RecordingError(f"There is no fitted parameter {shown(name)}{nearest(name, self.names)}")
-        share = number(level, "level", above=0.0)
-        if not share < 1.0:
-            raise SceneError(f"level must be below 1, not {level!r}.")
-        one = self.parameters[name]
-        half = float(stdtrit(self.solution.freedom, 0.5 + 0.5 * share)) * one.error
-        signed = name == "zero" or (name == "delay" and DELAY not in BOUNDS[self.kind])
-        low = one.value - half
-        return Interval(low if signed else max(low, 0.0), one.value + half)
+    @property
+    def residual(self) -> Array:
+        """Reading minus model of each reading of the windows [rad], an array."""
+        return self.solution.residual
 
     @cached_property
     def quantum(self) -> float:
@@ -402,21 +369,9 @@ class DrivenFit(Plotted):
         if DELAY in self.solution.free:
             late = "A negative delay means that its column is late. " if DRIVES[self.kind].measured else ""
             sentences.append(f"Delays of the {self.kind} and of the angle show only as their sum. {late}".strip())
-        if LAG in self.solution.free and abs(self._correlation("delay", "lag")) > 0.95:
+        if LAG in self.solution.free and abs(self.correlation("delay", "lag")) > 0.95:
             sentences.append("Delay and lag are hard to tell apart here; their sum is better known than each of them.")
         return " ".join(sentences)
-
-    def _correlation(self, first: str, second: str) -> float:
-        return float(self.correlations[self.names.index(first), self.names.index(second)])
-
-    @property
-    def table(self) -> Table:
-        """Table of the fitted parameters: value with standard error, unit, correlations."""
-        rows = []
-        for i, (name, one) in enumerate(self.parameters.items()):
-            rows.append((name, self.parameter_text(name, unit=False), one.unit,
-                         *(f"{x:+.2f}" for x in self.correlations[i])))
-        return Table(("parameter", "value", "unit", *(f"r {name}" for name in self.names)), tuple(rows))
 
     @property
     def text(self) -> str:
@@ -440,11 +395,30 @@ class DrivenFit(Plotted):
     def __str__(self) -> str:
         return self.text
 
-    def to_dict(self) -> Mapping[str, Any]:
+    def origin(self) -> dict[str, str]:
+        """Return logs, grade, scene and versions, which are written into output files."""
+        return provenance(recording=[log.source for log in self.logs],
+                          notes=[note for log in self.logs for note in log.notes],
+                          grade=self.grade.text, scene=self.scene.to_dict())
+
+    def tables(self) -> dict[str, Columns]:
+        """Return the tables of the fit: parameters; log, window, time, reading and residual."""
+        ends = [self.interval(name) for name in self.names]
+        windows, residual = self.solution.windows, self.residual
+        rows = [(windows.logs[window.log].source, number, *row)
+                for number, (window, part) in enumerate(zip(windows.places, windows.slices, strict=True))
+                for row in zip(windows.logs[window.log].time[window.first : window.last].tolist(),
+                               windows.angle[part].tolist(), residual[part].tolist(), strict=True)]
+        units = {"log": "", "window": "", "time_s": "s", "recorded_rad": "rad", "residual_rad": "rad"}
+        return {"parameters": self.parameter_columns({"low": Column([one.low for one in ends]),
+                                                      "high": Column([one.high for one in ends])}, {}),
+                "residuals": columns_of(units, rows)}
+
+    def to_dict(self, **more: Any) -> dict[str, Any]:
         """Return parameters, settings and grade as a dict that JSON can hold; a parameter at its bound has the limit
-        ``below`` which it is with 95 %."""
-        limits = {name: {"below": upper_limit(self.parameters[name], self.solution.freedom)} for name in self.at_bound}
+        ``below`` which it is with 95 %. ``more`` are further keys."""
+        limits = {name: {"below": upper_limit(self.parameters[name], self.freedom)} for name in self.at_bound}
         return {"parameters": {name: {"value": one.value, "error": one.error, "unit": one.unit, **limits.get(name, {})}
                                for name, one in self.parameters.items()},
                 "rates": dict(zip(RATES, self.solution.rates.tolist(), strict=True)), **self.settings,
-                "grade": self.grade.text, "limits": self.limits}
+                "grade": self.grade.text, "limits": self.limits, **more}

@@ -102,12 +102,11 @@ class Interval(NamedTuple):
     high: float
 
 
-def place_of(fit: Fitted, name: str) -> int:
+def place_of(fit: Any, name: str) -> int:
     """Return the index of a fitted parameter; RecordingError with the nearest name for one that was not fitted."""
-    names = fit.solution.model.names
-    if not isinstance(name, str) or name not in names:
-        raise RecordingError(f"{shown(name)} was not fitted{nearest(name, names)}")
-    return names.index(name)
+    if not isinstance(name, str) or name not in fit.names:
+        raise RecordingError(f"{shown(name)} was not fitted{nearest(name, fit.names)}")
+    return tuple(fit.names).index(name)
 
 
 def level_of(level: float) -> float:
@@ -124,22 +123,11 @@ def between_quantiles(rows: Array, level: float) -> Interval:
     return Interval(*map(float, np.quantile(rows, (tail, 1.0 - tail))))
 
 
-def _reach(fit: Fitted, level: float) -> float:
-    """Return Student's quantile for a confidence level and the degrees of freedom of the standard errors."""
-    from scipy.stats import t
+def student_quantile(freedom: float, level: float) -> float:
+    """Return Student's t for a confidence level and degrees of freedom: the half width of an interval, in errors."""
+    from scipy.special import stdtrit
 
-    return float(t.ppf(0.5 + 0.5 * level_of(level), fit.errors.freedom))
-
-
-def student(fit: Fitted, name: str, level: float) -> Interval:
-    """Return the interval ``value ± t error`` of a parameter, cut at the parameter's lower bound.
-
-    t is Student's quantile for the confidence level and the degrees of freedom of the standard errors.
-    """
-    at = place_of(fit, name)
-    reach = _reach(fit, level) * math.sqrt(fit.errors.covariance[at, at])
-    value, least = float(fit.solution.values[at]), float(fit.solution.model.least[at])
-    return Interval(max(value - reach, least), value + reach)
+    return float(stdtrit(freedom, 0.5 + 0.5 * level_of(level)))
 
 
 def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | None) -> Interval:
@@ -157,7 +145,7 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | No
     if not (math.isfinite(error) and plain > 0.0):
         return Interval(least, math.inf)
     best = float(own.residual @ own.residual)
-    variance, wanted = best / (len(own.residual) - len(own.values)), _reach(fit, level) * error / plain
+    variance, wanted = best / (len(own.residual) - len(own.values)), student_quantile(fit.errors.freedom, level) * error / plain
     others = np.delete(np.arange(len(own.values)), at)
     tangent = fit.errors.plain[:, at] / fit.errors.plain[at, at]
     better = False

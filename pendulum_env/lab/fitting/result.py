@@ -13,23 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Column, Columns, columns_of
+from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.common.texts import clean
 from pendulum_env.lab.checked import RecordingError, side
+from pendulum_env.lab.fitting.base import FitResult
 from pendulum_env.lab.fitting.candidates import shapes
-from pendulum_env.lab.fitting.errors import Errors, at_bound, errors_of, noise_beside
+from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
 from pendulum_env.lab.fitting.grade import Fault, Grade, as_fault, graded, of_lost, of_misfit
 from pendulum_env.lab.fitting.intervals import (
     Bootstrap,
     Interval,
     Scatter,
     bootstrap,
-    place_of,
     profile,
     sample,
     scatter_of,
-    student,
 )
 from pendulum_env.lab.fitting.model import SCALE, START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.posterior import Posterior, posterior
@@ -43,7 +44,7 @@ from pendulum_env.lab.fitting.statistics import (
     reading_error,
     runs_test,
 )
-from pendulum_env.lab.measures import Measurement, bounded_text
+from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.recording import Recording, in_words
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.scene import Scene
@@ -62,7 +63,7 @@ NEEDLESS = "needless"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit(Plotted):
+class Fit(FitResult):
     """Least-squares fit of one model to a recording.
 
     Attributes:
@@ -115,9 +116,10 @@ class Fit(Plotted):
         angle, velocity = replace(self.model, time=time, rate=False, mount=None).motion(values)
         return angle[0], velocity[0]
 
-    def _unit(self, name: str) -> str:
-        """Return the unit of a fitted parameter."""
-        return self.recording.unit if name == ZERO else unit_of(self.model.scene, name)
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Units of the fitted parameters by name."""
+        return {name: self.recording.unit if name == ZERO else unit_of(self.model.scene, name) for name in self.names}
 
     @property
     def model(self) -> Model:
@@ -143,11 +145,6 @@ class Fit(Plotted):
     def residual(self) -> Array:
         """Recording minus model [rad], an array at ``recording.time``."""
         return self.solution.residual
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residual [rad]."""
-        return float(np.sqrt(np.mean(self.residual**2)))
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -238,25 +235,14 @@ class Fit(Plotted):
         return self.errors.covariance
 
     @property
-    def correlations(self) -> Array:
-        """Correlation matrix of the fitted parameters; 0 for parameters without a finite error."""
-        errors = np.sqrt(np.diag(self.covariance))
-        product = np.outer(errors, errors)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            matrix = np.where(np.isfinite(product) & (product > 0.0), self.covariance / product, 0.0)
-        np.fill_diagonal(matrix, 1.0)
-        return np.clip(matrix, -1.0, 1.0)
+    def freedom(self) -> float:
+        """Degrees of freedom of Student's t for intervals."""
+        return self.errors.freedom
 
-    def correlation(self, first: str, second: str) -> float:
-        """Return the correlation of two fitted parameters; raises RecordingError for names that were not fitted."""
-        return float(self.correlations[place_of(self, first), place_of(self, second)])
-
-    def interval(self, name: str, level: float = 0.95) -> Interval:
-        """Return the confidence interval ``value ± t error`` of a parameter with Student's t, cut at a bound of 0.
-
-        Raises RecordingError for a name that was not fitted, SceneError for a level that is not between 0 and 1.
-        """
-        return student(self, name, level)
+    @property
+    def least(self) -> Array:
+        """Lower bounds of the fitted parameters, an array: 0, but -inf for start, zero and tilt of the sensor."""
+        return self.model.least
 
     def profile(self, name: str, level: float = 0.95, progress: Progress | bool | None = None) -> Interval:
         """Return the profile-likelihood interval of a parameter; all other parameters are fitted anew at every trial
@@ -357,26 +343,6 @@ class Fit(Plotted):
         return against(self, told)
 
     @cached_property
-    def parameters(self) -> dict[str, Measurement]:
-        """Fitted parameters by name, with their standard errors and units."""
-        errors = np.sqrt(np.diag(self.covariance))
-        return {name: Measurement(float(value), float(error), self._unit(name))
-                for name, value, error in zip(self.names, self.values, errors, strict=True)}
-
-    @property
-    def at_bound(self) -> tuple[str, ...]:
-        """Names of the fitted parameters whose best value is 0, at the bound that physics sets, such as a drag that a
-        recording does not show."""
-        return tuple(name for name in at_bound(self.solution) if self.parameters[name].value == 0.0)
-
-    def parameter_text(self, name: str, unit: bool = True) -> str:
-        """Return a fitted parameter as text: its value with error, or the limit below which a parameter at its bound
-        is with 95 %; without its unit if ``unit`` is False."""
-        one = self.parameters[name] if unit else replace(self.parameters[name], unit="")
-        bounded = name in self.at_bound and math.isfinite(one.error)
-        return bounded_text(one, self.errors.freedom) if bounded else str(one).strip()
-
-    @cached_property
     def scene(self) -> Scene:
         """The scene with the fitted parameters; its default run starts and lasts as the recording."""
         scene = self.model.scene_with(self.values)
@@ -385,6 +351,35 @@ class Fit(Plotted):
         duration = float(self.recording.time[-1]) + self.rest
         run = {"angle": angle, "velocity": velocity, "duration": duration, "dt": float(f"{period / 100.0:.2g}")}
         return scene.replace(name=clean(f"fitted to {self.recording.source}"), run={**scene.to_dict()["run"], **run})
+
+    @property
+    def source(self) -> str:
+        """Name of the recording."""
+        return self.recording.source
+
+    def spreads(self) -> dict[str, float]:
+        """Return, by name, the spread of the parameters over all models that fit about as well; {} without others."""
+        return {} if self.comparison is None else {name: self.comparison.spread(name) for name in self.names}
+
+    def origin(self, **more: Any) -> dict[str, str]:
+        """Return recording, damping, grade, scene and versions, which are written into output files."""
+        return provenance(recording=self.source, notes=list(self.recording.notes), damping=self.damping,
+                          grade=self.grade.text, scene=self.scene.to_dict(), **more)
+
+    def tables(self) -> dict[str, Columns]:
+        """Return the tables of the fit: parameters; time, reading, model and residual; models compared."""
+        swing, spreads = self.recording, self.spreads()
+        unit = swing.unit.replace("/", "_per_").replace("^", "")
+        columns = {"recorded": swing.readings, "model": swing.readings - self.residual, "residual": self.residual}
+        found: dict[str, Columns] = {
+            "parameters": self.parameter_columns({}, {"other_models": Column([*spreads.values()] or [""] * len(
+                self.names))}),
+            "residuals": {"time_s": Column(swing.time.tolist(), "s"), **{
+                f"{name}_{unit}": Column(values.tolist(), swing.unit) for name, values in columns.items()}}}
+        if self.comparison is not None:
+            table = self.comparison.table
+            found["models"] = columns_of(dict.fromkeys(table.head, ""), table.rows)
+        return found
 
 
 # --- models compared -------------------------------------------------------------------------------------------------

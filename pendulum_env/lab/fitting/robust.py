@@ -2,10 +2,10 @@
 
 The loss of a residual r with the standard deviation sigma is ``2 c² (sqrt(1 + (r/(c sigma))²) - 1)``, close to ``r²``
 for small residuals and to ``|r|`` for large ones. With c = 1.345, Gaussian readings are used with 95 % of the
-efficiency of least squares (Huber 1981, Robust Statistics). The fit is repeated with readings that are pulled towards
-the model, to ``model + psi(r) / mean(psi')`` with the derivative ``psi`` of the loss: least squares of these has the
-parameters of the robust fit, and its usual formulas give their standard errors (Bickel 1976, Scand. J. Stat. 3, 145;
-Street, Carroll & Ruppert 1988, Am. Stat. 42, 152).
+efficiency of least squares (Huber 1981, Robust Statistics). The readings are then pulled towards the model, to
+``model + psi(r) / mean(psi')`` with the derivative ``psi`` of the loss: least squares of these has the parameters of
+the robust fit, and its usual formulas give their standard errors (Bickel 1976, Scand. J. Stat. 3, 145; Street, Carroll
+& Ruppert 1988, Am. Stat. 42, 152).
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from pendulum_env.common.progress import Progress
+from pendulum_env.lab.fitting.core import search
 from pendulum_env.lab.fitting.model import Array, Model
-from pendulum_env.lab.fitting.shooting import jacobian, refit, solve
+from pendulum_env.lab.fitting.shooting import FINE, Swing, solve
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording, in_words, part_of, with_readings
 
@@ -31,7 +32,8 @@ WIDTH, SPIKE = 7, 10.0
 JUMP = 2.0
 """A step over n readings is a jump if it is more than n + JUMP usual steps, the 95 % quantile of all steps."""
 ROUNDS, ENOUGH = 20, 1e-3
-"""Largest number of repeated fits, and change of the model, in standard deviations, at which they end."""
+"""Largest number of fits, each with the noise of the one before, and change of the model, in standard deviations, at
+which they end."""
 
 
 def calmed(recording: Recording) -> Recording:
@@ -86,22 +88,18 @@ def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
     readings, least = swing.readings, swing.reading_quantum / math.sqrt(12.0)
     sigma = max(calm.reading_noise, 1e-12 * float(np.ptp(readings)))
     last = int(np.searchsorted(swing.time, measured.points.time[-1]))
-    first = solve(model, calm.readings, np.full(len(readings), sigma), measured.start(model), progress, pause=last)
-    values, slopes = first.values, first.jacobian
-    shown = model.angles(values)[0]
-    target = readings
+    values = solve(model, calm.readings, np.full(len(readings), sigma), measured.start(model), progress, last).values
+    shown, moved = model.angles(values)[0], math.inf
     for _ in range(ROUNDS):
-        away = readings - shown
-        sigma = max(1.4826 * float(np.median(np.abs(away))), least, 1e-12 * float(np.ptp(readings)))
-        scaled = 1.0 + np.square(away / (CORNER * sigma))
-        target = shown + away / np.sqrt(scaled) / float(np.mean(scaled**-1.5))
-        values, _ = refit(model, target, values, slopes)
-        new = model.angles(values)[0]
-        moved = float(np.sqrt(np.mean(np.square(new - shown))))
-        shown = new
+        sigma = max(1.4826 * float(np.median(np.abs(readings - shown))), least, 1e-12 * float(np.ptp(readings)))
         if moved < ENOUGH * sigma:
             break
-        slopes = jacobian(model, values)
+        values = search(Swing(model, readings), values, FINE, "soft_l1", CORNER * sigma)
+        before, shown = shown, model.angles(values)[0]
+        moved = float(np.sqrt(np.mean(np.square(shown - before))))
+    away = readings - shown
+    scaled = 1.0 + np.square(away / (CORNER * sigma))
+    target = shown + away / np.sqrt(scaled) / float(np.mean(scaled**-1.5))
     far = np.abs(readings - shown) > OUTLIER * sigma
     worst = in_words(swing, float(np.max(np.abs(readings - shown))))
     note = (f"robust: {np.count_nonzero(far)} readings are more than {OUTLIER:g} standard deviations from the model, "

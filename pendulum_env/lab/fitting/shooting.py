@@ -8,14 +8,15 @@ model's solution gives starting values for others.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.lab.fitting import core
+from pendulum_env.lab.fitting.core import search
 from pendulum_env.lab.fitting.model import ANGLE, GRAVITY, LENGTH, SCALE, SENSOR, START, TILT, VELOCITY, ZERO, Model
 from pendulum_env.lab.fitting.start import Measured, visible
 from pendulum_env.lab.fitting.statistics import reading_error
@@ -39,22 +40,15 @@ NUDGE, ASIDE = 6e-6, 1e-7
 """
 BEYOND = 10.0
 """Residual [rad] that is assumed after a trial trajectory has stopped early."""
-ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-9, "xtol": 1e-10, "max_nfev": 60}
+ROUGH, FINE = {"ftol": 1e-4, "xtol": 1e-6, "max_nfev": 20}, {"ftol": 1e-7, "xtol": 1e-8, "max_nfev": 60}
 """Termination of the least-squares search, for a part of the recording and for all of it."""
+CLOSEST = 1e-11
+"""Predicted relative fall of the last step of a fit, as :data:`core.CLOSE`: it ends within 1e-6 of the errors."""
 SEARCHED, LEAST_SEEN, WORTH = 6_000, 50, 4
 """A search of a long recording takes every n-th reading: at least SEARCHED readings, and LEAST_SEEN per period. If n is
 below WORTH, it takes all."""
-MOST = 25
-"""Largest number of steps in a refit."""
-CLOSE = 1e-6
-"""A refit ends if a step is predicted to lower the sum of squares by less than this share of the residual variance."""
-HONEST, NEAR = 0.8, 100.0
-"""Derivatives are recalculated if the ratio of the fall of the sum of squares to the predicted fall is not between the
-first number and its inverse, or if the fall exceeds the second number times the residual variance."""
 WORSE = 1e-6
 """A model is fitted again if its sum of squares exceeds that of a simpler model it contains by more than this share."""
-ROUNDING = 1e-12
-"""Relative error of a sum of squares by rounding."""
 HINT = 1e-3
 """Starting value of the dampings that a simpler model lacks, as a share of their scale, if a fit is repeated from the
 simpler model's solution."""
@@ -86,6 +80,47 @@ class FitSolution:
         """True if the model does not follow all swings, because its phase or its amplitude is far off."""
         return self.followed < float(self.model.time[-1])
 
+    @property
+    def squares(self) -> float:
+        """Sum of squares of the residual."""
+        return float(self.residual @ self.residual)
+
+
+class Swing:
+    """Problem of :mod:`core <pendulum_env.lab.fitting.core>`: a model of a free swing, and its readings with weights.
+
+    Attributes:
+        model: the model.
+        angle: readings, at ``model.time``.
+        sigma: their standard deviations, an array, or 1 for residuals in their unit.
+        least: lower bounds of the parameters, an array.
+    """
+
+    def __init__(self, model: Model, angle: Array, sigma: Array | float = 1.0) -> None:
+        self.model, self.angle, self.sigma, self.least = model, angle, sigma, model.least
+        self._latest: tuple[bytes, Array] = b"", angle
+
+    def sizes(self, values: Array) -> Array:
+        """Return, for every parameter, a change that would be large, an array; see :func:`sizes`."""
+        return sizes(self.model, values)
+
+    def residual(self, values: Array, ahead: bool = False) -> Array:
+        """Return readings minus model in standard deviations, an array; ``ahead``: True for the slopes in the same
+        batch. A reading after the model's run has stopped early is 10 rad (BEYOND) off."""
+        if ahead:
+            shown, slopes = linearised(self.model, values)
+            self._latest = values.tobytes(), slopes
+        else:
+            shown = self.model.angles(values)[0]
+        return np.asarray(np.nan_to_num(self.angle - shown, nan=BEYOND) / self.sigma)
+
+    def slopes(self, values: Array, central: bool = False) -> Array:
+        """Return the derivatives of the model in standard deviations, ``(readings, parameters)``."""
+        if not central and self._latest[0] != values.tobytes():
+            self.residual(values, ahead=True)
+        slopes = jacobian(self.model, values) if central else self._latest[1]
+        return np.asarray(slopes / np.reshape(self.sigma, (-1, 1)))
+
 
 def solve(
     model: Model,
@@ -109,33 +144,30 @@ def solve(
         progress: function that is called with the fraction done and a short text; None for none.
         pause: number of readings to fit before any later ones. After dry friction has stopped the bob, the angle of
             rest agrees with many separate values of the friction, so the swings must first decide which one is right.
-        every: n to use every n-th reading only; the solution has the residuals of all readings.
+        every: n to search with every n-th reading only. The last steps take all.
     """
-    part = model if every == 1 else replace(model, time=model.time[::every])
-    values = _searched(part, angle[::every], sigma[::every], start, told_by(progress), pause // every)
-    return solution_at(model, values, angle, sigma)
-
-
-def _searched(model: Model, angle: Array, sigma: Array, start: Array, tell: Progress, pause: int) -> Array:
-    """Return the parameter values that :func:`solve` finds."""
-    total = len(model.time)
+    tell, part = told_by(progress), replace(model, time=model.time[::every])
+    total, pause, readings, weights = len(part.time), pause // every, angle[::every], sigma[::every]
     values = np.maximum(start, model.least)
     period = math.tau / model.scene_with(values).omega0
-    floor = max(int(np.searchsorted(model.time, FIRST * period)), 4 * len(model.names))
+    floor = max(int(np.searchsorted(part.time, FIRST * period)), 4 * len(model.names))
     done, most, beyond = 0, total, -1
-    while True:
-        reach = followed(model, values, angle, sigma)
+    while done < total:
+        reach = followed(part, values, readings, weights)
         beyond = beyond + 1 if reach < floor else 0
         count = total if beyond > PATIENCE else min(total, most, max(reach, floor))
         count = pause if done < pause < count else count
-        tell(0.9 * count / total, f"{model.title}: {model.time[count - 1]:.3g} s")
+        tell(0.9 * count / total, f"{model.title}: {part.time[count - 1]:.3g} s")
         how = FINE if count in (pause, total) and beyond <= PATIENCE else ROUGH
-        values = _least_squares(model.until(count), angle[:count], sigma[:count], values, how)
-        if count == total:
-            break
+        values = search(Swing(part.until(count), readings[:count], weights[:count]), values, how)
         done, floor, most = count, math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
     tell(1.0, model.title)
-    return values
+    solution = solution_at(model, values, angle, sigma)
+    if solution.lost:
+        return solution
+    values, _ = core.refit(Swing(model, angle), values, solution.jacobian, close=CLOSEST, fresh=True)
+    again = solution_at(model, values, angle, sigma)
+    return solution if _worse(again, solution) else again
 
 
 def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitSolution:
@@ -151,32 +183,6 @@ def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitS
         last = followed(model, values, angle, np.concatenate([sigma[:last], scatter]), angles[0])
     until = float(model.time[max(last - 1, 0)])
     return FitSolution(model, values, residual, _central(angles[1:], up, down), np.nan_to_num(velocity[0]), until)
-
-
-def _least_squares(model: Model, angle: Array, sigma: Array, start: Array, how: Mapping[str, Any]) -> Array:
-    """Return the parameters that minimise the weighted sum of squares within their bounds.
-
-    ``how`` are keyword arguments of SciPy's ``least_squares`` that say when the search ends.
-    """
-    from scipy.optimize import least_squares
-
-    latest: dict[bytes, tuple[Array, Array]] = {}
-
-    def seen(x: Array) -> tuple[Array, Array]:
-        if x.tobytes() not in latest:
-            latest.clear()
-            latest[x.tobytes()] = linearised(model, x)
-        return latest[x.tobytes()]
-
-    def misses(x: Array) -> Array:
-        return np.asarray(np.nan_to_num(seen(x)[0] - angle, nan=BEYOND) / sigma)
-
-    def slopes(x: Array) -> Array:
-        return seen(x)[1] / sigma[:, None]
-
-    result = least_squares(misses, start, slopes, bounds=(model.least, np.inf), x_scale=sizes(model, start),
-                           method="dogbox", gtol=None, **how)
-    return np.asarray(np.maximum(result.x, model.least))
 
 
 def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Array | None = None) -> int:
@@ -251,9 +257,6 @@ def _central(rows: Array, up: Array, down: Array) -> Array:
     return np.nan_to_num((rows[: len(up)] - rows[len(up):]).T / np.diagonal(up - down))
 
 
-# --- refits ----------------------------------------------------------------------------------------------------------
-
-
 def refit(
     model: Model,
     angle: Array,
@@ -262,66 +265,8 @@ def refit(
     which: NDArray[np.intp] | None = None,
     trust: float = 0.0,
 ) -> tuple[Array, float]:
-    """Fit all or some parameters again, starting close to the minimum; return the values and the sum of squares.
-
-    The steps are Gauss-Newton steps within the bounds. Derivatives are reused as long as the sum of squares falls as
-    they predict, and calculated anew before the search ends.
-
-    Args:
-        model: the model to fit.
-        angle: readings [rad] at ``model.time``, with equal weights.
-        start: starting values of all parameters.
-        slopes: derivatives of the angles near ``start``, ``(readings, parameters)``.
-        which: indices of the parameters to fit; all by default. Other parameters stay at ``start``.
-        trust: if the total fall of the sum of squares agrees to this share with the first prediction of ``slopes``, the
-            model is linear enough to end the search without new derivatives.
-    """
-    places = np.arange(len(start)) if which is None else which
-    values = np.maximum(start, model.least)
-    residual = _residual(model, angle, values)
-    squares, fresh, falls = float(residual @ residual), False, [0.0, 0.0]
-    size, q, r = _factors(slopes[:, places])
-    for _ in range(MOST):
-        target = q.T @ residual
-        step = _newton(r, target, (model.least - values)[places] * size)
-        predicted, fallen = float(target @ target) - float((target - r @ step) @ (target - r @ step)), 0.0
-        if worth := predicted >= CLOSE * squares / len(residual):
-            trial = values.copy()
-            trial[places] = np.maximum(values[places] + step / size, model.least[places])
-            missed = _residual(model, angle, trial)
-            fallen = squares - float(missed @ missed)
-            falls = [falls[0] or predicted, falls[1] + fallen]
-            if fallen > 0.0:
-                values, residual, squares = trial, missed, squares - fallen
-        if fallen <= 0.0 and (fresh or (not worth and abs(falls[1] - falls[0]) < trust * falls[0])):
-            break
-        most = min(predicted / HONEST, NEAR * squares / len(residual))
-        if fresh := not (fallen > 0.0 and HONEST * predicted <= fallen <= most):
-            size, q, r = _factors(jacobian(model, values)[:, places])
-    return values, squares
-
-
-def _newton(r: Array, target: Array, low: Array) -> Array:
-    """Return the Gauss-Newton step: the x that minimises ``|r x - target|`` with no entry below ``low``."""
-    from scipy.optimize import lsq_linear
-
-    if not np.isfinite(low).any():
-        return np.asarray(lsq_linear(r, target).x)
-    return np.asarray(lsq_linear(r, target, bounds=(low, np.inf), method="bvls").x)
-
-
-def _factors(slopes: Array) -> tuple[Array, Array, Array]:
-    """Return the lengths of a matrix's columns, and the factors Q and R of the matrix with columns scaled to length 1.
-    """
-    size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
-    size = np.where(size > 0.0, size, 1.0)
-    q, r = np.linalg.qr(slopes / size)
-    return size, q, r
-
-
-def _residual(model: Model, angle: Array, values: Array) -> Array:
-    """Return readings minus model [rad]; 10 rad (BEYOND) for readings after the model's run has stopped early."""
-    return np.asarray(np.nan_to_num(angle - model.angles(values)[0], nan=BEYOND))
+    """Fit a model to readings [rad] again, starting close to the minimum; see :func:`core.refit`."""
+    return core.refit(Swing(model, angle), start, slopes, which, trust)
 
 
 # --- several models --------------------------------------------------------------------------------------------------
@@ -356,8 +301,7 @@ def solve_all(
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        first = solve(model, swing.readings, weights, start, tell, pause=last if dry else 0, every=every)
-        solutions[i] = _settled(first, swing, weights)
+        solutions[i] = solve(model, swing.readings, weights, start, tell, pause=last if dry else 0, every=every)
         if leader is None and not solutions[i].lost:
             leader = solutions[i]
     for i in sorted(solutions, key=lambda i: len(models[i].numbers)):
@@ -365,37 +309,9 @@ def solve_all(
             if set(simpler.damping) < set(models[i].damping) and _worse(solutions[i], solutions[j]):
                 start = HINT * sizes(models[i], solutions[i].values)
                 start = _with(start, models[i], solutions[j], simpler.names)
-                again = _settled(solve(models[i], swing.readings, weights, start), swing, weights)
+                again = solve(models[i], swing.readings, weights, start)
                 solutions[i] = again if _worse(solutions[i], again) else solutions[i]
     return [solutions[i] for i in range(len(models))]
-
-
-def _settled(solution: FitSolution, swing: Recording, weights: Array) -> FitSolution:
-    """Refit a solution and return the better one; a solution that does not follow all swings is returned unchanged.
-
-    The refit is needed because the first search, which limits its steps to a box, can stop too early if unnecessary
-    damping parameters are at their bounds.
-    """
-    if solution.lost:
-        return solution
-    values, squares = refit(solution.model, swing.readings, solution.values, solution.jacobian)
-    better = squares < float(solution.residual @ solution.residual) * (1.0 - WORSE)
-    return _polished(solution_at(solution.model, values, swing.readings, weights) if better else solution, swing)
-
-
-def _polished(solution: FitSolution, swing: Recording) -> FitSolution:
-    """Return a solution after one more Gauss-Newton step, which is too small to need new derivatives.
-
-    The searches end up to 4e-4 of the parameters' errors away from the minimum, and this step within some 1e-6.
-    """
-    model, size, q, r = solution.model, *_factors(solution.jacobian)
-    step = _newton(r, q.T @ solution.residual, (model.least - solution.values) * size)
-    values = np.maximum(solution.values + step / size, model.least)
-    angles, velocity = model.motion(values)
-    residual = np.asarray(np.nan_to_num(swing.readings - angles[0], nan=BEYOND))
-    if residual @ residual > solution.residual @ solution.residual * (1.0 + ROUNDING):
-        return solution
-    return replace(solution, values=values, residual=residual, velocity=np.nan_to_num(velocity[0]))
 
 
 def _with(start: Array, model: Model, other: FitSolution, names: Sequence[str]) -> Array:
@@ -407,5 +323,4 @@ def _with(start: Array, model: Model, other: FitSolution, names: Sequence[str]) 
 
 def _worse(one: FitSolution, other: FitSolution) -> bool:
     """Return True if the first solution's sum of squares exceeds the second's by more than a millionth (WORSE)."""
-    squares, theirs = (float(solution.residual @ solution.residual) for solution in (one, other))
-    return squares > theirs * (1.0 + WORSE)
+    return one.squares > other.squares * (1.0 + WORSE)
