@@ -33,17 +33,17 @@ COARSE = 1.2
 ORDERS = 40
 """Highest order of the slow changes, which have at most one for every cycle of the swing."""
 FALLS = np.array([2.0, 4.0, 6.0])
-"""Powers p with which variances fall with the order: 2 for jumps and random walks, 4 for a steady drift of the period.
-"""
+"""Powers p with which the variances of a and b fall with the order: 2 for random walks, 4 for a steady drift of the
+period. Those of z fall half as fast, because a and b add up what disturbs the motion."""
 SIZES = np.concatenate([[0.0], np.geomspace(1e-2, 1e14, 65)])
 """Variances s of the lowest order, in variances of the noise."""
-USUAL = 0.05
+USUAL = 0.1
 """Expected size of slow changes in the lowest order, in standard deviations of the noise: half of the recordings have
 none, and the others a half-Cauchy distribution with this scale (Gelman 2006, Bayesian Anal. 1, 515)."""
 TOGETHER = 0.7
 """Share of recordings in which a and b are expected to have the same s and p, as for a second mode; in the others, one
 says nothing about the other."""
-KNOWN = 20.0
+KNOWN = 3.0
 """Degrees of freedom that the noise at all frequencies counts in that near the swing's frequency and near 0."""
 LEFT = 0.1
 """Share of a squared slow change that parameters must leave for it to be seen in the residual."""
@@ -193,21 +193,24 @@ def slow_covariance(slopes: Array, residual: Array, time: Array, velocity: Array
     phase = swing_phase(time, velocity, turns)
     waves = math.sqrt(2.0) * np.cos(phase), math.sqrt(2.0) * np.sin(phase), np.ones(n)
     parts = [_judged(wave, slopes, residual, turns, inverse, noise) for wave in waves]
-    likelihood, level, shares, moves, counts = (np.stack(column) for column in zip(*parts, strict=True))
+    likelihood, level, shares, moves, starts, counts = (np.stack(column) for column in zip(*parts, strict=True))
     usual = np.sqrt(SIZES[1:]) / (USUAL**2 + SIZES[1:])
     weights = likelihood * np.concatenate([[0.5], 0.5 * usual / usual.sum()])
     other = weights[1::-1].sum(axis=(1, 2), keepdims=True) / len(FALLS)
     weights[:2] *= (1.0 - TOGETHER) * other + TOGETHER * likelihood[1::-1]
     weights /= weights.sum(axis=(1, 2), keepdims=True)
-    noise = math.exp(np.average((weights * level).sum(axis=(1, 2)), weights=counts))
+    own = np.exp((weights * level).sum(axis=(1, 2)))
+    white = inverse * own.min() + np.einsum("i,iao,ibo->ab", own - own.min(), moves, moves)
     logs = np.log1p(SIZES[:, None] * shares[:, :, None, :])
-    slow = noise * np.expm1(np.einsum("ifs,ifso->io", weights, logs))
-    covariance = inverse * noise + np.einsum("iao,io,ibo->ab", moves, slow, moves)
+    slow = own[:, None] * np.expm1(np.einsum("ifs,ifso->io", weights, logs))
+    moves = moves - starts
+    covariance = white + np.einsum("iao,io,ibo->ab", moves, slow, moves)
     lowest = level + logs.max(axis=3)
     unsure = (weights * lowest**2).sum(axis=(1, 2)) - (weights * lowest).sum(axis=(1, 2)) ** 2
-    variances = np.stack([noise * np.diag(inverse), *np.einsum("iao,io->ia", moves**2, slow)])
-    ratios = (variances / np.diag(covariance))[:, np.isfinite(np.diag(covariance)) & (np.diag(covariance) > 0.0)]
-    spread = np.concatenate([[2.0 / counts.sum()], unsure]) @ ratios**2
+    variances = np.stack([np.diag(white), *np.einsum("iao,io->ia", moves**2, slow)])
+    total = np.diag(covariance)
+    ratios = (variances / total)[:, np.isfinite(total) & (total > 0.0)]
+    spread = np.concatenate([[2.0 / counts.mean()], unsure]) @ ratios**2
     return covariance, max(2.0 / float(np.mean(spread)), 2.0) if spread.size else float(n - k)
 
 
@@ -227,7 +230,7 @@ def swing_phase(time: Array, velocity: Array, turns: NDArray[np.int64]) -> Array
 
 def _judged(
     wave: Array, slopes: Array, residual: Array, turns: NDArray[np.int64], inverse: Array, noise: float
-) -> tuple[Array, Array, Array, Array, float]:
+) -> tuple[Array, ...]:
     """Return how well each power and size of a slow change times ``wave`` explains a residual, and what it does to the
     parameters.
 
@@ -236,7 +239,8 @@ def _judged(
     Returns:
         The restricted likelihood, relative to the largest, and the logarithm of the noise, both ``(powers, sizes)``;
         the variances of the orders for s = 1, ``(powers, orders)``; the changes of the parameters for coefficients of
-        1, ``(parameters, orders)``; and the degrees of freedom of the noise.
+        1, and the part of them that is due to the value at the start, both ``(parameters, orders)``; and the degrees of
+        freedom of the noise.
     """
     inverse, edges = _finite(inverse), np.concatenate([[0], turns + 1])
     squares, tied, sums = (np.add.reduceat(x, edges, axis=0) for x in (
@@ -250,7 +254,7 @@ def _judged(
     mixed = np.sqrt(values[seen])[:, None] * vectors.T[seen]
     shown = mixed @ (slow.T @ sums - across @ inverse @ (slopes.T @ residual)) / values[seen]
     lowest = int(np.ptp(wave) > 0.0)  # the fitted start has the order 0 of a and b, but no parameter that of z
-    shares = np.where(order >= lowest, np.maximum(order + 1.0 - lowest, 1.0) ** -FALLS[:, None], 0.0)
+    shares = np.where(order >= lowest, np.maximum(order + 1.0 - lowest, 1.0) ** (-FALLS[:, None] / (2.0 - lowest)), 0.0)
     likelihood, level = np.empty((2, len(FALLS), len(SIZES)))
     degrees = len(shown) + KNOWN
     for i, share in enumerate(shares):
@@ -259,8 +263,8 @@ def _judged(
         chi2 = ((turned.T @ shown) ** 2 / variances).sum(axis=1) + KNOWN * noise
         likelihood[i] = -0.5 * np.log(variances).sum(axis=1) - 0.5 * degrees * np.log(chi2)
         level[i] = np.log(chi2 / degrees)
-    start = (-1.0) ** order * size * lowest
-    return np.exp(likelihood - likelihood.max()), level, shares, inverse @ (tied.T @ (slow - start)), degrees
+    start = inverse @ np.outer(tied.sum(axis=0), (-1.0) ** order * size * lowest)
+    return np.exp(likelihood - likelihood.max()), level, shares, inverse @ across.T, start, np.array(degrees)
 
 
 # --- rounding --------------------------------------------------------------------------------------------------------
