@@ -17,11 +17,11 @@ from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import side
 from pendulum_env.lab.driven.result import DrivenFit
 from pendulum_env.lab.fitting.base import FitResult
-from pendulum_env.lab.fitting.errors import DEPENDENT
 from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
 from pendulum_env.lab.fitting.posterior import Posterior
 from pendulum_env.lab.fitting.result import Fit, against, measured
+from pendulum_env.lab.fitting.statistics import DEPENDENT
 from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
 

@@ -1,4 +1,15 @@
-"""Standard errors of fitted parameters, for independent and for correlated residuals and for rounded readings."""
+"""Standard errors of fitted parameters, for slowly changing residuals as well as for noise, and for rounded readings.
+
+The residual of a fit is taken as white noise plus ``a(t) cos phi + b(t) sin phi + z(t)``, for the phase phi of the
+swing, where a, b and z change slowly. Drifts of the length, the scale, the amplitude and the zero, jumps of the zero,
+and a second mode near the swing's frequency are of this kind. Each of a, b and z is a sum of Legendre polynomials over
+the recording, whose coefficient of order j has the variance ``w (1 + s / j^p)`` with the variance w of the noise. The
+lowest orders, which parameters describe, are not seen in the residual, but make the parameters wrong. How large they
+are follows from the higher orders. These are judged by their restricted likelihood, that of the part of the readings
+that no parameter describes (Patterson & Thompson 1971, Biometrika 58, 545; Harville 1977, J. Am. Stat. Assoc. 72, 320).
+No test and no best size decides: the logarithms of the variances are averaged over all sizes s and powers p of a grid,
+with the likelihood as weight, so that errors change smoothly with the readings.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +19,34 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE
+from pendulum_env.lab.fitting.model import GRAVITY, LENGTH
 from pendulum_env.lab.fitting.shooting import FitSolution
-from pendulum_env.lab.fitting.statistics import RunsTest, reading_error, runs_test
+from pendulum_env.lab.fitting.statistics import reading_error
 from pendulum_env.lab.measures import Measurement
 
 Array = NDArray[np.float64]
 
-DEPENDENT = 0.05
-"""Residuals count as correlated if the p value of the runs test is below this."""
 UNKNOWN = 1e-9
 """Eigenvalue of the scaled ``J^T J`` below which a combination of parameters counts as undetermined."""
-ALIKE = 1e-6
-"""A change of the angles counts as described by the parameters if they leave less than this share of it."""
 COARSE = 1.2
 """A parameter is named in the report if rounding enlarges its standard error by more than this factor."""
-STEADIEST = 0.97
-"""Upper limit of the autocorrelation of half swings in the bandwidth formula (Andrews & Monahan 1992)."""
-DRIFTS = 3.0
-"""A drift of the period enters the error of the length if it is this many of its own errors."""
-AKAIKE = 2.0
-"""Chi-squared by which a scale must explain the residuals better than a drift, with a parameter more (Akaike 1974)."""
-SCALED = 0.1
-"""A wrong or changing scale of the angles enters the error of the length if its p value is below this."""
+ORDERS = 40
+"""Highest order of the slow changes, which have at most one for every cycle of the swing."""
+FALLS = np.array([2.0, 4.0, 6.0])
+"""Powers p with which the variances of a and b fall with the order: 2 for random walks, 4 for a steady drift of the
+period. Those of z fall half as fast, because a and b add up what disturbs the motion."""
+SIZES = np.concatenate([[0.0], np.geomspace(1e-2, 1e14, 65)])
+"""Variances s of the lowest order, in variances of the noise."""
+USUAL = 0.1
+"""Expected size of slow changes in the lowest order, in standard deviations of the noise: half of the recordings have
+none, and the others a half-Cauchy distribution with this scale (Gelman 2006, Bayesian Anal. 1, 515)."""
+TOGETHER = 0.7
+"""Share of recordings in which a and b are expected to have the same s and p, as for a second mode; in the others, one
+says nothing about the other."""
+KNOWN = 3.0
+"""Degrees of freedom that the noise at all frequencies counts in that near the swing's frequency and near 0."""
+LEFT = 0.1
+"""Share of a squared slow change that parameters must leave for it to be seen in the residual."""
 DRAWS = 256
 """Number of rounded motions that are simulated; a standard error from this many is accurate to 4 %."""
 
@@ -59,186 +75,66 @@ class Errors:
 def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> Errors:
     """Return the standard errors of a least-squares fit with equal weights, as a covariance matrix.
 
-    If the residuals r look independent (runs test with p of at least 0.05), the covariance is ``s² (J^T J)^-1`` with
-    ``s² = r.r / (n - k)``, which needs no estimate of the noise. Otherwise it is ``(J^T J)^-1 S (J^T J)^-1`` with the
-    :func:`long_run` covariance S of the scores ``J_i r_i`` summed over half swings. A misfit that oscillates with the
-    swing gives scores of a constant sign, correlated over many swings, plus an oscillation that these sums remove. No
-    variance is reduced by this correction, and none is smaller than :func:`rounding_covariance` gives.
-
-    The fitted length L, or gravity, is one value for a recording in which the small-angle period T may change, as it
-    seems to if the angles are scaled or displaced. If the change over the recording, ``d T`` by :func:`period_drift`,
-    exceeds three of its errors, the variance ``(2 L d)² / 12`` of a value that is spread evenly over this range is
-    added. If the readings rather prefer angles whose scale is another, or changes over the recording, the square of the
-    change of L that this implies is added, by :func:`shift_by_scale`.
+    The covariance is ``(J^T J)^-1 J^T C J (J^T J)^-1``, for the derivatives J and the covariance C of residuals that
+    have slow changes beside the noise, by :func:`slow_covariance`. No variance is smaller than that of
+    :func:`rounding_covariance`.
 
     Args:
         solution: the least-squares fit.
         readings: the fitted readings [rad].
         quantum: smallest step of the sensor's readings [rad]; 0 for none.
     """
-    residual, slopes = solution.residual, solution.jacobian
-    seen, (n, k) = readings - residual, slopes.shape
+    model, residual, slopes = solution.model, solution.residual, solution.jacobian
     inverse, known = inverted(slopes)
-    variance = float(residual @ residual) / (n - k)
-    plain = inverse * variance
-    test = runs_test(residual)
+    plain = inverse * (float(residual @ residual) / (len(residual) - len(model.names)))
+    covariance, freedom = slow_covariance(slopes, residual, model.time, solution.velocity)
     free = np.isfinite(np.diag(plain))
-    if test.p >= DEPENDENT:
-        covariance, freedom = plain, float(n - k)
-        how = (f"The residuals look independent (runs test: p = {test.p:.2g}), so the errors are those of least "
-               f"squares, from the scatter of the residuals, with {n - k} degrees of freedom")
-    else:
-        sums = half_swings(slopes * residual[:, None], solution.velocity)
-        covariance, freedom, how = _dependent(inverse, plain, sums, n, test)
-    remarks = [how]
+    sizes = _ratios(covariance, plain)[free] if free.any() else np.ones(1)
+    low, high = f"{sizes.min():.2g}", f"{sizes.max():.2g}"
+    remarks = ["The errors allow for residuals that change slowly, as by a drift, a jump or a second mode: they are "
+               f"{low if low == high else f'{low} to {high}'} times those of independent readings"]
     if quantum > 0.0:
-        covariance, coarse = _rounded(covariance, inverse, solution, seen, quantum)
-        if coarse:
-            model = solution.model
-            size = f"{quantum:.3g} m/s²" if model.mount else f"{math.degrees(quantum):.3g} degrees{'/s' * model.rate}"
-            remarks.append(f"the sensor's steps of {size} enlarge the error of {coarse}, as successive swings are "
-                           "rounded in nearly the same way")
-    drift, ratio = None, next((name for name in (LENGTH, GRAVITY, "inertia") if name in solution.model.names), None)
-    if ratio is not None:
-        drift, at, spread = period_drift(solution), solution.model.names.index(ratio), 0.0
-        shift, statistic, p = shift_by_scale(solution, seen, at)
-        pull = abs(drift.value) / drift.error
-        if pull > max(DRIFTS, math.sqrt(max(statistic - AKAIKE, 0.0))):
-            spread = 2.0 * solution.values[at] * drift.value / math.sqrt(12.0)
-            remarks.append(_drifting(drift, ratio, SCALE in solution.model.names))
-        elif p < SCALED:
-            spread = shift
-            remarks.append("the period depends on the amplitude as if the scale of the angles were wrong or changed "
-                           f"during the run (p = {p:.2g}), which the error of {ratio} includes"
-                           + ("" if SCALE in solution.model.names else f": try --free {ratio},{SCALE}"))
-        least = np.zeros_like(covariance)
-        least[at, at] = covariance[at, at] + spread**2
-        covariance = _widened(covariance, least) if spread else covariance
+        noise = noise_beside(model.time, residual, quantum)
+        shift = solution.velocity * float(np.median(np.diff(model.time)))
+        least = rounding_covariance(readings - residual, slopes, _finite(inverse), quantum, noise, shift)
+        wider = np.maximum(_ratios(least, covariance), 1.0)
+        covariance = covariance * np.outer(wider, wider)
+        coarse = ", ".join(name for name, x in zip(model.names, wider, strict=True) if x > COARSE)
+        size = f"{quantum:.3g} m/s²" if model.mount else f"{math.degrees(quantum):.3g} degrees{'/s' * model.rate}"
+        remarks += [f"the sensor's steps of {size} enlarge the error of {coarse}, as successive swings are rounded in "
+                    "nearly the same way"] * bool(coarse)
     if not known or not free.all():
-        lost = ", ".join(name for name, sure in zip(solution.model.names, free, strict=True) if not sure)
+        lost = ", ".join(name for name, sure in zip(model.names, free, strict=True) if not sure)
         remarks.append(f"the recording does not determine {lost}")
-    held = at_bound(solution)
-    if held:
+    if held := at_bound(solution):
         remarks.append(f"{', '.join(held)} {'is' if len(held) == 1 else 'are'} at the bound 0, with a one-sided error")
+    drift = period_drift(solution) if {LENGTH, GRAVITY, "inertia"} & set(model.names) else None
     return Errors(covariance, plain, freedom, "; ".join(remarks) + ".", drift)
+
+
+def _ratios(variances: Array, others: Array) -> Array:
+    """Return the standard errors in a covariance matrix over those in another; 1 where one of them is not known."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.sqrt(np.diag(variances) / np.diag(others))
+    return np.where(np.isfinite(found), found, 1.0)
 
 
 def period_drift(solution: FitSolution) -> Measurement:
     """Return the change of the small-angle period over a recording, relative to the period, from a fit's residuals.
 
     A period that changes by d T, linearly in time, moves the angles by ``v t (1 - t/D) d/2`` from those with its mean,
-    for the velocity v and the duration D. The part of this that no fitted parameter describes is fitted to the
-    residuals by least squares. The error allows for correlated residuals, as those of the parameters do.
+    for the velocity v and the duration D. It is fitted to the residuals together with changes of all parameters. The
+    error allows for slow changes of the residuals, as those of the parameters do.
     """
     time = solution.model.time - solution.model.time[0]
     moved = solution.velocity * time * (1.0 - time / time[-1]) / 2.0
-    values, covariance, _ = beyond_model(solution, moved[:, None])
-    if not values.size:
+    slopes = np.column_stack([solution.jacobian, moved])
+    inverse, _ = inverted(slopes)
+    if not math.isfinite(inverse[-1, -1]):
         return Measurement(0.0, math.inf, "1")
-    return Measurement(float(values[0]), math.sqrt(float(covariance[0, 0])), "1")
-
-
-def shift_by_scale(solution: FitSolution, seen: Array, at: int) -> tuple[float, float, float]:
-    """Return the change of a parameter if the scale of the angles is fitted, too, and chi-squared and p of a right one.
-
-    A scale ``s + u (t/D - 1/2)`` with the duration D moves the angles theta by ``(s - 1 + u (t/D - 1/2)) theta``. Most
-    of this is described by another amplitude and damping. The rest, a period that depends on the amplitude in another
-    way, is fitted to the residuals; p belongs to s = 1, u = 0 (chi-squared test). ``seen`` are the model's angles, and
-    ``at`` is the parameter's index.
-    """
-    from scipy.stats import chi2
-
-    time = solution.model.time - solution.model.time[0]
-    values, covariance, moves = beyond_model(solution, np.stack([seen, seen * (time / time[-1] - 0.5)], axis=1))
-    if not values.size or not np.all(np.isfinite(covariance)):
-        return 0.0, 0.0, 1.0
-    statistic = float(values @ np.linalg.lstsq(covariance, values, rcond=None)[0])
-    return float(-moves[at] @ values), statistic, float(chi2.sf(statistic, len(values)))
-
-
-def beyond_model(solution: FitSolution, moved: Array) -> tuple[Array, Array, Array]:
-    """Fit further changes of the angles to a fit's residuals; return their sizes, covariance, and what they replace.
-
-    Args:
-        solution: the least-squares fit.
-        moved: changes of the angles of size 1, ``(readings, changes)``. Those that the fitted parameters describe, to
-            one part in 1e6 (ALIKE), are left out.
-
-    Returns:
-        The sizes; their covariance, which allows for correlated residuals as that of the parameters does; and
-        ``(parameters, changes)``, the values of the parameters that describe changes of size 1 best.
-    """
-    slopes, residual = solution.jacobian, solution.residual
-    size = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
-    size = np.where(size > 0.0, size, 1.0)
-    moves = np.linalg.lstsq(slopes / size, moved, rcond=None)[0] / size[:, None]
-    rest = moved - slopes @ moves
-    new = np.linalg.norm(rest, axis=0) > ALIKE * np.linalg.norm(moved, axis=0)
-    rest, moves = rest[:, new], moves[:, new]
-    inverse, _ = inverted(rest)
-    values = np.where(np.isfinite(inverse), inverse, 0.0) @ (rest.T @ residual)
-    left = residual - rest @ values
-    covariance = inverse * float(left @ left) / max(len(left) - slopes.shape[1] - len(values), 1)
-    test = runs_test(left)
-    if values.size and test.p < DEPENDENT:
-        scores = half_swings(rest * left[:, None], solution.velocity)
-        covariance, *_ = _dependent(inverse, covariance, scores, len(left), test)
-    return values, covariance, moves
-
-
-def _drifting(drift: Measurement, name: str, scaled: bool) -> str:
-    """Return a remark on a drift of the period that enters the error of the length or of gravity, and its usual cause.
-    """
-    percent = str(Measurement(100.0 * drift.value, 100.0 * drift.error, "%"))
-    cause = "although the scale is fitted, so the length, the pivot or the zero moves" if scaled else (
-        f"angles look scaled or displaced: try --free {name},{SCALE}")
-    return (f"the amplitude-corrected period drifts by {percent} over the run, which the error of {name} includes; "
-            f"{cause}")
-
-
-def _dependent(inverse: Array, plain: Array, sums: Array, n: int, test: RunsTest) -> tuple[Array, float, str]:
-    """Return a covariance of fitted parameters for correlated residuals, its degrees of freedom, and how it was made.
-
-    ``sums`` are the scores (derivatives of the model times residuals) summed over half swings; ``n`` is the number of
-    readings.
-    """
-    blocks, k = sums.shape
-    sums = sums - sums.mean(axis=0)  # the mean is 0 except for parameters at a bound
-    width = bandwidth(sums)
-    middle = long_run(sums, width) * (n / (n - k))
-    finite = np.where(np.isfinite(inverse), inverse, 0.0)
-    covariance = _widened(finite @ middle @ finite, plain)
-    freedom = max(2.0, min(1.5 * blocks / max(width, 1.0), blocks - 1.0))
-    how = (f"The residuals are not independent ({test.number} runs, z = {test.z:.3g}), so the errors allow for "
-           f"correlation over {max(width, 1.0):.2g} of {blocks} half swings (Newey & West 1987, bandwidth of "
-           f"Andrews 1991), with {freedom:.2g} degrees of freedom")
-    return covariance, freedom, how
-
-
-def _rounded(
-    covariance: Array, inverse: Array, solution: FitSolution, seen: Array, quantum: float
-) -> tuple[Array, str]:
-    """Return a covariance of fitted parameters that allows for rounded readings, and the names of the parameters whose
-    errors it enlarges by more than a factor of 1.2 (COARSE).
-    """
-    model, finite = solution.model, np.where(np.isfinite(inverse), inverse, 0.0)
-    noise = noise_beside(model.time, solution.residual, quantum)
-    shift = solution.velocity * float(np.median(np.diff(model.time)))
-    least = rounding_covariance(seen, solution.jacobian, finite, quantum, noise, shift)
-    pairs = zip(model.names, np.diag(covariance), np.diag(least), strict=True)
-    return _widened(covariance, least), ", ".join(name for name, own, other in pairs if other > COARSE**2 * own)
-
-
-def _widened(covariance: Array, least: Array) -> Array:
-    """Enlarge a covariance matrix until no variance is below that in ``least``, without changing its correlations."""
-    own, other = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(least))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        wider = np.where(own < other, other / own, 1.0)
-    wider = np.where(np.isfinite(wider), wider, 1.0)
-    with np.errstate(invalid="ignore"):
-        enlarged = covariance * np.outer(wider, wider)
-    np.fill_diagonal(enlarged, np.maximum(np.diag(covariance), np.diag(least)))
-    return np.asarray(enlarged)
+    changes = _finite(inverse) @ (slopes.T @ solution.residual)
+    covariance, _ = slow_covariance(slopes, solution.residual - slopes @ changes, time, solution.velocity)
+    return Measurement(float(changes[-1]), math.sqrt(float(covariance[-1, -1])), "1")
 
 
 def inverted(slopes: Array) -> tuple[Array, bool]:
@@ -259,58 +155,116 @@ def inverted(slopes: Array) -> tuple[Array, bool]:
     return inverse, bool(known.all())
 
 
-def half_swings(scores: Array, velocity: Array) -> Array:
-    """Sum the scores of a fit (derivatives times residuals), shape ``(readings, parameters)``, over every half swing,
-    from one turning point to the next.
-
-    The turning points are where the model's ``velocity`` changes sign.
-    """
-    turns = np.flatnonzero(np.diff(np.signbit(velocity).astype(np.int8))) + 1
-    edges = np.concatenate([[0], turns])
-    return np.asarray(np.add.reduceat(scores, edges, axis=0))
-
-
-def bandwidth(scores: Array) -> float:
-    """Return the bandwidth of the Bartlett kernel for correlated rows of ``scores``: ``1.1447 (alpha n)^(1/3)``.
-
-    With n rows and alpha from their autocorrelation, this is the plug-in bandwidth of Andrews 1991, Econometrica 59,
-    817, equations 6.2 and 6.4. Every column is taken as an autoregressive process of order 1, with equal weights.
-    Autocorrelations below 0 count as 0.
-    """
-    n = len(scores)
-    above = below = 0.0
-    for column in scores.T:
-        before, after = column[:-1], column[1:]
-        squares = float(before @ before)
-        if squares == 0.0:
-            continue
-        rho = min(max(float(before @ after) / squares, 0.0), STEADIEST)
-        above += 4.0 * rho**2 / ((1.0 - rho) ** 6 * (1.0 + rho) ** 2)
-        below += 1.0 / (1.0 - rho) ** 4
-    return min(1.1447 * (above / below * n) ** (1.0 / 3.0), float(n)) if below else 0.0
-
-
-def long_run(scores: Array, width: float) -> Array:
-    """Return the long-run covariance of correlated rows g_i,
-    ``sum over lags of (1 - |lag| / width) sum_i g_i g_(i+lag)^T``.
-
-    The Bartlett kernel (Newey & West 1987, Econometrica 55, 703) makes it positive semidefinite. Because the scores of
-    a fit sum to 0, the estimate is too small by a share ``b - b²/3``, ``b = width / n`` (Kiefer & Vogelsang 2005,
-    Econom. Theory 21, 1130); this is corrected.
-    """
-    n = len(scores)
-    total = scores.T @ scores
-    for lag in range(1, math.ceil(width)):
-        product = scores[:-lag].T @ scores[lag:]
-        total = total + (1.0 - lag / width) * (product + product.T)
-    share = min(width / n, 1.0)
-    return np.asarray(total / (1.0 - share + share**2 / 3.0))
+def _finite(inverse: Array) -> Array:
+    """Return ``(J^T J)^-1`` with 0 for the variances of parameters that are not determined."""
+    return np.where(np.isfinite(inverse), inverse, 0.0)
 
 
 def at_bound(solution: FitSolution) -> tuple[str, ...]:
     """Return the names of the fitted parameters whose fitted values are at their lower bounds."""
     bounds = zip(solution.model.names, solution.values, solution.model.least, strict=True)
     return tuple(name for name, value, least in bounds if value <= least)
+
+
+# --- slow changes ----------------------------------------------------------------------------------------------------
+
+
+def slow_covariance(slopes: Array, residual: Array, time: Array, velocity: Array) -> tuple[Array, float]:
+    """Return the covariance of least-squares parameters if residuals change slowly, and its degrees of freedom.
+
+    The angle and the velocity at the start are those of the swing with its slow changes. Without two turning points,
+    the covariance is that for independent residuals.
+
+    The noise w is that of the slow changes themselves, with KNOWN degrees of freedom added from the median of the
+    residual's periodogram, which a vibration at another frequency does not enlarge. The degrees of freedom are those of
+    a variance whose logarithm is as uncertain: 2 over its variance, in the mean over the parameters (compare
+    Satterthwaite 1946, Biometrics Bull. 2, 110).
+
+    Args:
+        slopes: derivatives J of the readings, ``(readings, parameters)``.
+        residual: readings minus model [rad].
+        time, velocity: times [s], and the rates of the model's readings there [rad/s].
+    """
+    (n, k), (inverse, _) = slopes.shape, inverted(slopes)
+    turns = np.flatnonzero(np.diff(np.signbit(velocity).astype(np.int8)))
+    noise = float(np.median(np.abs(np.fft.rfft(residual)[1:]) ** 2)) / math.log(2.0) / (n - k)
+    if len(turns) < 2 or not noise > 0.0:
+        return inverse * (float(residual @ residual) / (n - k)), float(n - k)
+    phase = swing_phase(time, velocity, turns)
+    waves = math.sqrt(2.0) * np.cos(phase), math.sqrt(2.0) * np.sin(phase), np.ones(n)
+    parts = [_judged(wave, slopes, residual, turns, inverse, noise) for wave in waves]
+    likelihood, level, shares, moves, starts, counts = (np.stack(column) for column in zip(*parts, strict=True))
+    usual = np.sqrt(SIZES[1:]) / (USUAL**2 + SIZES[1:])
+    weights = likelihood * np.concatenate([[0.5], 0.5 * usual / usual.sum()])
+    other = weights[1::-1].sum(axis=(1, 2), keepdims=True) / len(FALLS)
+    weights[:2] *= (1.0 - TOGETHER) * other + TOGETHER * likelihood[1::-1]
+    weights /= weights.sum(axis=(1, 2), keepdims=True)
+    own = np.exp((weights * level).sum(axis=(1, 2)))
+    white = inverse * own.min() + np.einsum("i,iao,ibo->ab", own - own.min(), moves, moves)
+    logs = np.log1p(SIZES[:, None] * shares[:, :, None, :])
+    slow = own[:, None] * np.expm1(np.einsum("ifs,ifso->io", weights, logs))
+    moves = moves - starts
+    covariance = white + np.einsum("iao,io,ibo->ab", moves, slow, moves)
+    lowest = level + logs.max(axis=3)
+    unsure = (weights * lowest**2).sum(axis=(1, 2)) - (weights * lowest).sum(axis=(1, 2)) ** 2
+    variances = np.stack([np.diag(white), *np.einsum("iao,io->ia", moves**2, slow)])
+    total = np.diag(covariance)
+    ratios = (variances / total)[:, np.isfinite(total) & (total > 0.0)]
+    spread = np.concatenate([[2.0 / counts.mean()], unsure]) @ ratios**2
+    return covariance, max(2.0 / float(np.mean(spread)), 2.0) if spread.size else float(n - k)
+
+
+def swing_phase(time: Array, velocity: Array, turns: NDArray[np.int64]) -> Array:
+    """Return the phase of a swing [rad], a multiple of pi where the velocity is 0, and linear in time between.
+
+    ``turns`` are the readings after which the velocity changes sign.
+    """
+    before, after = velocity[turns], velocity[turns + 1]
+    at = time[turns] + (time[turns + 1] - time[turns]) * before / (before - after)
+    half = (at[-1] - at[0]) / (len(at) - 1)
+    early, late = (1.0 + math.ceil(max(x, 0.0) / half) for x in (at[0] - time[0], time[-1] - at[-1]))
+    at = np.concatenate([[at[0] - early * half], at, [at[-1] + late * half]])
+    number = np.concatenate([[-early], np.arange(len(turns)), [len(turns) - 1.0 + late]])
+    return np.asarray(math.pi * np.interp(time, at, number))
+
+
+def _judged(
+    wave: Array, slopes: Array, residual: Array, turns: NDArray[np.int64], inverse: Array, noise: float
+) -> tuple[Array, ...]:
+    """Return how well each power and size of a slow change times ``wave`` explains a residual, and what it does to the
+    parameters.
+
+    Sums over half swings, between the turning points, take the place of readings.
+
+    Returns:
+        The restricted likelihood, relative to the largest, and the logarithm of the noise, both ``(powers, sizes)``;
+        the variances of the orders for s = 1, ``(powers, orders)``; the changes of the parameters for coefficients of
+        1, and the part of them that is due to the value at the start, both ``(parameters, orders)``; and the degrees of
+        freedom of the noise.
+    """
+    inverse, edges = _finite(inverse), np.concatenate([[0], turns + 1])
+    squares, tied, sums = (np.add.reduceat(x, edges, axis=0) for x in (
+        wave * wave, wave[:, None] * slopes, wave * residual))
+    order = np.arange(min(ORDERS, max(len(edges) // 2, 2)) + 1)
+    size = np.sqrt((2.0 * order + 1.0) / len(wave))
+    slow = np.polynomial.legendre.legvander((2.0 * np.arange(len(edges)) + 1.0) / len(edges) - 1.0, order[-1]) * size
+    across = slow.T @ tied
+    values, vectors = np.linalg.eigh((slow.T * squares) @ slow - across @ inverse @ across.T)
+    seen = values > LEFT
+    mixed = np.sqrt(values[seen])[:, None] * vectors.T[seen]
+    shown = mixed @ (slow.T @ sums - across @ inverse @ (slopes.T @ residual)) / values[seen]
+    lowest = int(np.ptp(wave) > 0.0)  # the fitted start has the order 0 of a and b, but no parameter that of z
+    shares = np.where(order >= lowest, np.maximum(order + 1.0 - lowest, 1.0) ** (-FALLS[:, None] / (2.0 - lowest)), 0.0)
+    likelihood, level = np.empty((2, len(FALLS), len(SIZES)))
+    degrees = len(shown) + KNOWN
+    for i, share in enumerate(shares):
+        own, turned = np.linalg.eigh((mixed * share) @ mixed.T)
+        variances = 1.0 + SIZES[:, None] * np.maximum(own, 0.0)
+        chi2 = ((turned.T @ shown) ** 2 / variances).sum(axis=1) + KNOWN * noise
+        likelihood[i] = -0.5 * np.log(variances).sum(axis=1) - 0.5 * degrees * np.log(chi2)
+        level[i] = np.log(chi2 / degrees)
+    start = inverse @ np.outer(tied.sum(axis=0), (-1.0) ** order * size * lowest)
+    return np.exp(likelihood - likelihood.max()), level, shares, inverse @ across.T, start, np.array(degrees)
 
 
 # --- rounding --------------------------------------------------------------------------------------------------------

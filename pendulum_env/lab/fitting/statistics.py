@@ -12,6 +12,8 @@ from pendulum_env.lab.noise import off_neighbours
 
 Array = NDArray[np.float64]
 
+DEPENDENT = 0.05
+"""Residuals have a pattern, to a reader, if the p value of the runs test is below this."""
 WINDOW = 5.0
 """The sum of autocorrelations ends at the lag that is this many times the sum (Sokal 1997)."""
 FOUND = 2.0 / (4.0 * ((56 / 70) ** 2 + (28 / 70) ** 2 + (8 / 70) ** 2 + (1 / 70) ** 2))
