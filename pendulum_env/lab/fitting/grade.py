@@ -228,7 +228,8 @@ def of_remedies(remedies: Sequence[Remedy]) -> tuple[str, ...]:
     """Return sentences on the faults that explain a misfit, the one that explains most first, with their options."""
     sentences = []
     for i, one in enumerate(remedies):
-        first = f"or {one.sentence}; the recording does not tell which" if one.instead else f"besides, {one.sentence}" if i else one.sentence
+        before, after = ("or ", "; the recording does not tell which") if one.instead else ("besides, " * (i > 0), "")
+        first = f"{before}{one.sentence}{after}"
         sentences.append(f"{first[0].upper()}{first[1:]}.")
     return tuple(sentences)
 

@@ -29,8 +29,8 @@ from pendulum_env.physics import exact
 
 Array = NDArray[np.float64]
 
-JUMP, OUTLIERS, DRIFT = "jump", "outliers", "drift"
-"""Names of the faults that can be taken out of the readings."""
+JUMP, OUTLIERS, DRIFT, PERIOD = "jump", "outliers", "drift", "period"
+"""Names of faults; the first three can be taken out of the readings."""
 SUBTRACTED = "subtracted (--no-jumps leaves it in)"
 """Words on a jump of the zero that a fit has subtracted."""
 GAIN = 10.0
@@ -47,14 +47,19 @@ EDGE = 0.02
 """Share of the readings at either end in which no jump of the zero is searched."""
 DECAYS = (0.0, 2.0, 6.0, 20.0, 60.0)
 """Decay rates at which a second swing is searched, times the duration."""
+SLOW = 0.3
+"""Lowest frequency of a second swing, as a share of the swing's own: what is slower is a zero that moves."""
+LARGEST = 0.25
+"""Largest second swing, as a share of the range of the readings."""
 SEEN = 15.0
 """Least peak of a periodogram, in mean powers, that is taken for a second swing; noise has peaks of 10."""
 FADED = math.log(10.0)
 """A second swing counts as over when it has fallen to a tenth."""
 ALIKE = 6.0
 """Faults count as alike if their criteria differ by less: "strong" evidence (Kass & Raftery 1995)."""
-NEAR = 0.03
-"""Relative difference up to which a scale counts as that of a mistaken unit, if its error is smaller."""
+NEAR, SURE = 0.003, 0.03
+"""A scale counts as that of a mistaken unit if it is within three errors and the first share of it, and if its error is
+below the second share."""
 UNITS = {
     math.pi / 180.0: ("radians that are read as degrees", "--unit rad"),
     180.0 / math.pi: ("degrees that are read as radians", "--unit deg"),
@@ -136,12 +141,13 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
         base = _beyond(solution)
         noise = MISFIT * max(scatter_level(swing.time, solution.residual), sigma)
         tried = [] if solution.lost else list(_shapes(solution, swing, measured, base))
-        gains = _gains(tried, base, solution)
+        tau = _sudden(tried, base, solution) if _rms(base) > noise else math.inf
+        gains = _gains(tried, base, solution, tau)
         best = tried[int(np.argmax(gains))] if max(gains, default=0.0) > GAIN else None
         sudden = best is not None and best.name in (JUMP, OUTLIERS)  # which no scale, column or damping resembles
         if not found and _rms(base if best is None else best.residual) > (noise if best is None or sudden else 0.0):
-            tried += _fitted(solution.model, swing, measured, sigma)
-        chosen = _best(tried, base, solution)
+            tried = [one for one in tried if one.name != PERIOD] + _fitted(solution, swing, measured, sigma)
+        chosen = _best(tried, base, solution, tau)
         found += [_named(fault, gain, swing)._replace(instead=i > 0) for i, (fault, gain) in enumerate(chosen)]
         if len(chosen) != 1 or chosen[0][0].columns is None:
             break
@@ -149,24 +155,43 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
     return tuple(found)
 
 
-def _gains(tried: Sequence[Fault], base: Array, solution: FitSolution) -> list[float]:
-    """Return by how much every fault lowers the criterion, with the closest fit's number of independent readings."""
+def _sudden(tried: Sequence[Fault], base: Array, solution: FitSolution) -> float:
+    """Return the correlation time with which outliers or jumps are judged, if they are closest; inf for other faults.
+
+    What one fault leaves is correlated if there is another, which must not hide that the first is there. Readings that
+    are far off are independent evidence, each. Of jumps, the correlation time is that of what several of them leave.
+    """
+    both, left = solution, base
+    for _ in range(MOST):
+        step = (np.arange(len(base)) > _jump(both, left)).astype(np.float64)
+        both = replace(both, jacobian=np.column_stack([both.jacobian, step]))
+        left = _beyond(both)
+    for name, tau in ((OUTLIERS, 1.0), (JUMP, correlation_time(left))):
+        gains = _gains(tried, base, solution, tau)
+        if gains and tried[int(np.argmax(gains))].name == name:
+            return tau
+    return math.inf
+
+
+def _gains(tried: Sequence[Fault], base: Array, solution: FitSolution, tau: float) -> list[float]:
+    """Return by how much every fault lowers the criterion, with the closest fit's number of independent readings, or
+    with the correlation time ``tau`` if that is shorter."""
     if not tried:
         return []
     n, k = solution.jacobian.shape
     squares = [float(one.residual @ one.residual) for one in tried]
-    effective = n / correlation_time(tried[int(np.argmin(squares))].residual)
+    effective = n / min(tau, correlation_time(tried[int(np.argmin(squares))].residual))
     return [bic(float(base @ base), n, k, effective) - bic(own, n, k + one.parameters, effective)
             for one, own in zip(tried, squares, strict=True)]
 
 
-def _best(tried: list[Fault], base: Array, solution: FitSolution) -> list[tuple[Fault, float]]:
+def _best(tried: list[Fault], base: Array, solution: FitSolution, tau: float) -> list[tuple[Fault, float]]:
     """Return the fault that lowers the criterion most, and those that lower it about as much, each with its gain.
 
     Faults that add a shape are confirmed by a refit of the model. The list is empty if no fault lowers it enough.
     """
     while True:
-        gains = _gains(tried, base, solution)
+        gains = _gains(tried, base, solution, tau)
         order = sorted(range(len(tried)), key=lambda i: -gains[i])
         close = [i for i in order if gains[i] > max(GAIN, gains[order[0]] - ALIKE)]
         rough = next((i for i in close if tried[i].solution is None), None)
@@ -191,10 +216,17 @@ def _confirmed(fault: Fault, solution: FitSolution) -> Fault:
     again = solution_at(model, values, less, np.full(n, math.sqrt(squares / n)))
     more = _beside(again, fault.columns)[k:]
     again = replace(again, residual=again.residual - fault.columns @ more)
-    left = _beyond(again)
-    inverse, _ = inverted(np.column_stack([again.jacobian, fault.columns]))
-    variance = float(left @ left) / max(n - k - len(more), 1) * correlation_time(left)
-    return fault._replace(residual=left, solution=again, sizes=sizes + more, covariance=variance * inverse[k:, k:])
+    return _measured(fault._replace(solution=again), sizes + more)
+
+
+def _measured(fault: Fault, sizes: Array) -> Fault:
+    """Return a fault with its sizes and their covariance, from the fit of the model without it."""
+    assert fault.columns is not None
+    assert fault.solution is not None
+    left, (n, k) = _beyond(fault.solution, fault.columns), fault.solution.jacobian.shape
+    inverse, _ = inverted(np.column_stack([fault.solution.jacobian, fault.columns]))
+    variance = float(left @ left) / max(n - k - len(sizes), 1) * correlation_time(left)
+    return fault._replace(residual=left, sizes=sizes, covariance=variance * inverse[k:, k:])
 
 
 def _beside(solution: FitSolution, columns: Array) -> Array:
@@ -243,18 +275,25 @@ def _shapes(solution: FitSolution, swing: Recording, measured: Measured, base: A
     def fault(name: str, columns: Array, parameters: int, *detail: float) -> Fault:
         return Fault(name, parameters, _beyond(solution, columns), columns, detail)
 
-    yield fault("drift", (share - 0.5)[:, None], 1)
-    yield fault("period", (solution.velocity * time * (1.0 - share) / 2.0)[:, None], 1)
+    yield fault(DRIFT, (share - 0.5)[:, None], 1)
+    yield fault(PERIOD, (solution.velocity * _delay(time))[:, None], 1)
     at = _jump(solution, base)
-    yield fault("jump", (np.arange(len(time)) > at).astype(np.float64)[:, None], 2, at)
+    yield fault(JUMP, (np.arange(len(time)) > at).astype(np.float64)[:, None], 2, at)
     size = np.abs(base)
     far = np.flatnonzero(size > FAR * max(1.4826 * float(np.median(size)), swing.reading_quantum))
     if 0 < len(far) <= FEW * len(base):
         single = (np.arange(len(base))[:, None] == far).astype(np.float64)
-        yield fault("outliers", single, 2 * len(far), *far.tolist())
+        yield fault(OUTLIERS, single, 2 * len(far), *far.tolist())
     second = _second_swing(solution, time, measured.period, base)
     if second is not None:
-        yield fault("swing", _oscillation(time, *second), 4, *second)
+        wave = _oscillation(time, *second)
+        if np.hypot(*_beside(solution, wave)[-2:]) < LARGEST * float(np.ptp(swing.readings)):
+            yield fault("swing", wave, 4, *second)
+
+
+def _delay(time: Array) -> Array:
+    """Return by how much a period that changes by a share of 1 during a run shifts every time [s]."""
+    return np.asarray(time * (1.0 - time / time[-1]) / 2.0)
 
 
 def _jump(solution: FitSolution, base: Array) -> int:
@@ -285,12 +324,16 @@ def _second_swing(solution: FitSolution, time: Array, period: float, base: Array
     from scipy.optimize import least_squares
 
     step, duration, q = float(np.median(np.diff(time))), float(time[-1]), basis(solution.jacobian)
+
+    def overtone(frequency: Array) -> NDArray[np.bool_]:
+        order = np.round(frequency * period)
+        near = np.abs(frequency - order / period) < np.maximum(2.0 / duration, 0.02 * frequency)
+        return np.asarray((order > 1.0) & near)
+
     even = np.arange(0.0, duration + 0.5 * step, step)
     size = next_fast_len(4 * len(even), real=True)
     frequency = np.arange(size // 2 + 1) / (size * step)
-    order = np.round(frequency * period)
-    overtone = (order > 1.0) & (np.abs(frequency - order / period) < np.maximum(2.0 / duration, 0.02 * frequency))
-    usable = (frequency > 2.0 / duration) & ~overtone
+    usable = (frequency > max(2.0 / duration, SLOW / period)) & ~overtone(frequency)
     evenly = np.interp(even, time, base)
     weights = np.exp(-np.outer(DECAYS, even / duration))
     powers = np.abs(rfft(evenly * weights, size)) ** 2 / np.square(weights).sum(axis=1)[:, None] * usable
@@ -305,15 +348,16 @@ def _second_swing(solution: FitSolution, time: Array, period: float, base: Array
 
     start = [frequency[place] * duration, DECAYS[int(which)]]
     x = least_squares(left, start, x_scale=(0.3, 1.0), max_nfev=20).x / duration
-    return float(x[0]), abs(float(x[1]))
+    return None if overtone(x[:1])[0] else (float(x[0]), abs(float(x[1])))
 
 
 # --- faults that need another fit ------------------------------------------------------------------------------------
 
 
-def _fitted(model: Model, swing: Recording, measured: Measured, sigma: float) -> list[Fault]:
-    """Return the fits with a scale of the angles, with the readings as angular velocities, and with all dampings."""
-    found = []
+def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: float) -> list[Fault]:
+    """Return the fits with a scale of the angles, with the readings as angular velocities, with all dampings, and with
+    a period that changes."""
+    found, model = [], solution.model
     for name, fit in (("scale", _with_scale), ("column", _as_rates), ("damping", _with_all_dampings)):
         try:
             other = fit(model, swing, measured, sigma)
@@ -322,7 +366,20 @@ def _fitted(model: Model, swing: Recording, measured: Measured, sigma: float) ->
         if other is not None and not other.lost:
             more = max(len(other.model.names) - len(model.names), 1)
             found.append(Fault(name, more, _beyond(other), solution=other))
-    return found
+    return found if solution.lost else [*found, _with_drift(solution, swing)]
+
+
+def _with_drift(solution: FitSolution, swing: Recording) -> Fault:
+    """Return the fit with a period that changes linearly: the model at times that are shifted accordingly."""
+    model, share, k = solution.model, 0.0, len(solution.values)
+    time = swing.time - swing.time[0]
+    for _ in range(5):
+        column = (solution.velocity * _delay(time))[:, None]
+        share += float(_beside(solution, column)[k])
+        shifted = replace(model, time=swing.time + share * _delay(time))
+        values, squares = refit(shifted, swing.readings, solution.values, solution.jacobian)
+        solution = solution_at(shifted, values, swing.readings, np.full(len(time), math.sqrt(squares / len(time))))
+    return _measured(Fault(PERIOD, 1, solution.residual, column, solution=solution), np.array([share]))
 
 
 def _with_scale(model: Model, swing: Recording, measured: Measured, sigma: float) -> FitSolution | None:
@@ -335,11 +392,13 @@ def _with_scale(model: Model, swing: Recording, measured: Measured, sigma: float
     small = spans / exact.period(size / scales[:, None], math.tau)
     away = np.median(np.abs(small / np.median(small, axis=1)[:, None] - 1.0), axis=1)
     best = int(np.argmin(away))
-    found = replace(measured, angle=measured.angle / scales[best], velocity=measured.velocity / scales[best],
-                    period=2.0 * float(np.median(small[best])))
+    scale = float(scales[best])
+    found = replace(measured, angle=measured.angle / scale, velocity=measured.velocity / scale,
+                    period=2.0 * float(np.median(small[best])),
+                    points=replace(points, angle=points.angle / scale, error=points.error / scale))
     scaled = replace(model, names=(*START, SCALE, *model.names[len(START):]))
     start = found.start(scaled)
-    start[scaled.names.index(SCALE)] = scales[best]
+    start[scaled.names.index(SCALE)] = scale
     return solve(scaled, swing.readings, np.full(len(swing.time), sigma), start)
 
 
@@ -378,19 +437,19 @@ def _named(fault: Fault, gain: float, swing: Recording) -> Remedy:
         return number, f"{abs(number.value):.3g}{sign}"
 
     half = f"--until {0.5 * (start + end):.3g}"
-    if fault.name == "jump":
+    if fault.name == JUMP:
         at = float(swing.time[int(fault.detail[0])]) + start
         number, size = shown(float(fault.sizes[0]), float(errors[0]))
         text, option = f"the zero jumps by {size} at {at:.4g} s", "a fit without --no-jumps subtracts it"
-    elif fault.name == "drift":
+    elif fault.name == DRIFT:
         number, size = shown(float(fault.sizes[0]), float(errors[0]))
         text, option = f"the zero drifts by {size} during the run", half
-    elif fault.name == "period":
+    elif fault.name == PERIOD:
         number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
         text = (f"the period {'grows' if number.value > 0.0 else 'falls'} by {abs(number.value):.2g} ± "
                 f"{number.error:.1g} % during the run, because the length, the pivot or the clock changes")
         option = half
-    elif fault.name == "outliers":
+    elif fault.name == OUTLIERS:
         places = [int(place) for place in fault.detail]
         worst = int(np.argmax(np.abs(fault.sizes)))
         number, size = shown(float(fault.sizes[worst]), float(errors[worst]))
@@ -438,7 +497,7 @@ def _scaled(solution: FitSolution, residual: Array, gain: float, change: Array) 
     error = math.sqrt(variance * float(inverse[place, place]))
     number = Measurement(scale, error, "1")
     for ratio, (words, option) in UNITS.items():
-        if abs(scale / ratio - 1.0) < NEAR and error < NEAR * scale:
+        if abs(scale - ratio) < 3.0 * error + NEAR * ratio and error < SURE * ratio:
             return Remedy("unit", f"the angles are {_factor(number)}: they are {words}", option, number, gain, change)
     names = [*(name for name in solution.model.free if name not in SENSOR), SCALE]
     return Remedy("scale", f"the angles are {_factor(number)}", f"--free {','.join(names)}", number, gain, change)

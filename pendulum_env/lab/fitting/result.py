@@ -33,7 +33,7 @@ from pendulum_env.lab.fitting.intervals import (
 )
 from pendulum_env.lab.fitting.model import SCALE, START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.posterior import Posterior, posterior
-from pendulum_env.lab.fitting.remedies import Remedy
+from pendulum_env.lab.fitting.remedies import OUTLIERS, Remedy
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
     FOUND,
@@ -236,7 +236,8 @@ class Fit(Plotted):
         """Grade of the fit: whether the model follows, the ``remedies``, and usable or not, with the reasons; see its
         ``text``."""
         unit, size = self.shown(1.0), float(np.std(self.recording.readings - self.residual))
-        rms = self.residual * math.sqrt(len(self.residual) / self.degrees_of_freedom)
+        single = sum((one.change for one in self.remedies if one.name == OUTLIERS), np.zeros(len(self.residual)))
+        rms = (self.residual - single) * math.sqrt(len(self.residual) / self.degrees_of_freedom)
         found, left_out = side("the noise of the readings", lambda: of_misfit(
             self.damping, unit * rms, unit * self._usual_noise, unit * size, self.sign))
         follows, misfit = ("", [as_fault(left_out)]) if found is None else found
