@@ -60,6 +60,9 @@ def fit(
     drop: options.Drop = None,
     robust: Annotated[
         bool, options.flag("Let readings that are far off count less (soft L1).", "--robust")] = False,
+    no_jumps: Annotated[
+        bool, options.flag("Leave jumps of the sensor's zero in; by default they are subtracted where that explains "
+                           "the readings clearly better.", "--no-jumps")] = False,
     action: Annotated[
         str | None,
         options.option("Column of the action in logs of driven runs, by name or number; by default as titled.")
@@ -123,7 +126,7 @@ def fit(
     part = 0.9 if sampling is None else 0.3
     place = FILE if file is None else file
     words = given(unit=unit, rate=rate, scale=scale, columns=columns, until=until,
-                  drop=",".join(drop) if drop else None)
+                  drop=",".join(drop) if drop else None, jumps=False if no_jumps else None)
     data = recording_of(place, read, **words)
     names = None if free is None else tuple(name for part in free.split(",") if (name := part.strip()))
     plan = planned(data, effects, scene, names, robust, known)
@@ -152,7 +155,7 @@ def fit(
     with warnings.catch_warnings(record=True) as warned, bar("fit") as progress:
         warnings.simplefilter("always", UserWarning)
         with shown_if_refused(show_measured, lambda: tell_of(warned)):
-            best = run(data, effects, scene=scene, free=names, above=above, robust=robust,
+            best = run(data, effects, scene=scene, free=names, above=above, robust=robust, jumps=not no_jumps,
                        progress=lambda done, text: progress(part * done, text), **known)
             found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
@@ -178,7 +181,7 @@ def fit(
         print_table(found.table, f"posterior, {best.damping} damping")
         print_text(found.text)
     print_files(paths)
-    reading = [*(f"{name}={value}" for name, value in words.items()), *(read or ())]
+    reading = [*(f"{name}={'false' if value is False else value}" for name, value in words.items()), *(read or ())]
     print_text("To compare the recording with other methods, run:")
     print(printable(to_lay_over(best, place, paths[-1], reading)))
 

@@ -24,7 +24,6 @@ from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency
 from pendulum_env.exercise.values import digits, fixed, values, with_error
 from pendulum_env.exercise.worked import Worked
-from pendulum_env.lab.losses import percent
 from pendulum_env.physics.units import SceneError, line
 from pendulum_env.plots import save_all
 
@@ -151,7 +150,6 @@ def environment() -> Environment:
         "deg": math.degrees,
         "f": fixed,
         "with_error": with_error,
-        "percent": percent,
         "m": lambda source: Markup(mathml(text_of(source))),
         "equations": lambda source: Markup(mathml(text_of(source), block=True)),
         "css": lambda source: Markup(escape(css_text(source))),

@@ -146,7 +146,8 @@ def check_half_turn(angle: FloatArray, what: str) -> None:
     if largest >= math.pi:
         raise RecordingError(
             f"{what} swings below half a turn, but the bob goes over the top: read as radians, {largest:.3g} is "
-            f"{math.degrees(largest):.3g}°. If the readings are degrees, give unit=deg (--unit deg).")
+            f"{math.degrees(largest):.3g}°. If the readings are degrees, give unit=deg (--unit deg); if they "
+            "are angular velocities, columns=\"time=1,rate=2\" (--columns time=1,rate=2).")
 
 
 def chosen(name: str, what: str, parts: Sequence[str], part: str | None, best: Sequence[str] = ()) -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from pendulum_env.lab.checked import FloatArray
+from pendulum_env.lab.fitting.statistics import bic, correlation_time
 from pendulum_env.lab.noise import noise_level
 from pendulum_env.lab.turning import Angles, all_turning_points
 
@@ -16,6 +19,8 @@ _LEAST = 2
 """Fewest middles of three turning points on either side of a jump."""
 _ALIKE = 0.25
 """After a correction, the middles on both sides of a jump differ by less than this share of it."""
+_GAIN = 10.0
+"""Fall of the Bayesian information criterion by which a step must improve a swing about it."""
 _NEAR = 12
 """Number of middles on either side of a jump from which the zero on that side is computed, as their median."""
 
@@ -24,8 +29,9 @@ def without_jumps(time: FloatArray, angle: FloatArray) -> tuple[FloatArray, list
     """Return the angles [rad] of a swing without jumps of its zero, and a note on each.
 
     At a jump, two successive readings differ by much more than those beside them predict, and the middles of successive
-    turning points differ by as much before and after it. The medians of these middles give its size. The readings
-    before the first jump stay as they are.
+    turning points differ by as much before and after it. The medians of these middles give its size. It is subtracted
+    only if a swing with a step has a lower Bayesian information criterion than one without, in the readings within half
+    a period of it. The readings before the first jump stay as they are.
     """
     notes: list[str] = []
     for _ in range(_MOST):
@@ -35,7 +41,7 @@ def without_jumps(time: FloatArray, angle: FloatArray) -> tuple[FloatArray, list
         at, size = jump
         angle = _moved(angle, at, size)
         notes.append(f"zero: a jump of {np.degrees(size):.3g} degrees after {time[at]:.4g} s, subtracted from all "
-                     "later readings (until= leaves them out)")
+                     "later readings (--no-jumps or jumps=False leaves it in)")
     return angle, notes
 
 
@@ -51,13 +57,16 @@ def _clearest(time: FloatArray, angle: FloatArray) -> tuple[int, float] | None:
     for at in np.argsort(-size)[:3].tolist():
         if size[at] > least:
             offset = _offset(time, _moved(angle, at, float(extra[at])), float(time[at]))
-            if offset is not None and abs(offset) < _ALIKE * size[at]:
-                return at, float(extra[at]) + offset
+            if offset is None or abs(offset[0]) >= _ALIKE * size[at]:
+                continue
+            if _gained(time, angle, at, offset[1]) > _GAIN:
+                return at, float(extra[at]) + offset[0]
     return None
 
 
-def _offset(time: FloatArray, angle: FloatArray, moment: float) -> float | None:
-    """Return by how much the middles of turning points after a moment exceed those before it; None for too few."""
+def _offset(time: FloatArray, angle: FloatArray, moment: float) -> tuple[float, float] | None:
+    """Return by how much the middles of turning points after a moment exceed those before it, and the duration of a
+    half swing [s]; None for too few."""
     points = all_turning_points(Angles(time, angle))
     if len(points.time) < 2 * _LEAST + 4:
         return None
@@ -65,7 +74,27 @@ def _offset(time: FloatArray, angle: FloatArray, moment: float) -> float | None:
     before, after = points.time[2:] < moment, points.time[:-2] > moment
     if min(np.count_nonzero(before), np.count_nonzero(after)) < _LEAST:
         return None
-    return float(np.median(middle[after][:_NEAR]) - np.median(middle[before][-_NEAR:]))
+    return (float(np.median(middle[after][:_NEAR]) - np.median(middle[before][-_NEAR:])),
+            float(np.median(np.diff(points.time))))
+
+
+def _gained(time: FloatArray, angle: FloatArray, at: int, half: float) -> float:
+    """Return by how much a step after the index ``at`` lowers the information criterion of the swing about it.
+
+    The swing is an oscillation with half swings of ``half`` [s] whose amplitude changes linearly, and its third
+    overtone. A step has two parameters, its size and its time.
+    """
+    near = np.flatnonzero(np.abs(time - time[at]) <= half)
+    phase = math.pi / half * (time[near] - time[at])
+    wave = np.exp(1j * phase)
+    columns = np.stack([np.ones(len(near)), wave.real, wave.imag, phase * wave.real, phase * wave.imag,
+                        (wave**3).real, (wave**3).imag, near > at], axis=1)
+    left = [angle[near] - part @ np.linalg.lstsq(part, angle[near], rcond=None)[0]
+            for part in (columns[:, :-1], columns)]
+    without, with_step = (float(one @ one) for one in left)
+    count = len(near)
+    effective = count / correlation_time(left[1])
+    return bic(without, count, 7, effective) - bic(with_step, count, 9, effective)
 
 
 def _moved(angle: FloatArray, at: int, size: float) -> FloatArray:

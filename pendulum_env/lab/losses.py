@@ -20,6 +20,8 @@ NEXT = 1.5
 """Largest time between successive turning points, in half swings; after a longer time, readings are missing."""
 _LEAST_EIGENVALUE = 1e-12
 """Floor for the eigenvalues of the scaled normal matrix; smaller ones occur if the amplitudes hardly differ."""
+TOLD = 0.5
+"""Largest error of a share of the loss that is a result; a share is between 0 and 1."""
 LAWS = ("constant", "linear", "quadratic")
 """Growth of the loss with the amplitude: constant for dry friction, then for linear and for quadratic drag."""
 
@@ -45,9 +47,19 @@ class Losses:
 
     @property
     def text(self) -> str:
-        """Sentence on the constant, linear and quadratic shares of the loss per half swing."""
-        shares = ", ".join(f"{percent(part)} {law}" for law, part in self.shares.items())
-        return f"the loss per half swing at {math.degrees(self.amplitude):.3g}° is {shares} in the amplitude"
+        """Clause on the constant, linear and quadratic shares of the loss per half swing, and on those that the
+        recording does not tell."""
+        if not self.told:
+            return "the recording does not tell constant, linear and quadratic loss apart"
+        shares = ", ".join(f"{percent(part)} {law}" for law, part in self.told.items())
+        rest = " or ".join(law for law in LAWS if law not in self.told)
+        return (f"the loss per half swing at {math.degrees(self.amplitude):.3g}° is {shares} in the amplitude"
+                + (f"; the recording does not tell how much of the rest is {rest}" if rest else ""))
+
+    @property
+    def told(self) -> dict[str, Measurement]:
+        """Shares that the recording tells: those with an error below a half (TOLD)."""
+        return {law: part for law, part in self.shares.items() if part.error < TOLD}
 
 
 def losses(points: TurningPoints) -> Losses:

@@ -71,6 +71,7 @@ class ReadOptions(NamedTuple):
     sensor: float | None = None
     until: float | None = None
     drop: Drop | None = None
+    jumps: bool = True
 
     def checked(self) -> ReadOptions:
         """Return the settings after a check, with rate and scale as floats; RecordingError for an invalid value.
@@ -96,6 +97,8 @@ class ReadOptions(NamedTuple):
         if not scale:
             raise RecordingError(f"scale must be a finite number other than 0, got {shown(self.scale)}")
         sensor = None if self.sensor is None else one_number(self.sensor, "sensor", above=0.0, unit="m")
+        if not isinstance(self.jumps, bool):
+            raise RecordingError(f"jumps must be True or False, got {shown(self.jumps)}")
         return self._replace(rate=rate, scale=scale, run=count(self.run, "runs", "run"), sensor=sensor)
 
 
@@ -179,7 +182,7 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     if direct:
         angle, changed = _at_changes(angle)
         notes += changed
-    if not layout.track:
+    if not layout.track and options.jumps:
         angle, jumps = without_jumps(time, angle)
         notes += jumps
     if options.scale != 1.0:

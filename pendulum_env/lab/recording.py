@@ -115,6 +115,7 @@ class Recording(Plotted):
         sensor: float | None = None,
         release: float | None = None,
         zero: float | None = None,
+        jumps: bool = True,
     ) -> Recording:
         """Read a recording from a text file: columns of time [s] and angle, or time, x and y of a track, or one angle
         per line.
@@ -149,13 +150,15 @@ class Recording(Plotted):
             sensor: distance of an accelerometer from the pivot [m]; None: fitted.
             release: time in the file [s] at which the bob is free; earlier readings are cut, see :meth:`released`.
             zero: reading at the equilibrium, in the unit of the file (a track: rad), see :meth:`centred`.
+            jumps: True subtracts jumps of the sensor's zero that stand out clearly, with a note on each; False leaves
+                them in.
 
         Raises RecordingError for a file or setting that cannot be used, with the line number of a faulty line.
         """
         name = file_name(path)
         zero = None if zero is None else one_number(zero, "zero")
         file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit,
-                                           part, run, sensor, until, drop))
+                                           part, run, sensor, until, drop, jumps))
         recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes), rate=file.rate, force=file.force,
                         mount=file.mount, displaced=file.displaced, radius=file.radius)
         recording = recording if release is None else recording.released(release)

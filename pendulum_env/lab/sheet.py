@@ -184,7 +184,8 @@ class LabSheet(Plotted):
         ]
         if self.losses is not None:
             where = f"loss per half swing at {math.degrees(self.losses.amplitude):.3g}°"
-            rows += [(f"{law} part of the loss", percent(part), where) for law, part in self.losses.shares.items()]
+            rows += [(f"{law} part of the loss", percent(part) if law in self.losses.told else "not told apart", where)
+                     for law, part in self.losses.shares.items()]
         if self.reynolds is not None:
             first, last = self.reynolds
             medium = self.scene.medium.name
@@ -206,7 +207,7 @@ class LabSheet(Plotted):
                     ("quality factor", self.quality)))]
         if self.losses is not None:
             rows += [(f"{law} part of the loss", 100.0 * part.value, 100.0 * part.error, "%")
-                     for law, part in self.losses.shares.items()]
+                     for law, part in self.losses.told.items()]
         if self.reynolds is not None:
             rows += [(f"{which} Reynolds number", one, math.nan, "1")
                      for which, one in zip(("first", "last"), self.reynolds, strict=True)]

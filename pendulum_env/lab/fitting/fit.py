@@ -18,6 +18,7 @@ from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
 from pendulum_env.lab.fitting.grade import as_fault, of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.priors import priors_of
+from pendulum_env.lab.fitting.remedies import JUMP, OUTLIERS, SUBTRACTED, Remedy, remedies_of, repaired
 from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.robust import pulled, released
 from pendulum_env.lab.fitting.shooting import solve_all
@@ -35,6 +36,8 @@ from pendulum_env.physics.units import SceneError, boolean, naming_keywords, nea
 
 BOB = ("radius", "mass")
 """Parameters that must be given for the drag on the bob to be known, in a known medium."""
+MOST_JUMPS = 6
+"""Largest number of fits, after each of which but the last a jump of the zero may be subtracted."""
 LEAST_REST = 1e-3
 """Shortest rest at the end of a recording, as a share of its duration, that is left out of the fit."""
 
@@ -49,6 +52,7 @@ def fit(
     above: float | str | None = None,
     drop: Drop | None = None,
     robust: bool = False,
+    jumps: bool = True,
     progress: Progress | bool | None = None,
     **parameters: Any,
 ) -> Fit:
@@ -78,11 +82,14 @@ def fit(
         drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
         robust: True lets readings that are far off count less, by the soft L1 loss. Their weights follow from the model
             with the most dampings; see :mod:`pendulum_env.lab.fitting.robust`.
+        jumps: True subtracts jumps of the sensor's zero where the Bayesian information criterion falls by it by 10 or
+            more, with a note on each in the recording of the fit; False leaves them in.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
             function is called with the fraction done and the present activity.
         **parameters: known parameters of the scene, such as ``length=0.65, mass=0.0415``.
 
-    The ``grade`` of a fit says whether it is usable. Warns with the grade's sentence if the best model does not follow
+    The ``grade`` of a fit says whether the model follows the recording, which of its ``remedies`` would explain a
+    misfit, and whether the fit is usable. Warns with the grade's sentence if the best model does not follow
     all swings, or if swings grow or stay equal, which damping cannot cause; if a fitted damping parameter depends on a
     mass that is not given; and if the length is neither given nor fitted. Raises RecordingError
     unless ``recording`` is a Recording of a free swing below half a turn, with at least three turning points and more
@@ -90,6 +97,7 @@ def fit(
     """
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, for example from Recording.read, got {shown(recording)}")
+    level = boolean(jumps, "jumps")
     place, names, wanted, steady = planned(recording, effects, scene, free, robust, parameters)
     for sentence in other_units(place.body, place.gravity):
         warn(sentence)
@@ -102,17 +110,31 @@ def fit(
         if steady:
             swing = pulled(max(models, key=lambda model: len(model.numbers)), swing, telling)
             sigma = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings)))
-        measured = Measured.of(swing)
-        solutions = solve_all(models, swing, measured, sigma, telling)
+        subtracted: tuple[Remedy, ...] = ()
+        for _ in range(MOST_JUMPS):
+            measured = Measured.of(swing)
+            solutions = solve_all(models, swing, measured, sigma, telling)
+            richest = max(solutions, key=lambda one: (not one.lost, len(one.values)))
+            remedies = remedies_of(richest, swing, measured, sigma)
+            alone = not any(one.instead for one in remedies)
+            if not (level and alone and remedies) or swing.indirect or remedies[0].name != JUMP:
+                break
+            jump = remedies[0]._replace(option=SUBTRACTED)
+            subtracted += (jump,)
+            swing = repaired(swing, (jump,), jump.sentence)
     rest = float(free_swing.time[-1] - swing.time[-1])
     damped = not place.medium.empty and any(wanted)
+    points = Measured.of(repaired(swing, remedies)).points if remedies else measured.points
     found, left_out = side("the check of the swings' decay",
-                           lambda: of_swings(measured.points, math.tau / measured.period, damped))
+                           lambda: of_swings(points, math.tau / measured.period, damped))
     faults = tuple([as_fault(left_out)] if found is None else found)
-    fits = [Fit(swing, solution, sigma, rest=rest, faults=faults) for solution in solutions]
+    if any(fault.serious for fault in faults):  # a drive is no fault of the readings
+        remedies = tuple(one for one in remedies if one.name in (JUMP, OUTLIERS))
+    fits = [Fit(swing, solution, sigma, rest=rest, faults=faults, remedies=remedies, subtracted=subtracted)
+            for solution in solutions]
     comparison = FitComparison.of(fits)
     best = comparison.fits[0]
-    if faults or best.solution.lost:
+    if faults or remedies or best.solution.lost:
         warn(best.grade.text)
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)

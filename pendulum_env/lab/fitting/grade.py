@@ -1,4 +1,4 @@
-"""Grade of a fit: usable, usable with exceptions, or not usable, with the reasons."""
+"""Grade of a fit: whether the model follows the recording, what would mend it, and how good the fit is."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from pendulum_env.lab.fitting.remedies import Remedy
 from pendulum_env.lab.measures import envelope_rate
 from pendulum_env.lab.turning import TurningPoints
 
@@ -26,11 +27,12 @@ LASTS = 9
 """Number of successive swings whose median shows the growth that lasts."""
 LOST = 0.05
 """Share of the squared angles in readings that the model does not follow, from which on a fit is not usable."""
-BESIDE = 0.5
-"""A misfit counts if it exceeds this share of the error of a reading and the residuals have a pattern."""
-EXCESS, PATTERN = 2.0, 5.0
-"""Residuals show a misfit if they are the first number of times the error of a reading, or if they have too few runs by
-the second number of standard deviations."""
+EXCESS = 2.0
+"""Residuals of this many errors of a reading are a misfit."""
+MISSED = 0.05
+"""Root mean square of the residuals, as a share of that of the swing, from which on a misfit makes a fit not usable."""
+UNEVEN = 2.0
+"""A misfit at the start or at the end is named if it exceeds that of the whole recording by this factor."""
 
 
 class Fault(NamedTuple):
@@ -41,9 +43,17 @@ class Fault(NamedTuple):
 
 
 class Grade(NamedTuple):
-    """Grade of a fit: the reasons against it; it is usable without any, and not usable with a serious one."""
+    """Grade of a fit: usable without any reason against it or remedy, and not usable with a serious reason.
+
+    Attributes:
+        faults: the reasons against the fit.
+        follows: sentence on how closely the model follows the recording; "" if that was not judged.
+        remedies: sentences on faults of the recording that explain a misfit, with the options that remove them.
+    """
 
     faults: tuple[Fault, ...] = ()
+    follows: str = ""
+    remedies: tuple[str, ...] = ()
 
     @property
     def usable(self) -> bool:
@@ -51,16 +61,29 @@ class Grade(NamedTuple):
         return not any(fault.serious for fault in self.faults)
 
     @property
+    def conclusive(self) -> bool:
+        """True if the fit is usable and no fault of the recording explains a misfit; else models of damping cannot be
+        told apart."""
+        return self.usable and not self.remedies
+
+    @property
     def word(self) -> str:
         """The grade in a few words: "usable", "usable with exceptions" or "not usable"."""
-        return ("usable with exceptions" if self.faults else "usable") if self.usable else "not usable"
+        if not self.usable:
+            return "not usable"
+        return "usable with exceptions" if self.faults or self.remedies else "usable"
 
     @property
     def text(self) -> str:
-        """The grade and its reasons as a sentence."""
+        """Sentences: whether the model follows the recording, the remedies, and the grade with its reasons."""
         reasons = "; ".join(fault.text for fault in self.faults if fault.serious or self.usable)
-        return f"The fit is not usable, because {reasons}." if not self.usable else (
-            f"The fit is usable, except that {reasons}." if reasons else "The fit is usable.")
+        if not self.usable:
+            last = f"The fit is not usable, because {reasons}."
+        elif reasons:
+            last = f"The fit is usable, except that {reasons}."
+        else:
+            last = "The fit is usable, but better without this fault." if self.remedies else "The fit is usable."
+        return " ".join([*([self.follows] if self.follows else []), *self.remedies, last])
 
 
 def of_swings(points: TurningPoints, omega: float, damped: bool) -> list[Fault]:
@@ -171,26 +194,44 @@ def of_lost(damping: str, followed: float, time: Array, swing: Array) -> list[Fa
 
 
 def of_misfit(
-    damping: str, rms: float, noise: float, z: float, alike: bool, unit: str = "degrees"
-) -> list[Fault]:
-    """Return a list with the misfit of a model, if its residuals exceed the error of a reading.
+    damping: str, residual: Array, noise: float, swing: float, sign: str
+) -> tuple[str, list[Fault]]:
+    """Return a sentence on how closely a model follows a recording, and a list with its misfit if there is one.
 
-    They exceed it clearly by a factor of 2 (EXCESS). By less, they must have a pattern too, and a misfit of half an
-    error of a reading: with many readings, a runs test alone finds misfits that nobody minds.
+    A misfit exceeds the error of a reading by a factor of 2 (EXCESS). It is serious if it is over 5 % (MISSED) of the
+    swing. The sentence names the start or the end if the misfit is largest there.
 
     Args:
         damping: name of the model.
-        rms: root mean square of the residuals, in the degrees of freedom, in ``unit``.
-        noise: error of a reading, in ``unit``.
-        z: result of the runs test; below 0 for too few runs.
-        alike: True if neighbouring readings are rounded alike, which makes a pattern without a misfit.
-        unit: unit of the residuals in the message, such as "degrees".
+        residual: readings minus model, in the unit ``sign``.
+        noise: error of a reading, in that unit.
+        swing: root mean square of the readings about the equilibrium, in that unit.
+        sign: the unit, such as "°".
     """
-    pattern = z < -PATTERN and not alike and rms > noise * math.hypot(1.0, BESIDE)
-    if rms < EXCESS * noise and not pattern:
-        return []
-    return [Fault(f"the model {damping} does not fit to within the noise: its rms residual is {rms:.3g} {unit}, "
-                  f"the error of a reading {noise:.2g} (runs test: z = {z:.3g})", False)]
+    rms = float(np.sqrt(np.mean(residual**2)))
+    beside = f"its residual is {rms:.3g}{sign} rms, the error of a reading {noise:.2g}{sign}"
+    if rms < EXCESS * noise:
+        return f"The model {damping} follows the recording to within the noise: {beside}.", []
+    parts = np.array_split(residual, 10)
+    first, last = (float(np.sqrt(np.mean(part**2))) for part in (parts[0], parts[-1]))
+    where = "".join(f"; in the {name} tenth it is {own:.2g}{sign}" for name, own in (("first", first), ("last", last))
+                    if own > UNEVEN * rms)
+    times = f"{rms / noise:.2g} times the error of a reading ({noise:.2g}{sign})" if noise > 0.0 else "without noise"
+    if rms > MISSED * swing:
+        return (f"The model {damping} does not follow the recording: its residual is {rms:.3g}{sign} rms, {times} and "
+                f"{rms / swing:.0%} of the swing{where}.", [Fault("the model does not follow the recording", True)])
+    return (f"The model {damping} follows the recording only to {rms:.3g}{sign} rms, {times}{where}.",
+            [Fault("the misfit is larger than the noise, which the errors allow for", False)])
+
+
+def of_remedies(remedies: Sequence[Remedy]) -> tuple[str, ...]:
+    """Return sentences on the faults that explain a misfit, the one that explains most first, with their options."""
+    sentences = []
+    for i, one in enumerate(remedies):
+        before, after = ("or ", "; the recording does not tell which") if one.instead else ("besides, " * (i > 0), "")
+        first = f"{before}{one.sentence}{after}"
+        sentences.append(f"{first[0].upper()}{first[1:]}.")
+    return tuple(sentences)
 
 
 def as_fault(left_out: str) -> Fault:
@@ -198,6 +239,6 @@ def as_fault(left_out: str) -> Fault:
     return Fault(f"{left_out[0].lower()}{left_out[1:].removesuffix('.')}", False)
 
 
-def graded(faults: Sequence[Fault]) -> Grade:
-    """Return the grade for a list of reasons, the serious ones first."""
-    return Grade(tuple(sorted(faults, key=lambda fault: not fault.serious)))
+def graded(faults: Sequence[Fault], follows: str = "", remedies: Sequence[Remedy] = ()) -> Grade:
+    """Return the grade for a list of reasons, the serious ones first, and what :func:`of_misfit` says."""
+    return Grade(tuple(sorted(faults, key=lambda fault: not fault.serious)), follows, of_remedies(remedies))

@@ -22,7 +22,7 @@ from pendulum_env.lab.checked import RecordingError, side
 from pendulum_env.lab.fitting.base import FitResult
 from pendulum_env.lab.fitting.candidates import shapes
 from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
-from pendulum_env.lab.fitting.grade import Fault, Grade, as_fault, graded, of_lost, of_misfit
+from pendulum_env.lab.fitting.grade import Fault, Grade, as_fault, graded, of_lost, of_misfit, of_remedies
 from pendulum_env.lab.fitting.intervals import (
     Bootstrap,
     Interval,
@@ -34,6 +34,7 @@ from pendulum_env.lab.fitting.intervals import (
 )
 from pendulum_env.lab.fitting.model import SCALE, START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.posterior import Posterior, posterior
+from pendulum_env.lab.fitting.remedies import OUTLIERS, Remedy
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
     FOUND,
@@ -45,6 +46,7 @@ from pendulum_env.lab.fitting.statistics import (
     runs_test,
 )
 from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.noise import scatter_level
 from pendulum_env.lab.recording import Recording, in_words
 from pendulum_env.lab.turning import turning_points
 from pendulum_env.physics.scene import Scene
@@ -73,6 +75,9 @@ class Fit(FitResult):
         comparison: comparison with the other models; None if only one was fitted.
         rest: duration of the rest at the end of the recording that was not fitted [s].
         faults: signs that the recording is not a free swing, which are part of the ``grade``.
+        remedies: faults of the recording that explain a misfit, the one that explains most first, each with a
+            sentence, its option and its size; see :class:`pendulum_env.lab.fitting.remedies.Remedy`.
+        subtracted: jumps of the zero that were subtracted from the recording before this fit.
     """
 
     recording: Recording
@@ -81,6 +86,8 @@ class Fit(FitResult):
     comparison: FitComparison | None = None
     rest: float = 0.0
     faults: tuple[Fault, ...] = ()
+    remedies: tuple[Remedy, ...] = ()
+    subtracted: tuple[Remedy, ...] = ()
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.recording.source}, {self.damping} damping, rms {self.rms:.2g} "
@@ -163,6 +170,13 @@ class Fit(FitResult):
             return reading_error(self.recording.time, self.residual)
         return math.hypot(noise_beside(self.recording.time, self.residual, quantum), quantum / math.sqrt(12.0))
 
+    @property
+    def _usual_noise(self) -> float:
+        """Standard deviation of most readings [rad], which a few that are far off do not enlarge as they do ``noise``.
+        """
+        least = self.recording.reading_quantum / math.sqrt(12.0)
+        return float(np.fmin(self.noise, max(scatter_level(self.recording.time, self.residual), least)))
+
     @cached_property
     def rounded_alike(self) -> bool:
         """True if the readings scatter by less than half the sensor's step, so that neighbours are rounded alike."""
@@ -216,13 +230,17 @@ class Fit(FitResult):
 
     @cached_property
     def grade(self) -> Grade:
-        """Grade of the fit: usable, usable with exceptions, or not usable, with the reasons; see its ``text``."""
-        rms = math.sqrt(float(self.residual @ self.residual) / self.degrees_of_freedom)
+        """Grade of the fit: whether the model follows, the ``remedies``, and usable or not, with the reasons; see its
+        ``text``."""
+        unit, size = self.shown(1.0), float(np.std(self.recording.readings - self.residual))
+        single = sum((one.change for one in self.remedies if one.name == OUTLIERS), np.zeros(len(self.residual)))
+        rms = (self.residual - single) * math.sqrt(len(self.residual) / self.degrees_of_freedom)
         found, left_out = side("the noise of the readings", lambda: of_misfit(
-            self.damping, self.shown(rms), self.shown(self.noise), self.runs.z, self.rounded_alike, self.degrees))
-        misfit = [as_fault(left_out)] if found is None else found
-        return graded([*self.faults, *of_lost(self.damping, self.solution.followed, self.recording.time, self.swing),
-                       *misfit])
+            self.damping, unit * rms, unit * self._usual_noise, unit * size, self.sign))
+        follows, misfit = ("", [as_fault(left_out)]) if found is None else found
+        follows = " ".join([follows, *of_remedies(self.subtracted)])
+        lost = of_lost(self.damping, self.solution.followed, self.recording.time, self.swing)
+        return graded([*self.faults, *lost, *misfit], follows.strip(), self.remedies)
 
     @property
     def how(self) -> str:
@@ -501,10 +519,11 @@ class FitComparison:
     @property
     def text(self) -> str:
         """Summary in sentences: the best model, models that fit equally well, models that are ruled out, and the grade
-        of the best fit. If that is not usable, the grade alone.
+        of the best fit. If that is not usable, or a fault of the recording explains a misfit, the grade alone: the
+        misfit then decides which model fits best, not the damping.
         """
         grade = self.best.grade
-        return " ".join([*self._sentences(), grade.text] if grade.usable else [grade.text])
+        return " ".join([*self._sentences(), grade.text] if grade.conclusive else [grade.text])
 
     @property
     def verdict(self) -> str:
@@ -546,7 +565,7 @@ class FitComparison:
     def table(self) -> Table:
         """Table of the compared models, one row each, the best first: residuals, information criterion, verdict.
 
-        If not even the best fit is usable, the table has no verdicts.
+        The table has no verdicts if not even the best fit is usable, or if a fault of the recording explains a misfit.
         """
         unit = self.best.degrees.replace("degrees", "deg")
         head = ("model", "parameters", f"rms [{unit}]", f"largest [{unit}]", "envelope [deg]", "delta BIC", "runs z",
@@ -558,7 +577,7 @@ class FitComparison:
             degrees = (one.shown(one.rms), one.shown(largest), math.nan if beside is None else math.degrees(beside))
             rows.append((one.damping, str(len(one.names)), *(f"{x:.3g}" if math.isfinite(x) else "-" for x in degrees),
                          f"{delta:.1f}", f"{one.runs.z:.1f}", verdict))
-        columns = len(head) if self.best.grade.usable else -1
+        columns = len(head) if self.best.grade.conclusive else -1
         return Table(head[:columns], tuple(row[:columns] for row in rows))
 
 

@@ -1,0 +1,513 @@
+"""Remedies for a fit that leaves more than noise: one fault of the readings that explains the misfit, and its option.
+
+Every fault adds a known shape to the readings: a step, a straight line, single readings, a second oscillation. These
+shapes are fitted to the residual beside the derivatives of the model, which takes milliseconds. A wrong scale, unit,
+column or damping is tried by a fit of its own, if there is a misfit. The fault with the lowest Bayesian information
+criterion is refitted with the model, and named if the criterion falls by 10 or more.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.lab.fitting.errors import inverted
+from pendulum_env.lab.fitting.model import SCALE, SENSOR, START, Model
+from pendulum_env.lab.fitting.shooting import FitSolution, refit, solution_at, solve
+from pendulum_env.lab.fitting.start import Measured
+from pendulum_env.lab.fitting.statistics import bic, correlation_time
+from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.noise import scatter_level
+from pendulum_env.lab.rates import integrated
+from pendulum_env.lab.recording import Recording, in_words, with_readings
+from pendulum_env.physics import exact
+
+Array = NDArray[np.float64]
+
+JUMP, OUTLIERS, DRIFT, PERIOD = "jump", "outliers", "drift", "period"
+"""Names of faults; the first three can be taken out of the readings."""
+SUBTRACTED = "subtracted (--no-jumps leaves it in)"
+"""Words on a jump of the zero that a fit has subtracted."""
+GAIN = 10.0
+"""Fall of the information criterion from which on a fault is named: "very strong" evidence (Kass & Raftery 1995)."""
+MOST = 3
+"""Largest number of faults that are named."""
+MISFIT = 1.5
+"""Residuals above this many errors of a reading are a misfit, for which faults are tried by fits of their own."""
+FAR = 6.0
+"""A reading is an outlier if it is this many standard deviations off."""
+FEW = 0.05
+"""Largest share of readings that can be outliers."""
+EDGE = 0.02
+"""Share of the readings at either end in which no jump of the zero is searched."""
+DECAYS = (0.0, 2.0, 6.0, 20.0, 60.0)
+"""Decay rates at which a second swing is searched, times the duration."""
+SLOW = 0.3
+"""Lowest frequency of a second swing, as a share of the swing's own: what is slower is a zero that moves."""
+LARGEST = 0.25
+"""Largest second swing, as a share of the range of the readings."""
+SEEN = 15.0
+"""Least peak of a periodogram, in mean powers, that is taken for a second swing; noise has peaks of 10."""
+FADED = math.log(10.0)
+"""A second swing counts as over when it has fallen to a tenth."""
+ALIKE = 6.0
+"""Faults count as alike if their criteria differ by less: "strong" evidence (Kass & Raftery 1995)."""
+NEAR, SURE = 0.003, 0.03
+"""A scale counts as that of a mistaken unit if it is within three errors and the first share of it, and if its error is
+below the second share."""
+UNITS = {
+    math.pi / 180.0: ("radians that are read as degrees", "--unit rad"),
+    180.0 / math.pi: ("degrees that are read as radians", "--unit deg"),
+    0.5 / math.pi: ("turns that are read as radians", "--scale 6.28319"),
+    1.0 / 360.0: ("turns that are read as degrees", "--scale 360"),
+    10.0 / 9.0: ("gon (400 to a turn) that are read as degrees", "--scale 0.9"),
+}
+"""Ratios of the angles as they are read to the true ones that a mistaken unit makes, its words and its option."""
+DAMPINGS = ("linear", "quadratic", "coulomb")
+"""Dampings of which a misfit may show that the model lacks one."""
+
+
+class Remedy(NamedTuple):
+    """A fault of a recording that explains a misfit, and what to do about it.
+
+    Attributes:
+        name: kind of the fault: "scale", "unit", "column", "damping", "jump", "drift", "period", "outliers" or "swing".
+        text: the fault as a clause with its size.
+        option: option of ``lab-pendulum fit`` that removes it; "" for none.
+        number: size of the fault with its standard error.
+        gain: fall of the Bayesian information criterion.
+        change: what the fault adds to the readings, in their unit; 0 for a fault that only another fit removes.
+        at: time of the fault on the clock of the file [s], where it has one.
+        instead: True if it explains the misfit about as well as the first fault, so that only one of them is there.
+    """
+
+    name: str
+    text: str
+    option: str
+    number: Measurement
+    gain: float
+    change: Array
+    at: float = math.nan
+    instead: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """The fault and its option, such as "the zero jumps by 1.5 ± 0.1° at 17.5 s: --no-jumps"."""
+        return f"{self.text}: {self.option}" if self.option else self.text
+
+
+class Fault(NamedTuple):
+    """A fault that is tried, and what is left of the residuals with it.
+
+    Attributes:
+        name: kind of the fault; see :class:`Remedy`.
+        parameters: number of its parameters: sizes, and the time, frequency or decay that were searched.
+        residual: what no parameter of the model or the fault can change, in the unit of the readings.
+        columns: changes of the readings by faults of size 1, ``(readings, sizes)``; None for a fit of its own.
+        detail: indices of readings, or frequency [Hz] and decay rate [1/s] of a second swing.
+        solution: the fit of the model without the fault.
+        sizes, covariance: the sizes of the changes, in the unit of the readings.
+    """
+
+    name: str
+    parameters: int
+    residual: Array
+    columns: Array | None = None
+    detail: tuple[float, ...] = ()
+    solution: FitSolution | None = None
+    sizes: Array = np.zeros(0)
+    covariance: Array = np.zeros((0, 0))
+
+
+def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sigma: float) -> tuple[Remedy, ...]:
+    """Return the faults of a recording that explain what a fit leaves, the one that explains most first.
+
+    The criterion is that of the comparison of models, ``n' ln(RSS/n) + k ln n'``, with the number n' of independent
+    readings of the closest fit. The next fault is searched in what the first leaves.
+
+    Args:
+        solution: the fit, with all dampings that are compared.
+        swing: the fitted recording.
+        measured: the turning points and the period of the recording.
+        sigma: the error of a reading, in its unit.
+    """
+    found: list[Remedy] = []
+    while len(found) < MOST:
+        base = _beyond(solution)
+        noise = MISFIT * max(scatter_level(swing.time, solution.residual), sigma)
+        tried = [] if solution.lost else list(_shapes(solution, swing, measured, base))
+        tau = _sudden(tried, base, solution) if _rms(base) > noise else math.inf
+        gains = _gains(tried, base, solution, tau)
+        best = tried[int(np.argmax(gains))] if max(gains, default=0.0) > GAIN else None
+        sudden = best is not None and best.name in (JUMP, OUTLIERS)  # which no scale, column or damping resembles
+        if not found and _rms(base if best is None else best.residual) > (noise if best is None or sudden else 0.0):
+            tried = [one for one in tried if one.name != PERIOD] + _fitted(solution, swing, measured, sigma)
+        chosen = _best(tried, base, solution, tau)
+        found += [_named(fault, gain, swing)._replace(instead=i > 0) for i, (fault, gain) in enumerate(chosen)]
+        if len(chosen) != 1 or chosen[0][0].columns is None:
+            break
+        solution = chosen[0][0].solution or solution
+    return tuple(found)
+
+
+def _sudden(tried: Sequence[Fault], base: Array, solution: FitSolution) -> float:
+    """Return the correlation time with which outliers or jumps are judged, if they are closest; inf for other faults.
+
+    What one fault leaves is correlated if there is another, which must not hide that the first is there. Readings that
+    are far off are independent evidence, each. Of jumps, the correlation time is that of what several of them leave.
+    """
+    both, left = solution, base
+    for _ in range(MOST):
+        step = (np.arange(len(base)) > _jump(both, left)).astype(np.float64)
+        both = replace(both, jacobian=np.column_stack([both.jacobian, step]))
+        left = _beyond(both)
+    for name, tau in ((OUTLIERS, 1.0), (JUMP, correlation_time(left))):
+        gains = _gains(tried, base, solution, tau)
+        if gains and tried[int(np.argmax(gains))].name == name:
+            return tau
+    return math.inf
+
+
+def _gains(tried: Sequence[Fault], base: Array, solution: FitSolution, tau: float) -> list[float]:
+    """Return by how much every fault lowers the criterion, with the closest fit's number of independent readings, or
+    with the correlation time ``tau`` if that is shorter."""
+    if not tried:
+        return []
+    n, k = solution.jacobian.shape
+    squares = [float(one.residual @ one.residual) for one in tried]
+    effective = n / min(tau, correlation_time(tried[int(np.argmin(squares))].residual))
+    return [bic(float(base @ base), n, k, effective) - bic(own, n, k + one.parameters, effective)
+            for one, own in zip(tried, squares, strict=True)]
+
+
+def _best(tried: list[Fault], base: Array, solution: FitSolution, tau: float) -> list[tuple[Fault, float]]:
+    """Return the fault that lowers the criterion most, and those that lower it about as much, each with its gain.
+
+    Faults that add a shape are confirmed by a refit of the model. The list is empty if no fault lowers it enough.
+    """
+    while True:
+        gains = _gains(tried, base, solution, tau)
+        order = sorted(range(len(tried)), key=lambda i: -gains[i])
+        close = [i for i in order if gains[i] > max(GAIN, gains[order[0]] - ALIKE)]
+        rough = next((i for i in close if tried[i].solution is None), None)
+        if rough is None:
+            return [(tried[i], gains[i]) for i in close]
+        tried[rough] = _confirmed(tried[rough], solution)
+
+
+def _rms(residual: Array) -> float:
+    """Return the root mean square of residuals."""
+    return math.sqrt(float(np.mean(residual**2)))
+
+
+def _confirmed(fault: Fault, solution: FitSolution) -> Fault:
+    """Return a fault that adds a shape to the readings, with its sizes, after a refit of the model without it."""
+    assert fault.columns is not None
+    model, (n, k) = solution.model, solution.jacobian.shape
+    readings = solution.residual + model.angles(solution.values)[0]
+    sizes = _beside(solution, fault.columns)[k:]
+    less = readings - fault.columns @ sizes
+    values, squares = refit(model, less, solution.values, solution.jacobian)
+    again = solution_at(model, values, less, np.full(n, math.sqrt(squares / n)))
+    more = _beside(again, fault.columns)[k:]
+    again = replace(again, residual=again.residual - fault.columns @ more)
+    return _measured(fault._replace(solution=again), sizes + more)
+
+
+def _measured(fault: Fault, sizes: Array) -> Fault:
+    """Return a fault with its sizes and their covariance, from the fit of the model without it."""
+    assert fault.columns is not None
+    assert fault.solution is not None
+    left, (n, k) = _beyond(fault.solution, fault.columns), fault.solution.jacobian.shape
+    inverse, _ = inverted(np.column_stack([fault.solution.jacobian, fault.columns]))
+    variance = float(left @ left) / max(n - k - len(sizes), 1) * correlation_time(left)
+    return fault._replace(residual=left, sizes=sizes, covariance=variance * inverse[k:, k:])
+
+
+def _beside(solution: FitSolution, columns: Array) -> Array:
+    """Return changes of the parameters and sizes of the columns that fit the residuals best, together."""
+    both = np.column_stack([solution.jacobian, columns])
+    size = np.linalg.norm(both, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.linalg.lstsq(both / size, solution.residual, rcond=None)[0] / size)
+
+
+def _beyond(solution: FitSolution, columns: Array | None = None) -> Array:
+    """Return the part of the residuals that neither the parameters nor the columns can change."""
+    own = solution.jacobian if columns is None else np.column_stack([solution.jacobian, columns])
+    q = basis(own)
+    return np.asarray(solution.residual - q @ (q.T @ solution.residual))
+
+
+def basis(columns: Array) -> Array:
+    """Return an orthonormal basis of the space of the columns of a matrix."""
+    size = np.linalg.norm(columns, axis=0)
+    q, r = np.linalg.qr(columns / np.where(size > 0.0, size, 1.0))
+    return np.asarray(q[:, np.abs(np.diag(r)) > 1e-9])
+
+
+def repaired(swing: Recording, remedies: Sequence[Remedy], note: str = "") -> Recording:
+    """Return a recording without the jumps, the drift of the zero and the outliers among its faults, and with a note.
+    """
+    change = sum(one.change for one in remedies if one.name in (JUMP, OUTLIERS, DRIFT) and not swing.indirect)
+    if not np.any(change):
+        return swing
+    return with_readings(replace(swing, notes=(*swing.notes, note)) if note else swing, swing.readings - change,
+                         swing.angle - change)
+
+
+# --- faults that add a shape to the readings -------------------------------------------------------------------------
+
+
+def _shapes(solution: FitSolution, swing: Recording, measured: Measured, base: Array) -> Iterator[Fault]:
+    """Yield the faults that add a shape to the readings, each at its best place.
+
+    ``base`` are the residuals that no parameter can change.
+    """
+    time = swing.time - swing.time[0]
+    share = time / time[-1]
+
+    def fault(name: str, columns: Array, parameters: int, *detail: float) -> Fault:
+        return Fault(name, parameters, _beyond(solution, columns), columns, detail)
+
+    yield fault(DRIFT, (share - 0.5)[:, None], 1)
+    yield fault(PERIOD, (solution.velocity * _delay(time))[:, None], 1)
+    at = _jump(solution, base)
+    yield fault(JUMP, (np.arange(len(time)) > at).astype(np.float64)[:, None], 2, at)
+    size = np.abs(base)
+    far = np.flatnonzero(size > FAR * max(1.4826 * float(np.median(size)), swing.reading_quantum))
+    if 0 < len(far) <= FEW * len(base):
+        single = (np.arange(len(base))[:, None] == far).astype(np.float64)
+        yield fault(OUTLIERS, single, 2 * len(far), *far.tolist())
+    second = _second_swing(solution, time, measured.period, base)
+    if second is not None:
+        wave = _oscillation(time, *second)
+        if np.hypot(*_beside(solution, wave)[-2:]) < LARGEST * float(np.ptp(swing.readings)):
+            yield fault("swing", wave, 4, *second)
+
+
+def _delay(time: Array) -> Array:
+    """Return by how much a period that changes by a share of 1 during a run shifts every time [s]."""
+    return np.asarray(time * (1.0 - time / time[-1]) / 2.0)
+
+
+def _jump(solution: FitSolution, base: Array) -> int:
+    """Return the index of the reading after which a step explains most of the residuals."""
+    def later(rows: Array) -> Array:
+        return np.asarray(np.cumsum(rows[::-1], axis=0)[-2::-1])
+
+    count = np.arange(len(base) - 1, 0, -1.0)
+    own = count - np.square(later(basis(solution.jacobian))).sum(axis=1)
+    gain = np.square(later(base)) / np.maximum(own, 1e-6 * count)
+    edge = min(max(8, int(EDGE * len(base))), len(base) // 2 - 1)
+    return edge + int(np.argmax(gain[edge:-edge]))
+
+
+def _oscillation(time: Array, frequency: float, decay: float) -> Array:
+    """Return cosine and sine with a frequency [Hz] and a decay rate [1/s] as columns."""
+    wave = np.exp((2j * math.pi * frequency - decay) * time)
+    return np.stack([wave.real, wave.imag], axis=1)
+
+
+def _second_swing(solution: FitSolution, time: Array, period: float, base: Array) -> tuple[float, float] | None:
+    """Return frequency [Hz] and decay rate [1/s] of the oscillation that explains most of the residuals; None without
+    any, or for an overtone of the swing, which a sensor's or a model's curvature makes.
+
+    It is searched in periodograms of residuals that are weighted by its decay, and then improved by least squares.
+    """
+    from scipy.fft import next_fast_len, rfft
+    from scipy.optimize import least_squares
+
+    step, duration, q = float(np.median(np.diff(time))), float(time[-1]), basis(solution.jacobian)
+
+    def overtone(frequency: Array) -> NDArray[np.bool_]:
+        order = np.round(frequency * period)
+        near = np.abs(frequency - order / period) < np.maximum(2.0 / duration, 0.02 * frequency)
+        return np.asarray((order > 1.0) & near)
+
+    even = np.arange(0.0, duration + 0.5 * step, step)
+    size = next_fast_len(4 * len(even), real=True)
+    frequency = np.arange(size // 2 + 1) / (size * step)
+    usable = (frequency > max(2.0 / duration, SLOW / period)) & ~overtone(frequency)
+    evenly = np.interp(even, time, base)
+    weights = np.exp(-np.outer(DECAYS, even / duration))
+    powers = np.abs(rfft(evenly * weights, size)) ** 2 / np.square(weights).sum(axis=1)[:, None] * usable
+    which, place = np.unravel_index(int(np.argmax(powers)), powers.shape)
+    if powers[which, place] < SEEN * float(base @ base) / len(base):
+        return None
+
+    def left(x: Array) -> Array:
+        own = _oscillation(time, x[0] / duration, abs(x[1]) / duration)
+        own = own - q @ (q.T @ own)
+        return np.asarray(base - own @ np.linalg.lstsq(own, base, rcond=None)[0])
+
+    start = [frequency[place] * duration, DECAYS[int(which)]]
+    x = least_squares(left, start, x_scale=(0.3, 1.0), max_nfev=20).x / duration
+    return None if overtone(x[:1])[0] else (float(x[0]), abs(float(x[1])))
+
+
+# --- faults that need another fit ------------------------------------------------------------------------------------
+
+
+def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: float) -> list[Fault]:
+    """Return the fits with a scale of the angles, with the readings as angular velocities, with all dampings, and with
+    a period that changes."""
+    found, model = [], solution.model
+    for name, fit in (("scale", _with_scale), ("column", _as_rates), ("damping", _with_all_dampings)):
+        try:
+            other = fit(model, swing, measured, sigma)
+        except (ValueError, ArithmeticError, LookupError, np.linalg.LinAlgError):
+            continue  # readings that cannot be so need no such remedy
+        if other is not None and not other.lost:
+            more = max(len(other.model.names) - len(model.names), 1)
+            found.append(Fault(name, more, _beyond(other), solution=other))
+    return found if solution.lost else [*found, _with_drift(solution, swing)]
+
+
+def _with_drift(solution: FitSolution, swing: Recording) -> Fault:
+    """Return the fit with a period that changes linearly: the model at times that are shifted accordingly."""
+    model, share, k = solution.model, 0.0, len(solution.values)
+    time = swing.time - swing.time[0]
+    for _ in range(5):
+        column = (solution.velocity * _delay(time))[:, None]
+        share += float(_beside(solution, column)[k])
+        shifted = replace(model, time=swing.time + share * _delay(time))
+        values, squares = refit(shifted, swing.readings, solution.values, solution.jacobian)
+        solution = solution_at(shifted, values, swing.readings, np.full(len(time), math.sqrt(squares / len(time))))
+    return _measured(Fault(PERIOD, 1, solution.residual, column, solution=solution), np.array([share]))
+
+
+def _with_scale(model: Model, swing: Recording, measured: Measured, sigma: float) -> FitSolution | None:
+    """Return the fit with the scale of the readings free; it starts where the periods of all swings agree best."""
+    if SCALE in model.names:
+        return None
+    points = measured.points
+    size, spans = 0.5 * (points.amplitude[1:] + points.amplitude[:-1]), np.diff(points.time)
+    scales = np.geomspace(max(float(size.max()) / 3.0, 1e-3), 1e2, 400)
+    small = spans / exact.period(size / scales[:, None], math.tau)
+    away = np.median(np.abs(small / np.median(small, axis=1)[:, None] - 1.0), axis=1)
+    best = int(np.argmin(away))
+    scale = float(scales[best])
+    found = replace(measured, angle=measured.angle / scale, velocity=measured.velocity / scale,
+                    period=2.0 * float(np.median(small[best])),
+                    points=replace(points, angle=points.angle / scale, error=points.error / scale))
+    scaled = replace(model, names=(*START, SCALE, *model.names[len(START):]))
+    start = found.start(scaled)
+    start[scaled.names.index(SCALE)] = scale
+    return solve(scaled, swing.readings, np.full(len(swing.time), sigma), start)
+
+
+def _as_rates(model: Model, swing: Recording, measured: Measured, sigma: float) -> FitSolution | None:
+    """Return the fit to the readings of an angle as angular velocities."""
+    if swing.indirect or swing.displaced or swing.radius is not None:
+        return None
+    rates = Recording(swing.time, integrated(swing.time, swing.angle), swing.source, rate=swing.angle)
+    start = Measured.of(rates).start(other := replace(model, rate=True))
+    return solve(other, swing.readings, np.full(len(swing.time), sigma), start)
+
+
+def _with_all_dampings(model: Model, swing: Recording, measured: Measured, sigma: float) -> FitSolution | None:
+    """Return the fit with linear, quadratic and dry damping, unless the model has all of them or others."""
+    if not set(model.damping) < set(DAMPINGS):
+        return None
+    free = tuple(name for name in model.free if name == SCALE or name not in SENSOR)
+    other = Model.of(model.scene, DAMPINGS, model.time, free, DAMPINGS, model.rate, model.mount)
+    return solve(other, swing.readings, np.full(len(swing.time), sigma), measured.start(other))
+
+
+# --- words -----------------------------------------------------------------------------------------------------------
+
+
+def _named(fault: Fault, gain: float, swing: Recording) -> Remedy:
+    """Return a fault with its size in words, and the option that removes it."""
+    assert fault.solution is not None
+    solution, start = fault.solution, swing.release or 0.0
+    errors = np.sqrt(np.maximum(np.diag(fault.covariance), 0.0))
+    change = np.zeros(len(swing.time)) if fault.columns is None else fault.columns @ fault.sizes
+    sign = {"degrees": "°", "degrees/s": "°/s"}.get(in_words(swing, 0.0)[1], " m/s²")
+    end, at = float(swing.time[-1]) + start, math.nan
+
+    def shown(size: float, error: float) -> tuple[Measurement, str]:
+        number = Measurement(in_words(swing, size)[0], in_words(swing, error)[0], in_words(swing, size)[1])
+        return number, f"{abs(number.value):.3g}{sign}"
+
+    half = f"--until {0.5 * (start + end):.3g}"
+    if fault.name == JUMP:
+        at = float(swing.time[int(fault.detail[0])]) + start
+        number, size = shown(float(fault.sizes[0]), float(errors[0]))
+        text, option = f"the zero jumps by {size} at {at:.4g} s", "a fit without --no-jumps subtracts it"
+    elif fault.name == DRIFT:
+        number, size = shown(float(fault.sizes[0]), float(errors[0]))
+        text, option = f"the zero drifts by {size} during the run", half
+    elif fault.name == PERIOD:
+        number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
+        text = (f"the period {'grows' if number.value > 0.0 else 'falls'} by {abs(number.value):.2g} ± "
+                f"{number.error:.1g} % during the run, because the length, the pivot or the clock changes")
+        option = half
+    elif fault.name == OUTLIERS:
+        places = [int(place) for place in fault.detail]
+        worst = int(np.argmax(np.abs(fault.sizes)))
+        number, size = shown(float(fault.sizes[worst]), float(errors[worst]))
+        at = float(swing.time[places[worst]]) + start
+        text, option = _outliers(places, swing, at, size)
+    elif fault.name == "swing":
+        frequency, decay = fault.detail
+        amplitude = float(np.hypot(*fault.sizes))
+        along = fault.sizes / amplitude
+        number, size = shown(amplitude, math.sqrt(float(along @ fault.covariance @ along)))
+        ends = FADED / decay if decay > 0.0 else math.inf
+        text, option = f"a second swing of {size} at {frequency:.3g} Hz", ""
+        if ends < 0.5 * float(swing.time[-1]):
+            text, option = f"{text} until {ends + start:.3g} s", f"--read release={ends + start:.3g}"
+    elif fault.name == "scale":
+        return _scaled(solution, fault.residual, gain, change)
+    elif fault.name == "column":
+        number, size = shown(_rms(solution.residual), 0.0)
+        text = f"the readings are angular velocities, not angles (as such, they are fitted within {size})"
+        option = "--columns time=1,rate=2"
+    else:
+        number, size = shown(_rms(solution.residual), 0.0)
+        text, option = f"with all kinds of damping, the residual is {size} rms", "--effects auto"
+    return Remedy(fault.name, text, option, number, gain, change, at)
+
+
+def _outliers(places: Sequence[int], swing: Recording, worst: float, size: str) -> tuple[str, str]:
+    """Return words for readings that are far off, and options."""
+    start, step = swing.release or 0.0, float(np.median(np.diff(swing.time)))
+    if len(places) > 3:
+        return f"{len(places)} readings are up to {size} off (the worst at {worst:.4g} s)", "--robust"
+    digits = max(0, 1 - math.floor(math.log10(step)))
+    spans = [f"{swing.time[place] + start - 2.0 * step:.{digits}f}:{swing.time[place] + start + 2.0 * step:.{digits}f}"
+             for place in places]
+    what = (f"one reading at {worst:.4g} s is {size} off" if len(places) == 1 else
+            f"{len(places)} readings are up to {size} off (the worst at {worst:.4g} s)")
+    return what, "--robust or " + " ".join(f"--drop {span}" for span in spans)
+
+
+def _scaled(solution: FitSolution, residual: Array, gain: float, change: Array) -> Remedy:
+    """Return the remedy for angles with a wrong scale, or in a wrong unit if the scale is that of one."""
+    place = solution.model.names.index(SCALE)
+    scale, inverse = float(solution.values[place]), inverted(solution.jacobian)[0]
+    variance = float(residual @ residual) / max(len(residual) - len(solution.values), 1) * correlation_time(residual)
+    error = math.sqrt(variance * float(inverse[place, place]))
+    number = Measurement(scale, error, "1")
+    for ratio, (words, option) in UNITS.items():
+        if abs(scale - ratio) < 3.0 * error + NEAR * ratio and error < SURE * ratio:
+            return Remedy("unit", f"the angles are {_factor(number)}: they are {words}", option, number, gain, change)
+    names = [*(name for name in solution.model.free if name not in SENSOR), SCALE]
+    return Remedy("scale", f"the angles are {_factor(number)}", f"--free {','.join(names)}", number, gain, change)
+
+
+def _factor(scale: Measurement) -> str:
+    """Return "3.02 ± 0.01 times too large", or "1.2 ± 0.1 % too small" for a scale near 1."""
+    word = "large" if scale.value > 1.0 else "small"
+    if abs(scale.value - 1.0) < 0.5:
+        off = Measurement(100.0 * abs(scale.value - 1.0), 100.0 * scale.error, "%")
+        return f"{off} too {word}"
+    larger = scale if scale.value > 1.0 else Measurement(1.0 / scale.value, scale.error / scale.value**2, "1")
+    return f"{str(larger).removesuffix(' 1')} times too {word}"
