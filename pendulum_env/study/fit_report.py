@@ -57,7 +57,7 @@ def summary(found: Fit) -> str:
     """Return the result of a fit in a few sentences: whether the model follows the recording and what may be wrong,
     and what the recording tells about the damping, if models were compared and the fit is usable.
     """
-    damping = found.comparison.verdict if found.comparison is not None and found.grade.usable else ""
+    damping = found.comparison.verdict if found.comparison is not None and found.grade.conclusive else ""
     return "\n".join(filter(None, (found.grade.text, damping)))
 
 

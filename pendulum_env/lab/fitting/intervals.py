@@ -145,7 +145,8 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | No
     if not (math.isfinite(error) and plain > 0.0):
         return Interval(least, math.inf)
     best = float(own.residual @ own.residual)
-    variance, wanted = best / (len(own.residual) - len(own.values)), student_quantile(fit.errors.freedom, level) * error / plain
+    variance = best / (len(own.residual) - len(own.values))
+    wanted = student_quantile(fit.errors.freedom, level) * error / plain
     others = np.delete(np.arange(len(own.values)), at)
     tangent = fit.errors.plain[:, at] / fit.errors.plain[at, at]
     better = False
