@@ -399,16 +399,16 @@ def place_of(table: TextTable, titles: list[str], entry: Any, option: str = "") 
     names = {name.lower(): i for i, title in enumerate(table.titles) for name in (*title, titles[i]) if name}
     if isinstance(entry, str) and entry.strip().lower() in names:
         return names[entry.strip().lower()]
-    if isinstance(entry, str) and entry.strip().isdigit():
-        entry = int(entry[:9])
+    if isinstance(entry, str) and entry.strip().isdecimal() and len(entry) < 9:
+        entry = int(entry)
     if isinstance(entry, int) and not isinstance(entry, bool) and 1 <= entry <= table.width:
         return entry - 1
+    chosen = f" for {option}=" if option else ""
     if isinstance(entry, str):
         known = nearest(entry.lower(), names) if names else "; its columns have no names."
-        chosen = f" for {option}=" if option else ""
         raise RecordingError(f"{table.name}: there is no column {shown(entry)}{chosen}{known}")
-    raise RecordingError(f"{table.name}: a column is given by its name, or a number from 1 to {table.width}, not "
-                         f"{shown(entry)}")
+    raise RecordingError(f"{table.name}: a column{chosen} is given by its name, or a number from 1 to {table.width}, "
+                         f"not {shown(entry)}")
 
 
 def _constant(table: TextTable, column: int) -> bool:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from pendulum_env.common.checks import SceneError
+from pendulum_env.lab.checked import RecordingError
 from pendulum_env.plots.series import FloatArray
 from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import OKABE_ITO
@@ -55,13 +55,12 @@ def corner(posterior: Posterior, figure: Figure | None = None) -> Figure:
 
     On the diagonal are the histograms of the parameters; below are contours that contain 68 % and 95 % of the samples
     of two parameters, and ellipses that contain the same probabilities of the normal distribution. ``figure`` is drawn
-    into and resized; by default a new figure. Raises SceneError if the library corner is not installed.
+    into and resized; by default a new figure. Raises RecordingError if the library corner is not installed.
     """
     try:
         from corner import corner as drawn
     except ImportError:
-        raise SceneError("The corner figure is drawn by corner, which is missing: "
-                         "pip install 'lab-pendulum[posterior]'.") from None
+        raise RecordingError("the corner figure needs corner; pip install 'lab-pendulum[posterior]'") from None
     axes = [_axis(posterior, i) for i in range(len(posterior.names))]
     side = max(PANEL * len(axes) + BESIDE + ABOVE, SMALLEST)
     steps, walkers, _ = posterior.chain.shape

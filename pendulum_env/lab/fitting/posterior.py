@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -45,18 +45,21 @@ BURNT = 5.0
 """Number of autocorrelation times after which the start no longer matters; these steps are discarded."""
 FEWEST = 10
 """Smallest number of steps of an interrupted chain that is returned."""
-JUMPS = 0.5
-"""Share of the proposals that do not depend on the present parameters; the others are along the difference of two
-walkers (ter Braak 2006, Stat. Comput. 16, 239). Both halves together give 12 to 25 times as many independent samples as
-emcee's own stretch move, and 5 to 10 times as many as the differences alone (three fits, 1500 steps)."""
+ABOUT_FIT, ABOUT_SAMPLE, ALONG = 0.2, 0.3, 0.5
+"""Shares of the proposals: about the fit, about the sample so far, and along the difference of two walkers (ter Braak
+2006, Stat. Comput. 16, 239)."""
+WARM, LONGEST, LEARNT = 0.2, 300, 10
+"""Warm-up: its share of the steps, its largest number of steps, and the smallest number of its samples per parameter,
+from the second half of which proposals about the sample are made afterwards."""
 TAILS = 6
 """Degrees of freedom of the independent proposals, whose tails must be wider than the posterior's."""
 RIDGE = 1e-8
 """Added to the diagonal of correlations, so that their inverse exists."""
 AGAIN = 20
 """Number of draws of an independent proposal, of which the first within the priors' ranges is taken."""
-DRAWS = 20
-"""Number of proposals per walker from which the walkers' first parameters are chosen."""
+RARE, CLOSER, TRIES = 1e-3, 0.7, 100
+"""Walkers start where a normal distribution has the probability 1 - RARE. While few draws are there, further draws are
+closer to the fit by the factor CLOSER; at most TRIES rounds are drawn."""
 SKEWED = 1.3
 """A parameter counts as not Gaussian if one side of its 95 % interval is this many times longer than the other."""
 LEVELS = (0.68, 0.95)
@@ -101,6 +104,11 @@ class Posterior(Plotted):
         return tuple(self.fit.recording.unit if name == ZERO else unit_of(self.fit.solution.model.scene, name)
                      for name in self.names)
 
+    @property
+    def warm(self) -> int:
+        """Number of first steps, after which the proposals were adapted to the sample."""
+        return min(warm_up(self.asked), len(self.chain) // 2)
+
     @cached_property
     def autocorrelation_time(self) -> Array:
         """Integrated autocorrelation time of every parameter [steps], an array: 2 steps of a chain that are further
@@ -111,15 +119,16 @@ class Posterior(Plotted):
         from emcee.autocorr import integrated_time
 
         with np.errstate(divide="ignore", invalid="ignore"):  # a walker that never moved
-            times = integrated_time(self.chain, tol=0)
-        return np.where(np.isfinite(times), np.maximum(times, 1.0), float(len(self.chain)))
+            times = integrated_time(self.chain[self.warm:], tol=0)
+        return np.where(np.isfinite(times), np.maximum(times, 1.0), float(len(self.chain) - self.warm))
 
     @property
     def discarded(self) -> int:
-        """Number of first steps that are left out, because they depend on the start: 5 autocorrelation times, but at
-        most half of the chain.
+        """Number of first steps that are left out, because they depend on the start: at least ``warm`` and 5
+        autocorrelation times, but at most half of the chain.
         """
-        return min(math.ceil(BURNT * float(np.max(self.autocorrelation_time))), len(self.chain) // 2)
+        burnt = max(self.warm, math.ceil(BURNT * float(np.max(self.autocorrelation_time))))
+        return min(burnt, len(self.chain) // 2)
 
     @cached_property
     def samples(self) -> Array:
@@ -141,12 +150,12 @@ class Posterior(Plotted):
     @property
     def problem(self) -> str:
         """Sentence on a chain that is too short or whose walkers disagree; "" for a good one."""
-        steps, longest = len(self.chain), float(np.max(self.autocorrelation_time))
+        steps, longest = len(self.chain) - self.warm, float(np.max(self.autocorrelation_time))
         worst, away = self.names[int(np.argmax(self.r_hat))], float(np.max(self.r_hat))
         if steps < ENOUGH * longest:
             needed = 100 * math.ceil(1.5 * ENOUGH * longest / 100.0)
-            return (f"The chain is too short: {steps} steps are {steps / longest:.2g} autocorrelation times, and at "
-                    f"least {ENOUGH:g} are needed; give steps={needed}.")
+            return (f"The chain is too short: {steps} steps after the warm-up are {steps / longest:.2g} "
+                    f"autocorrelation times, and at least {ENOUGH:g} are needed; give steps={needed}.")
         if away > MIXED:
             return (f"The walkers disagree about {worst}: R-hat is {away:.3g}, and at most {MIXED:g} is allowed; give "
                     "more steps.")
@@ -335,35 +344,25 @@ def posterior(
                              f"prior with a range, as in priors={{{lost[0]!r}: (0.1, 0.2)}}.")
     needs_emcee()
     import emcee
-    from scipy.stats import multivariate_t
 
     density, source = LogDensity(fit, own), np.random.default_rng(key)
+    ends = np.array([(one.low, one.high) for one in own]).T
     centre, scale, correlations = _normal(fit, own)
-    wide = multivariate_t(shape=correlations, df=TAILS)
-    low, high = np.array([(one.low, one.high) for one in own]).T
-
-    def jump(rows: Array, random: Any) -> tuple[Array, Array]:
-        """Return proposals that do not depend on the parameters ``rows``, and the logarithms of the ratios of the
-        proposals' densities (Tierney 1994, Ann. Stat. 22, 1701)."""
-        many = wide.rvs(AGAIN * len(rows), random_state=random).reshape(AGAIN, *rows.shape)
-        inside = ((centre + scale * many >= low) & (centre + scale * many <= high)).all(axis=2)
-        drawn = many[inside.argmax(axis=0), np.arange(len(rows))]
-        return centre + scale * drawn, np.asarray(wide.logpdf((rows - centre) / scale) - wide.logpdf(drawn))
-
-    drawn, chances = jump(np.tile(centre, (DRAWS * count, 1)), source)
-    with np.errstate(invalid="ignore"):
-        weights = density(drawn) + chances + source.gumbel(size=len(drawn))
-    if np.count_nonzero(np.isfinite(weights)) < count:
-        raise RecordingError(f"{fit.recording.source}: hardly any parameters within the priors' ranges fit the "
-                             "recording")
-    start = drawn[np.argsort(weights)[-count:]]  # draws with chances in proportion to the density, none of them twice
-    moves = [(emcee.moves.MHMove(jump), JUMPS), (emcee.moves.DEMove(), 1.0 - JUMPS)]
+    jump = proposals(centre, scale, correlations, *ends)
+    start = _start(fit, density, lambda: jump(np.tile(centre, (4 * count, 1)), source)[0], centre, count)
+    learnt, warm = emcee.moves.MHMove(jump), warm_up(length)
+    moves = [(emcee.moves.MHMove(jump), ABOUT_FIT), (learnt, ABOUT_SAMPLE), (emcee.moves.DEMove(), ALONG)]
     sampler = emcee.EnsembleSampler(count, len(names), density, moves=moves, vectorize=True)
     sampler.random_state = np.random.RandomState(key).get_state()
     with telling_of(progress, "posterior") as tell:
         try:
             for i, _ in enumerate(sampler.sample(start, iterations=length, skip_initial_state_check=True)):
                 tell((i + 1) / length, f"step {i + 1} of {length}")
+                if i + 1 == warm:
+                    rows = sampler.get_chain(discard=warm // 2, flat=True)
+                    if len(rows) > LEARNT * len(names) and (rows.std(axis=0) > 0.0).all():
+                        learnt.get_proposal = proposals(rows.mean(axis=0), rows.std(axis=0),
+                                                        np.atleast_2d(np.corrcoef(rows, rowvar=False)), *ends)
         except KeyboardInterrupt:
             if sampler.backend.iteration < FEWEST:
                 raise
@@ -376,20 +375,70 @@ def posterior(
     return found
 
 
+def _start(fit: Fitted, density: LogDensity, draw: Callable[[], Array], centre: Array, count: int) -> Array:
+    """Return the walkers' first parameters: draws with a density that is not too small.
+
+    The smallest density is that beyond which a normal distribution has the probability 0.001 (RARE). Where it excludes
+    nine draws in ten, the next draws are closer to the centre. Raises RecordingError if there are too few.
+    """
+    from scipy.stats import chi2
+
+    depth, scale = 0.5 * float(chi2.isf(RARE, len(centre))), 1.0
+    rows, logs = centre[None], density(centre)
+    for _ in range(TRIES):
+        fresh = centre + scale * (draw() - centre)
+        rows, logs = np.concatenate([rows, fresh]), np.concatenate([logs, density(fresh)])
+        good = logs >= logs.max() - depth
+        scale *= CLOSER if np.count_nonzero(good[-len(fresh):]) < 0.1 * len(fresh) else 1.0
+        rows, logs = rows[good], logs[good]
+        if len(rows) > count and np.isfinite(logs).all():
+            return np.asarray(rows[-count:])
+    raise RecordingError(f"{fit.recording.source}: hardly any parameters within the priors' ranges fit the recording")
+
+
+def warm_up(steps: int) -> int:
+    """Return the number of first steps after which the proposals are adapted to the sample, of a number of steps."""
+    return min(round(WARM * steps), LONGEST)
+
+
+def proposals(
+    centre: Array, scale: Array, correlations: Array, low: Array, high: Array
+) -> Callable[[Array, Any], tuple[Array, Array]]:
+    """Return a function that proposes parameters from Student's t, which do not depend on the present ones (Tierney
+    1994, Ann. Stat. 22, 1701).
+
+    ``centre``, ``scale`` and ``correlations`` describe the distribution; ``low`` and ``high`` are the ends of the
+    priors' ranges. The function takes rows of parameters and a source of random numbers; it returns the proposals, and
+    the logarithms of the ratios of their densities.
+    """
+    from scipy.stats import multivariate_t
+
+    wide = multivariate_t(shape=correlations + RIDGE * np.eye(len(scale)), df=TAILS)
+
+    def jump(rows: Array, random: Any) -> tuple[Array, Array]:
+        many = wide.rvs(AGAIN * len(rows), random_state=random).reshape(AGAIN, *rows.shape)
+        inside = ((centre + scale * many >= low) & (centre + scale * many <= high)).all(axis=2)
+        drawn = many[inside.argmax(axis=0), np.arange(len(rows))]
+        return centre + scale * drawn, np.asarray(wide.logpdf((rows - centre) / scale) - wide.logpdf(drawn))
+
+    return jump
+
+
 def _normal(fit: Fitted, priors: tuple[Prior, ...]) -> tuple[Array, Array, Array]:
     """Return mean, standard deviations and correlations of a normal distribution like the posterior.
 
     It is the product of the fit's normal distribution and of each bounded prior's; their inverse covariances add. A
-    parameter that the recording does not determine has mean and width of its prior.
+    parameter that the recording does not determine has its fitted value and the width of its prior.
     """
     errors = np.sqrt(np.diag(fit.errors.covariance))
     means, widths = np.array([one.moments for one in priors]).T
     scale = np.where(np.isfinite(errors), np.maximum(errors, 1e-150), widths)
+    means = np.where(np.isfinite(errors), means, fit.solution.values)
     told = np.linalg.inv(fit.correlations + RIDGE * np.eye(len(scale))) * np.outer(
         np.isfinite(errors), np.isfinite(errors))
     also = np.diag((scale / widths) ** 2)
     covariance = np.linalg.inv(told + also)
     mean = fit.solution.values + scale * (covariance @ also @ ((means - fit.solution.values) / scale))
     sizes = np.sqrt(np.diag(covariance))
-    within = [one.nearest(value) for one, value in zip(priors, mean.tolist(), strict=True)]
-    return np.array(within), scale * sizes, covariance / np.outer(sizes, sizes)
+    low, high = np.array([(one.low, one.high) for one in priors]).T
+    return np.clip(mean, low, high), scale * sizes, covariance / np.outer(sizes, sizes)

@@ -47,11 +47,6 @@ class Prior:
         """True if the density is proper, so that it alone gives the parameter a finite error."""
         return self.kind == NORMAL or math.isfinite(self.high - self.low)
 
-    def nearest(self, value: float) -> float:
-        """Return a value if it is well within the range, else the nearest one that is."""
-        room = 0.01 * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
-        return min(max(value, self.low + room), self.high - room)
-
     @property
     def moments(self) -> tuple[float, float]:
         """Mean and standard deviation of a bounded density, of a flat one over its range; (0, inf) of any other."""
