@@ -14,7 +14,7 @@ from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.start import start_of
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
-from pendulum_env.lab.fitting.core import refit, search
+from pendulum_env.lab.fitting.core import derivatives, refit, search
 from pendulum_env.lab.noise import noise_level
 
 Array = NDArray[np.float64]
@@ -149,8 +149,8 @@ class Driven:
 
     def rates(self, values: Array) -> Array:
         """Return all numbers, an array in the order of RATES, for values of the free ones."""
-        rates = self._rates.copy()
-        rates[list(self.free)] = values
+        rates = np.broadcast_to(self._rates, (*values.shape[:-1], len(RATES))).copy()
+        rates[..., list(self.free)] = values
         return rates
 
     def sizes(self, values: Array) -> Array:
@@ -213,21 +213,15 @@ class Driven:
     def _linearised(self, values: Array, starts: Array, central: bool) -> Linearised:
         """Simulate the windows with given numbers, and with slightly changed ones for the derivatives, in one batch."""
         windows, rates, count = self.windows, self.rates(values), len(self.free)
-        steps, begin = self._nudges(rates), AT_START * np.array([1.0, math.sqrt(rates[STIFFNESS])])
-        sides = (1.0, -1.0) if central else (1.0,)
-        runs = np.tile(rates, (1 + len(sides) * (count + 2), 1))
-        begins = np.tile(starts, (len(runs), 1, 1))
-        for i, side in enumerate(sides):
-            first = 1 + i * (count + 2)
-            runs[np.arange(first, first + count), list(self.free)] = np.maximum(values + side * steps, self.least)
-            begins[first + count, :, 0] += side * begin[0]
-            begins[first + count + 1, :, 1] += side * begin[1]
-        angles = windows.angles(runs, begins)
-        ahead, behind = angles[1 : count + 3], angles[count + 3 :] if central else angles[:1]
-        changed = runs[:, list(self.free)]
-        width = np.diagonal(changed[1 : 1 + count] - (changed[count + 3 : -2] if central else values))
-        all_slopes = ((ahead - behind) / np.concatenate([width, len(sides) * begin])[:, None]).T
-        residual, slopes, by_start = windows.angle - angles[0], all_slopes[:, :count], all_slopes[:, count:]
+        begin = AT_START * np.array([1.0, math.sqrt(rates[STIFFNESS])])
+
+        def simulated(rows: Array) -> Array:  # the last two numbers are changes of all starts
+            return windows.angles(self.rates(rows[:, :count]), starts + rows[:, None, count:])
+
+        seen, all_slopes = derivatives(
+            simulated, np.append(values, [0.0, 0.0]), np.append(self._nudges(rates), begin),
+            np.append(self.least, [-math.inf, -math.inf]), central)
+        residual, slopes, by_start = windows.angle - seen, all_slopes[:, :count], all_slopes[:, count:]
         own, own_slopes, inverses = residual.copy(), slopes.copy(), []
         for part in windows.slices:
             u, s, v = np.linalg.svd(by_start[part] * begin, full_matrices=False)
