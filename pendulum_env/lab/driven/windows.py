@@ -45,6 +45,16 @@ _SCENE = Scene("driven log", Body(length=1.0, mass=1.0), effects=(
 """Scene with the effects of the simulation; its numbers are replaced."""
 
 
+def start_at(log: DrivenLog, at: float, reach: float) -> tuple[float, float]:
+    """Return angle [rad] and velocity [rad/s] of a log at a time [s], from a parabola through the readings within
+    ``reach`` [s], or through the nearest FEWEST."""
+    apart = np.abs(log.time - at)
+    near = np.flatnonzero(apart < reach)
+    near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
+    curve = np.polynomial.Polynomial.fit(log.time[near] - at, log.angle[near], 2)
+    return float(curve(0.0)), float(curve.deriv()(0.0))
+
+
 class Window(NamedTuple):
     """A stretch of a log: number of the log, first step of the log's grid, first reading and the one after the last."""
 
@@ -142,15 +152,8 @@ class Windows:
     def starts(self) -> Array:
         """Angle [rad] and velocity [rad/s] at the start of every window, ``(windows, 2)``, from a parabola through the
         readings near it."""
-        found = np.empty((len(self.places), 2))
-        for i, place in enumerate(self.places):
-            log, at = self.logs[place.log], self.begins[place.log] + place.step * self.h
-            apart = np.abs(log.time - at)
-            near = np.flatnonzero(apart < NEAR * self.steps * self.h)
-            near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
-            curve = np.polynomial.Polynomial.fit(log.time[near] - at, log.angle[near], 2)
-            found[i] = curve(0.0), curve.deriv()(0.0)
-        return found
+        return np.array([start_at(self.logs[place.log], self.begins[place.log] + place.step * self.h,
+                                  NEAR * self.steps * self.h) for place in self.places])
 
     def angles(self, rates: Array, starts: Array) -> Array:
         """Return the simulated readings of the angle [rad], ``(runs, readings)``.

@@ -115,7 +115,7 @@ def refit(
     size, q, r = _factors(slopes[:, places])
     for _ in range(MOST):
         target = q.T @ residual
-        step = _within(r, target, (least - values[places]) * size)
+        step = bounded(r, target, (least - values[places]) * size)
         predicted, fallen = float(target @ target) - float((target - r @ step) @ (target - r @ step)), 0.0
         trial = values.copy()
         trial[places] = np.maximum(values[places] + step / size, least)
@@ -135,8 +135,8 @@ def refit(
     return values, squares
 
 
-def _within(r: Array, target: Array, low: Array) -> Array:
-    """Return the x that minimises ``|r x - target|`` with no entry below ``low``."""
+def bounded(r: Array, target: Array, low: Array) -> Array:
+    """Return the array x that minimises ``|r x - target|`` with no entry below ``low``."""
     from scipy.optimize import lsq_linear
 
     if not np.isfinite(low).any():
