@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -199,22 +199,15 @@ class Windows:
         """Return the mean drive in every step, as a share of the largest reading, ``(steps, runs * windows)``, and that
         reading."""
         largest = max(float(np.abs(log.drive).max()) for log in self.logs) or 1.0
-        runs, count = len(rates), len(self.places)
-        control = np.empty((self.steps, runs, count), np.float32)
-        known: dict[tuple[float, float], list[Array]] = {}
-        for run in range(runs):
-            delay, lag = float(rates[run, DELAY]), float(rates[run, LAG])
-            if (delay, lag) not in known:
-                known[delay, lag] = self._means(delay, lag)
+        control, means = np.empty((self.steps, len(rates), len(self.places)), np.float32), cache(self._means)
+        for run, (delay, lag) in enumerate(rates[:, [DELAY, LAG]].tolist()):
             for i, place in enumerate(self.places):
-                control[:, run, i] = known[delay, lag][place.log][place.step : place.step + self.steps] / largest
-        return control.reshape(self.steps, runs * count), largest
+                control[:, run, i] = means(delay, lag)[place.log][place.step : place.step + self.steps] / largest
+        return control.reshape(self.steps, -1), largest
 
     def _means(self, delay: float, lag: float) -> list[Array]:
-        """Return the mean drive in every step of each log's grid."""
-        most = [0] * len(self.logs)
-        for place in self.places:
-            most[place.log] = max(most[place.log], place.step + self.steps)
-        edges: list[Array] = [begin + self.h * np.arange(count + 1, dtype=np.float64)
-                              for begin, count in zip(self.begins, most, strict=True)]
-        return [mean_drive(log.time, log.held, own, delay, lag) for log, own in zip(self.logs, edges, strict=True)]
+        """Return the mean drive in every step of each log's grid, arrays."""
+        counts = [math.ceil((float(log.time[-1]) - begin) / self.h) + self.steps
+                  for log, begin in zip(self.logs, self.begins, strict=True)]
+        return [mean_drive(log.time, log.held, begin + self.h * np.arange(count + 1, dtype=np.float64), delay, lag)
+                for log, begin, count in zip(self.logs, self.begins, counts, strict=True)]
