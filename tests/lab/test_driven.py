@@ -18,12 +18,14 @@ from bench_files import BENCH_FILES, BenchFile
 from command_line import Here
 from driven_truth import LAYOUTS, by_scipy, drawn, expected, fine_steps, motion, recorded, steps, text_of
 from PIL import Image
+from scipy.optimize import least_squares
 from small_driven_fit import BENCH, log_of, small_driven_fit
 
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv
 from pendulum_env.lab import DrivenFit, DrivenLog, RecordingError, fit_driven
 from pendulum_env.lab.driven.drive import mean_drive
 from pendulum_env.lab.driven.log import is_driven
+from pendulum_env.lab.driven.problem import Driven
 from pendulum_env.lab.driven.windows import RATES, Windows
 from pendulum_env.physics.units import SceneError
 
@@ -88,6 +90,45 @@ def test_a_small_fit_finds_the_bench() -> None:
         assert low <= value <= high, name
     assert found.parameters["max_torque"].error < 0.01 * true["max_torque"]
     assert found.grade.usable
+
+
+def test_eliminated_starts_are_fitted_too() -> None:
+    """SciPy's least squares over the numbers and the starts of all windows ends at the same numbers, to 2e-3 of the
+    errors, with the same errors."""
+    found = small()
+    solution, free = found.solution, list(found.solution.free)
+    windows, scale = solution.windows, np.sqrt(np.diag(solution.covariance))
+    count = len(free)
+
+    def missed(changes: np.ndarray) -> np.ndarray:
+        rates = solution.rates.copy()
+        rates[free] += changes[:count] * scale
+        starts = solution.starts + 1e-3 * changes[count:].reshape(-1, 2)
+        return windows.angle - windows.angles(rates[None], starts[None])[0]
+
+    def slopes(changes: np.ndarray) -> np.ndarray:
+        return np.stack([(missed(changes + step) - missed(changes - step)) / 0.2
+                         for step in 0.1 * np.eye(len(changes))], axis=1)
+
+    assert found.at_bound == ()
+    problem = Driven(windows, solution.rates, solution.free, solution.starts)
+    assert np.all(problem.weights(solution.residual**2)[0] == 1.0)
+    full = least_squares(missed, np.zeros(count + 2 * len(windows.places)), slopes, max_nfev=5)
+    assert np.abs(full.x[:count]).max() < 2e-3
+    own = problem.slopes(solution.rates[free], central=True) * scale
+    covariance = np.linalg.inv(full.jac.T @ full.jac)[:count, :count]
+    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(own.T @ own))), np.sqrt(np.diag(covariance)), rtol=0.02)
+    assert float(solution.residual @ solution.residual) < 2.0 * full.cost * (1.0 + 1e-6)
+
+
+def test_a_fit_of_logs_is_a_result() -> None:
+    """Its tables are those of its files: one row for each parameter, and one for each reading of the windows."""
+    found = small()
+    tables = found.tables()
+    assert list(tables["parameters"])[:6] == ["parameter", "value", "error", "low", "high", "unit"]
+    assert len(tables["residuals"]["residual_rad"].values) == len(found.residual)
+    assert found.to_pandas().attrs["units"]["value"] == ""
+    assert found.at_bound == tuple(name for name in found.names if found.parameters[name].value == 0.0)
 
 
 def test_settings_are_those_of_the_sensor() -> None:

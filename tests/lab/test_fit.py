@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from virtual_swings import MASS, even, recorded, swing, uneven
 
 from pendulum_env.lab import Recording, RecordingError
-from pendulum_env.lab.fitting import shooting
+from pendulum_env.lab.fitting import core, shooting
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.result import Fit, FitComparison, against
@@ -338,3 +339,74 @@ def test_a_ball_that_can_not_swing_so_fast() -> None:
     with (pytest.warns(UserWarning, match="5 cm would be radius=0.05"),
           pytest.raises(SceneError, match=r"No length gives a bob of radius 5 m the recorded period of 1\.4\d s\.")):
         fit(plain(), "linear", mass=MASS, radius=5.0)
+
+
+# --- least squares ---------------------------------------------------------------------------------------------------
+
+
+class Decay:
+    """A problem with a known answer: ``a exp(-b t) + c``, with ``c`` at least 0."""
+
+    def __init__(self, readings: np.ndarray) -> None:
+        self.time, self.readings, self.least = even(5.0, 20.0), readings, np.array([-math.inf, -math.inf, 0.0])
+
+    def sizes(self, values: np.ndarray) -> np.ndarray:
+        return np.ones(3)
+
+    def residual(self, values: np.ndarray, ahead: bool = False) -> np.ndarray:
+        a, b, c = values
+        return self.readings - (a * np.exp(-b * self.time) + c)
+
+    def slopes(self, values: np.ndarray, central: bool = False) -> np.ndarray:
+        a, b, _ = values
+        fall = np.exp(-b * self.time)
+        return np.stack([fall, -a * self.time * fall, np.ones_like(fall)], axis=1)
+
+
+@pytest.mark.parametrize("offset", [0.2, -0.1])
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_the_search_and_the_last_steps_end_where_scipy_does(offset: float, loss: str) -> None:
+    """Within a bound, which an offset below 0 reaches; the last steps are for least squares."""
+    source = np.random.default_rng(0)
+    problem = Decay(2.0 * np.exp(-0.7 * even(5.0, 20.0)) + offset + 0.01 * source.standard_normal(101))
+    problem.readings[7] += 1.0
+    truth = least_squares(lambda x: -problem.residual(x), [1.0, 1.0, 0.1], bounds=(problem.least, np.inf), loss=loss,
+                          f_scale=0.02, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    start = np.array([1.0, 1.0, 0.1])
+    rough = core.search(problem, start, {"ftol": 1e-9, "xtol": 1e-9}, loss, 0.02)
+    np.testing.assert_allclose(rough, truth, atol=1e-4)
+    if loss == "linear":
+        near = truth + np.array([0.01, 0.01, 0.0])
+        values, squares = core.refit(problem, near, problem.slopes(near))
+        np.testing.assert_allclose(values, truth, atol=1e-6)
+        assert squares == pytest.approx(float(np.sum(problem.residual(values) ** 2)), rel=1e-9)
+    assert (rough[2] == 0.0) == (offset < 0.0)
+
+
+def test_derivatives_are_those_of_the_formula() -> None:
+    """One-sided ones to first order, central ones to second, and beside a bound within it."""
+    problem, values = Decay(np.zeros(101)), np.array([2.0, 0.7, 0.0])
+    steps, seen = np.full(3, 1e-3), []
+
+    def simulate(rows: np.ndarray) -> np.ndarray:
+        seen.append(rows[:, 2].min())
+        return -np.array([problem.residual(row) for row in rows])
+
+    for central, error in ((False, 2e-3), (True, 2e-6)):
+        readings, slopes = core.derivatives(simulate, values, steps, problem.least, central)
+        np.testing.assert_array_equal(readings, -problem.residual(values))
+        assert np.abs(slopes - problem.slopes(values)).max() < error
+    assert min(seen) == 0.0
+
+
+def test_a_fit_is_a_result() -> None:
+    """Its tables are those of its files, and pandas takes them."""
+    found = fit(plain(), ["linear", "linear+quadratic"], mass=MASS)
+    tables = found.to_dict()["tables"]
+    assert set(tables) == {"parameters", "residuals", "models"}
+    assert tables["parameters"]["columns"]["parameter"] == list(found.names)
+    frame = found.to_pandas("residuals")
+    np.testing.assert_allclose(frame["recorded_rad"] - frame["model_rad"], found.residual, atol=1e-15)
+    assert frame.attrs["units"]["time_s"] == "s"
+    assert found.origin()["recording"] == "virtual"
+    assert found.table.head[:4] == ("parameter", "value", "unit", "other models")

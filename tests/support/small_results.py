@@ -18,7 +18,7 @@ from pendulum_env.auto.search import Candidate
 from pendulum_env.envs.transfer import Difference, Transfer
 from pendulum_env.lab import DrivenFit, DrivenLog, Fit, GateSheet, Measurement
 from pendulum_env.lab.accelerations import Mount
-from pendulum_env.lab.driven.fitting import DrivenSolution
+from pendulum_env.lab.driven.problem import DrivenSolution
 from pendulum_env.lab.driven.result import DrivenPrediction
 from pendulum_env.lab.driven.windows import Window, Windows
 from pendulum_env.lab.fitting.grade import Fault

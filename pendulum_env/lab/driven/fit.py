@@ -8,8 +8,9 @@ from typing import Any
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
-from pendulum_env.lab.driven.fitting import BOUNDS, solve
+from pendulum_env.lab.driven.fitting import solve
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
+from pendulum_env.lab.driven.problem import BOUNDS
 from pendulum_env.lab.driven.result import DrivenFit
 from pendulum_env.lab.driven.start import LAGS, TRIES
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, LAG, RATES, STIFFNESS

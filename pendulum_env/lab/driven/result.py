@@ -16,10 +16,11 @@ from pendulum_env.common.saved import Savable
 from pendulum_env.common.shown import one_line
 from pendulum_env.common.texts import LONGEST, listed
 from pendulum_env.lab.checked import RecordingError, one_number
-from pendulum_env.lab.driven.fitting import BOUNDS, DrivenSolution
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
-from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows
+from pendulum_env.lab.driven.problem import BOUNDS, DrivenSolution
+from pendulum_env.lab.driven.windows import DELAY, DRIVE, DRY, LAG, RATES, STIFFNESS, VISCOUS, ZERO, Windows, start_at
 from pendulum_env.lab.fitting.base import FitResult
+from pendulum_env.lab.fitting.core import derivatives
 from pendulum_env.lab.fitting.grade import Fault, Grade
 from pendulum_env.lab.fitting.intervals import Scatter
 from pendulum_env.lab.measures import upper_limit
@@ -35,8 +36,6 @@ CONSTANTS = {"action": ("max_torque", "N m"), "torque": ("torque_scale", "1"), "
 """Kind of drive -> name and unit of the torque for one unit of the drive."""
 NEAR_START = 0.02
 """Readings from which the start of a prediction is taken: within this share of the period of small swings."""
-FEWEST = 5
-"""Fewest readings from which the start of a prediction is taken."""
 WEAK = 3.0
 """A drive whose effect is below this number of standard errors does not visibly move the pendulum."""
 MOST_LOST = 0.3
@@ -127,15 +126,15 @@ class DrivenFit(FitResult):
     @cached_property
     def _slopes(self) -> Array:
         """Derivatives of all parameters by the fitted numbers of the equation of motion, by central differences."""
-        rates, columns = self.solution.rates, []
-        for place in self.solution.free:
-            step = 1e-5 * max(abs(rates[place]), 1e-3)
-            up, down = rates.copy(), rates.copy()
-            up[place] += step
-            down[place] -= step
-            columns.append((np.array(list(self._of(up).values())) - np.array(list(self._of(down).values())))
-                           / (2.0 * step))
-        return np.stack(columns, axis=1)
+        free, rates = list(self.solution.free), self.solution.rates
+
+        def found(rows: Array) -> Array:
+            every = np.tile(rates, (len(rows), 1))
+            every[:, free] = rows
+            return np.array([[*self._of(row).values()] for row in every])
+
+        steps = 1e-5 * np.maximum(np.abs(rates[free]), 1e-3)
+        return derivatives(found, rates[free], steps, np.full(len(free), -math.inf), central=True)[1]
 
     @cached_property
     def _fitted(self) -> list[int]:
@@ -324,11 +323,7 @@ class DrivenFit(FitResult):
         if not windows.places:
             raise RecordingError(f"{log.source}: a prediction from {first:g} to {last:g} s has too few readings; give "
                                  "a longer duration or an earlier start")
-        apart = np.abs(log.time - first)
-        near = np.flatnonzero(apart <= NEAR_START * math.tau / omega0)
-        near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
-        curve = np.polynomial.Polynomial.fit(log.time[near] - first, log.angle[near], 2)
-        begin = np.array([[[curve(0.0), curve.deriv()(0.0)]]])
+        begin = np.array([[start_at(log, first, NEAR_START * math.tau / omega0)]])
         angle = windows.angles(self.solution.rates[None, :], begin)[0]
         place = windows.places[0]
         time = log.time[place.first : place.last] - first

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -43,6 +43,16 @@ SHORTEST = 1e-4
 _SCENE = Scene("driven log", Body(length=1.0, mass=1.0), effects=(
     Gravity(), BearingFriction(bearing_viscosity=1.0), CoulombFriction(friction_torque=1.0), Motor(max_torque=1.0)))
 """Scene with the effects of the simulation; its numbers are replaced."""
+
+
+def start_at(log: DrivenLog, at: float, reach: float) -> tuple[float, float]:
+    """Return angle [rad] and velocity [rad/s] of a log at a time [s], from a parabola through the readings within
+    ``reach`` [s], or through the nearest FEWEST."""
+    apart = np.abs(log.time - at)
+    near = np.flatnonzero(apart < reach)
+    near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
+    curve = np.polynomial.Polynomial.fit(log.time[near] - at, log.angle[near], 2)
+    return float(curve(0.0)), float(curve.deriv()(0.0))
 
 
 class Window(NamedTuple):
@@ -142,15 +152,8 @@ class Windows:
     def starts(self) -> Array:
         """Angle [rad] and velocity [rad/s] at the start of every window, ``(windows, 2)``, from a parabola through the
         readings near it."""
-        found = np.empty((len(self.places), 2))
-        for i, place in enumerate(self.places):
-            log, at = self.logs[place.log], self.begins[place.log] + place.step * self.h
-            apart = np.abs(log.time - at)
-            near = np.flatnonzero(apart < NEAR * self.steps * self.h)
-            near = near if len(near) >= FEWEST else np.argsort(apart)[:FEWEST]
-            curve = np.polynomial.Polynomial.fit(log.time[near] - at, log.angle[near], 2)
-            found[i] = curve(0.0), curve.deriv()(0.0)
-        return found
+        return np.array([start_at(self.logs[place.log], self.begins[place.log] + place.step * self.h,
+                                  NEAR * self.steps * self.h) for place in self.places])
 
     def angles(self, rates: Array, starts: Array) -> Array:
         """Return the simulated readings of the angle [rad], ``(runs, readings)``.
@@ -196,22 +199,15 @@ class Windows:
         """Return the mean drive in every step, as a share of the largest reading, ``(steps, runs * windows)``, and that
         reading."""
         largest = max(float(np.abs(log.drive).max()) for log in self.logs) or 1.0
-        runs, count = len(rates), len(self.places)
-        control = np.empty((self.steps, runs, count), np.float32)
-        known: dict[tuple[float, float], list[Array]] = {}
-        for run in range(runs):
-            delay, lag = float(rates[run, DELAY]), float(rates[run, LAG])
-            if (delay, lag) not in known:
-                known[delay, lag] = self._means(delay, lag)
+        control, means = np.empty((self.steps, len(rates), len(self.places)), np.float32), cache(self._means)
+        for run, (delay, lag) in enumerate(rates[:, [DELAY, LAG]].tolist()):
             for i, place in enumerate(self.places):
-                control[:, run, i] = known[delay, lag][place.log][place.step : place.step + self.steps] / largest
-        return control.reshape(self.steps, runs * count), largest
+                control[:, run, i] = means(delay, lag)[place.log][place.step : place.step + self.steps] / largest
+        return control.reshape(self.steps, -1), largest
 
     def _means(self, delay: float, lag: float) -> list[Array]:
-        """Return the mean drive in every step of each log's grid."""
-        most = [0] * len(self.logs)
-        for place in self.places:
-            most[place.log] = max(most[place.log], place.step + self.steps)
-        edges: list[Array] = [begin + self.h * np.arange(count + 1, dtype=np.float64)
-                              for begin, count in zip(self.begins, most, strict=True)]
-        return [mean_drive(log.time, log.held, own, delay, lag) for log, own in zip(self.logs, edges, strict=True)]
+        """Return the mean drive in every step of each log's grid, arrays."""
+        counts = [math.ceil((float(log.time[-1]) - begin) / self.h) + self.steps
+                  for log, begin in zip(self.logs, self.begins, strict=True)]
+        return [mean_drive(log.time, log.held, begin + self.h * np.arange(count + 1, dtype=np.float64), delay, lag)
+                for log, begin, count in zip(self.logs, self.begins, counts, strict=True)]

@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.results import Column, Columns, Result
 from pendulum_env.common.tables import Table
+from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.grade import Grade
-from pendulum_env.lab.fitting.intervals import Interval, place_of, student_quantile
+from pendulum_env.lab.fitting.intervals import Interval, student_quantile
 from pendulum_env.lab.measures import Measurement, bounded_text
 from pendulum_env.physics.scene import Scene
+from pendulum_env.physics.units import nearest, shown
 
 Array = NDArray[np.float64]
 
@@ -101,9 +103,15 @@ class FitResult(Result):
         np.fill_diagonal(matrix, 1.0)
         return np.clip(matrix, -1.0, 1.0)
 
+    def place(self, name: str) -> int:
+        """Return the index of a fitted parameter; RecordingError with the nearest name for one that was not fitted."""
+        if not isinstance(name, str) or name not in self.names:
+            raise RecordingError(f"{shown(name)} was not fitted{nearest(name, self.names)}")
+        return self.names.index(name)
+
     def correlation(self, first: str, second: str) -> float:
         """Return the correlation of two fitted parameters; raises RecordingError for names that were not fitted."""
-        return float(self.correlations[place_of(self, first)][place_of(self, second)])
+        return float(self.correlations[self.place(first)][self.place(second)])
 
     @property
     def at_bound(self) -> tuple[str, ...]:
@@ -123,7 +131,7 @@ class FitResult(Result):
 
         Raises RecordingError for a name that was not fitted, SceneError for a level that is not between 0 and 1.
         """
-        at = place_of(self, name)
+        at = self.place(name)
         reach = student_quantile(self.freedom, level) * math.sqrt(self.covariance[at, at])
         value = float(self.values[at])
         return Interval(max(value - reach, float(self.least[at])), value + reach)

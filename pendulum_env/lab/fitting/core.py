@@ -8,7 +8,7 @@ the problem eliminates from residuals and derivatives (variable projection: Golu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -43,6 +43,25 @@ class Problem(Protocol):
     def slopes(self, values: Array, central: bool = False) -> Array:
         """Return the derivatives of the model, ``(readings, numbers)``, at values that a search has accepted; from
         central differences, or from one-sided ones, which are faster."""
+
+
+def derivatives(
+    simulate: Callable[[Array], Array], values: Array, steps: Array, least: Array, central: bool
+) -> tuple[Array, Array]:
+    """Return a model's readings, and their derivatives ``(readings, numbers)`` by finite differences, from one batch.
+
+    Args:
+        simulate: function of rows of numbers ``(runs, numbers)`` that returns the readings, ``(runs, readings)``.
+        values, steps: the numbers, and their changes.
+        least: lower bounds of the numbers, beyond which none is changed.
+        central: True for differences of second order, one-sided next to a bound; False for one-sided ones, which take
+            half the simulations.
+    """
+    up = values + np.diag(steps)
+    down = np.maximum(values - np.diag(steps), least) if central else values[None]
+    rows = simulate(np.concatenate([values[None], up, down] if central else [values[None], up]))
+    ahead, behind = rows[1 : len(up) + 1], rows[len(up) + 1 :] if central else rows[:1]
+    return rows[0], np.nan_to_num((ahead - behind).T / np.diagonal(up - down))
 
 
 def search(
@@ -96,7 +115,7 @@ def refit(
     size, q, r = _factors(slopes[:, places])
     for _ in range(MOST):
         target = q.T @ residual
-        step = _within(r, target, (least - values[places]) * size)
+        step = bounded(r, target, (least - values[places]) * size)
         predicted, fallen = float(target @ target) - float((target - r @ step) @ (target - r @ step)), 0.0
         trial = values.copy()
         trial[places] = np.maximum(values[places] + step / size, least)
@@ -116,8 +135,8 @@ def refit(
     return values, squares
 
 
-def _within(r: Array, target: Array, low: Array) -> Array:
-    """Return the x that minimises ``|r x - target|`` with no entry below ``low``."""
+def bounded(r: Array, target: Array, low: Array) -> Array:
+    """Return the array x that minimises ``|r x - target|`` with no entry below ``low``."""
     from scipy.optimize import lsq_linear
 
     if not np.isfinite(low).any():

@@ -102,11 +102,11 @@ class Interval(NamedTuple):
     high: float
 
 
-def place_of(fit: Any, name: str) -> int:
+def place_of(fit: Fitted, name: str) -> int:
     """Return the index of a fitted parameter; RecordingError with the nearest name for one that was not fitted."""
     if not isinstance(name, str) or name not in fit.names:
         raise RecordingError(f"{shown(name)} was not fitted{nearest(name, fit.names)}")
-    return tuple(fit.names).index(name)
+    return fit.names.index(name)
 
 
 def level_of(level: float) -> float:

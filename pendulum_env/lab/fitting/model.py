@@ -47,9 +47,6 @@ are less accurate."""
 DECOY = 1e-3
 """Relative change of the parameters in an extra first run, so that no parameter is equal in all runs of a batch and the
 compiled program takes all of them as arguments."""
-LANES = 8
-"""A batch has a multiple of this number of runs: compiled programs without dry friction advance so many at once, in the
-time that a single one takes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,20 +204,18 @@ class Model:
 
         The engine compiles a parameter as a constant if it is equal in all runs, and would compile a new program for
         every new set of constants. An extra run in front, whose parameters differ from all others, avoids equal
-        parameters. It is the same in every call, because programs are cached by the scene of the first run. More of
-        them fill the batch up to whole LANES.
+        parameters. It is the same in every call, because programs are cached by the scene of the first run.
         """
         given = dict(zip(self.names, rows.T, strict=True))
-        extra = 1 if self._dry or (len(rows) + 1) % LANES == 1 else 1 + -(len(rows) + 1) % LANES
-        start = [np.append(np.full(extra, given[name][0]), given[name]) for name in (ANGLE, VELOCITY)]
+        start = [np.append(given[name][0], given[name]) for name in (ANGLE, VELOCITY)]
         numbers: dict[str, Any] = {
-            name: np.append(np.full(extra, value * (1.0 + DECOY) + 1e-9), given.get(name, np.full(len(rows), value)))
+            name: np.append(value * (1.0 + DECOY) + 1e-9, given.get(name, np.full(len(rows), value)))
             for name, value in self._varied.items()
         }
         duration = max(float(self.time[-1]), step) + step
         run = rollout(self._on_rod, integrator=METHOD, angle=start[0], velocity=start[1], dt=step, duration=duration,
                       diagnostics=(), warn=False, num_threads=1, **numbers)
-        return run.time, run.angle[extra:], run.velocity[extra:]
+        return run.time, run.angle[1:], run.velocity[1:]
 
     @cached_property
     def _varied(self) -> dict[str, float]:
@@ -234,11 +229,6 @@ class Model:
         varied = (self.scene.body.fitted, *self.free)
         values = {name: float(known[name] or 0.0) for name in varied if name not in SENSOR}
         return {**values, **{_fitted(effect.damping): float(getattr(effect, effect.fitted)) for effect in own}}
-
-    @cached_property
-    def _dry(self) -> bool:
-        """True if the compiled program has dry friction."""
-        return any(effect.dry for effect in self.scene.effects)
 
     @cached_property
     def _on_rod(self) -> Scene:

@@ -174,15 +174,14 @@ def solution_at(model: Model, values: Array, angle: Array, sigma: Array) -> FitS
     """Return the solution for given parameter values: residual, derivatives, velocity and the time up to which the
     model follows the swings.
     """
-    up, down = _beside(model, values)
-    angles, velocity = model.motion(np.concatenate([values[None], up, down]))
+    angles, velocity = model.motion(values)
     residual = np.asarray(np.nan_to_num(angle - angles[0], nan=BEYOND))
     last = followed(model, values, angle, sigma, angles[0])
     if last < len(angle):  # readings may be worse at the end, where the model must then be off by more
         scatter = np.fmax(reading_error(model.time[last:], residual[last:]), sigma[last:])
         last = followed(model, values, angle, np.concatenate([sigma[:last], scatter]), angles[0])
     until = float(model.time[max(last - 1, 0)])
-    return FitSolution(model, values, residual, _central(angles[1:], up, down), np.nan_to_num(velocity[0]), until)
+    return FitSolution(model, values, residual, jacobian(model, values), np.nan_to_num(velocity[0]), until)
 
 
 def followed(model: Model, values: Array, angle: Array, sigma: Array, shown: Array | None = None) -> int:
@@ -223,38 +222,22 @@ def sizes(model: Model, values: Array) -> Array:
     return np.array([known.get(name, max(abs(x), least.get(name, 1e-12))) for name, x in given.items()])
 
 
-def linearised(model: Model, values: Array) -> tuple[Array, Array]:
+def linearised(model: Model, values: Array, central: bool = False) -> tuple[Array, Array]:
     """Return a model's readings, and their derivatives by its parameters, shape ``(times, names)``, from one batch.
 
-    Differences are one-sided, which takes half the simulations of :func:`jacobian` and is used within a search. Trial
-    values at a bound of which no pendulum can be made, such as a length of 0, have no readings (nan) and derivatives 0.
+    See :func:`core.derivatives`. Trial values at a bound of which no pendulum can be made, such as a length of 0, have
+    no readings (nan) and derivatives 0.
     """
     try:
-        steps = ASIDE * np.maximum(np.abs(values), sizes(model, values))
+        steps = (NUDGE if central else ASIDE) * np.maximum(np.abs(values), sizes(model, values))
     except SceneError:
         return np.full(len(model.time), math.nan), np.zeros((len(model.time), len(values)))
-    rows = model.angles(np.concatenate([values[None], values + np.diag(steps)]))
-    return rows[0], np.nan_to_num((rows[1:] - rows[0]).T / steps)
+    return core.derivatives(model.angles, values, steps, model.least, central)
 
 
 def jacobian(model: Model, values: Array) -> Array:
-    """Return the derivatives of a model's readings by its parameters, shape ``(times, names)``, by finite differences.
-
-    Differences are central, of second order, and one-sided next to a bound.
-    """
-    up, down = _beside(model, values)
-    return _central(model.angles(np.concatenate([up, down])), up, down)
-
-
-def _beside(model: Model, values: Array) -> tuple[Array, Array]:
-    """Return parameters of which one is larger, and those of which one is smaller, both ``(names, names)``."""
-    steps = np.diag(NUDGE * np.maximum(np.abs(values), sizes(model, values)))
-    return values + steps, np.maximum(values - steps, model.least)
-
-
-def _central(rows: Array, up: Array, down: Array) -> Array:
-    """Return derivatives from the readings for the parameters ``up`` and then those for ``down``."""
-    return np.nan_to_num((rows[: len(up)] - rows[len(up):]).T / np.diagonal(up - down))
+    """Return the derivatives of a model's readings by its parameters, ``(times, names)``, by central differences."""
+    return linearised(model, values, central=True)[1]
 
 
 def refit(

@@ -152,27 +152,23 @@ def with_period(scene: Scene, free: Sequence[str], period: float) -> Scene:
 def _tuned(scene: Scene, names: Sequence[str], period: float) -> Scene:
     """Return the scene with the first named parameter that can give it a period [s]; unchanged if none can.
 
-    Values are searched outwards from the scene's own, up to 30 times as large or small, and then by bisection.
+    Values are searched outwards from the scene's own, up to 30 times as large or small.
     """
-    def scene_at(name: str, factor: float) -> Scene | None:
-        try:
-            return scene.replace(**{name: float(scene.parameters()[name]) * factor})  # type: ignore[arg-type]
-        except SceneError:
-            return None
+    from scipy.optimize import brentq
 
-    def excess(name: str, factor: float) -> float:
-        place = scene_at(name, factor)
-        return math.nan if place is None else period * place.omega0 / math.tau - 1.0
+    def excess(factor: float, name: str) -> float:
+        try:
+            return period * tuned(name, factor).omega0 / math.tau - 1.0
+        except SceneError:
+            return math.nan
+
+    def tuned(name: str, factor: float) -> Scene:
+        return scene.replace(**{name: float(scene.parameters()[name]) * factor})  # type: ignore[arg-type]
 
     for name in names:
         for step in SEARCHED:
-            ends = [1.0, step]
-            if not excess(name, ends[0]) * excess(name, ends[1]) <= 0.0:
-                continue
-            for _ in range(50):
-                middle = math.sqrt(ends[0] * ends[1])
-                ends[0 if excess(name, ends[0]) * excess(name, middle) > 0.0 else 1] = middle
-            return scene_at(name, ends[0]) or scene
+            if excess(1.0, name) * excess(step, name) <= 0.0:
+                return tuned(name, brentq(excess, 1.0, step, (name,), xtol=1e-15))
     return scene
 
 
