@@ -55,7 +55,7 @@ SMALLEST, LARGEST = 0.3, 30.0
 """Sizes of disturbances in the readings, in standard deviations of the noise."""
 GRAVITY = 9.81
 MODELS = ("linear", "quadratic", "linear+quadratic")
-RANGES = {"length": (0.2, 1.2), "amplitude": (10.0, 60.0), "periods": (40.0, 100.0), "rate": (15.0, 40.0),
+RANGES = {"length": (0.2, 1.2), "amplitude": (10.0, 60.0), "periods": (50.0, 150.0), "rate": (15.0, 30.0),
           "noise": (0.02, 0.2), "loss": (0.3, 1.5), "share": (0.3, 0.7)}
 """Ranges of the random settings: length [m], amplitude [degrees], number of periods, rate of readings [Hz], noise
 [degrees], logarithmic loss of amplitude in the run, and the share of linear damping in it."""
