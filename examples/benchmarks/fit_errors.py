@@ -18,8 +18,8 @@ For each kind the benchmark prints the root mean square of the pulls of every pa
 all kinds together, and for "plain" the share of 95 % intervals that contain the truth, which should be 93 to 97 %.
 Pulls of dampings at their bound 0 do not count. With ``--file`` an interrupted study continues where it stopped.
 
-No error can show a second mode near the swing's frequency in less than a quarter of a beat, because a parameter describes
-nearly all of it: halves have 25 cycles or more here, and in shorter ones a length may be 30 errors off.
+No error can show a second mode near the swing's frequency in less than a quarter of a beat, because parameters
+describe nearly all of it: halves have 25 cycles or more here, and in shorter ones a length may be 30 errors off.
 """
 
 from __future__ import annotations

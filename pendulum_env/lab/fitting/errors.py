@@ -251,8 +251,8 @@ def _judged(
     size = np.sqrt((2.0 * order + 1.0) / len(wave))
     slow = np.polynomial.legendre.legvander((2.0 * np.arange(len(edges)) + 1.0) / len(edges) - 1.0, order[-1]) * size
     across = slow.T @ tied
-    quick = {"driver": "ev", "check_finite": False}  # numpy's takes 100 times as long while other programs run
-    values, vectors = eigh((slow.T * squares) @ slow - across @ inverse @ across.T, **quick)
+    # numpy's eigh takes 100 times as long while other programs run
+    values, vectors = eigh((slow.T * squares) @ slow - across @ inverse @ across.T, driver="ev")
     seen = values > LEFT
     mixed = np.sqrt(values[seen])[:, None] * vectors.T[seen]
     shown = mixed @ (slow.T @ sums - across @ inverse @ (slopes.T @ residual)) / values[seen]
@@ -261,7 +261,7 @@ def _judged(
     likelihood, level = np.empty((2, len(FALLS), len(SIZES)))
     degrees = len(shown) + KNOWN
     for i, share in enumerate(shares):
-        own, turned = eigh((mixed * share) @ mixed.T, **quick)
+        own, turned = eigh((mixed * share) @ mixed.T, driver="ev")
         variances = 1.0 + SIZES[:, None] * np.maximum(own, 0.0)
         chi2 = ((turned.T @ shown) ** 2 / variances).sum(axis=1) + KNOWN * noise
         likelihood[i] = -0.5 * np.log(variances).sum(axis=1) - 0.5 * degrees * np.log(chi2)
