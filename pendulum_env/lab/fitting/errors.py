@@ -90,7 +90,7 @@ def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> E
     covariance, freedom = slow_covariance(slopes, residual, model.time, solution.velocity)
     free = np.isfinite(np.diag(plain))
     sizes = _ratios(covariance, plain)[free] if free.any() else np.ones(1)
-    low, high = f"{sizes.min():.2g}", f"{sizes.max():.2g}"
+    low, high = (f"{float(f'{x:.2g}'):g}" for x in (sizes.min(), sizes.max()))
     remarks = ["The errors allow for residuals that change slowly, as by a drift, a jump or a second mode: they are "
                f"{low if low == high else f'{low} to {high}'} times those of independent readings"]
     if quantum > 0.0:
