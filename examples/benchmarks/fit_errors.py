@@ -11,15 +11,15 @@ error of the whole and of both halves, or the difference of the halves / error o
 drifts is its mean over the part that is fitted; the true angle and velocity are those at its start, with the second
 mode near the frequency of the swing, which moves with it.
 
-    python examples/benchmarks/fit_errors.py [--sizes 9] [--plain 200] [--jobs 2] [--file rows.jsonl]
+    python examples/benchmarks/fit_errors.py [--sizes 18] [--plain 200] [--jobs 2] [--file rows.jsonl]
     python examples/benchmarks/fit_errors.py --recordings video_decay_65cm.txt   (halves of files, which have no truth)
 
 For each kind the benchmark prints the root mean square of the pulls of every parameter, which should be 0.8 to 1.3 for
 all kinds together, and for "plain" the share of 95 % intervals that contain the truth, which should be 93 to 97 %.
 Pulls of dampings at their bound 0 do not count. With ``--file`` an interrupted study continues where it stopped.
 
-No error can show a second mode near the swing's frequency in less than a fifth of a beat, because a parameter describes
-nearly all of it: halves have 20 cycles or more here, and in shorter ones a length may be 30 errors off.
+No error can show a second mode near the swing's frequency in less than a quarter of a beat, because parameters
+describe nearly all of it: halves have 25 cycles or more here, and in shorter ones a length may be 30 errors off.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ SMALLEST, LARGEST = 0.3, 30.0
 """Sizes of disturbances in the readings, in standard deviations of the noise."""
 GRAVITY = 9.81
 MODELS = ("linear", "quadratic", "linear+quadratic")
-RANGES = {"length": (0.2, 1.2), "amplitude": (10.0, 60.0), "periods": (40.0, 100.0), "rate": (15.0, 40.0),
+RANGES = {"length": (0.2, 1.2), "amplitude": (10.0, 60.0), "periods": (50.0, 150.0), "rate": (15.0, 30.0),
           "noise": (0.02, 0.2), "loss": (0.3, 1.5), "share": (0.3, 0.7)}
 """Ranges of the random settings: length [m], amplitude [degrees], number of periods, rate of readings [Hz], noise
 [degrees], logarithmic loss of amplitude in the run, and the share of linear damping in it."""
@@ -213,7 +213,7 @@ def points_of(sizes: int, plain: int, kinds: Sequence[str] = KINDS) -> list[dict
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Measure whether errors of fits hold for disturbed recordings.")
-    parser.add_argument("--sizes", type=int, default=9, help="sizes of every kind of disturbance")
+    parser.add_argument("--sizes", type=int, default=18, help="sizes of every kind of disturbance")
     parser.add_argument("--plain", type=int, default=200, help="recordings without disturbance")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--file", default=None, help="file for results; an interrupted study continues from it")

@@ -1,4 +1,4 @@
-"""Test that the error of a fitted length includes a drift of the amplitude-corrected period.
+"""Test that the error of a fitted length allows for a drift of the amplitude-corrected period.
 
 Recordings whose scale, zero or pivot drifts are simulated by scipy; the lengths of their halves must agree.
 """
@@ -51,8 +51,6 @@ def test_a_scale_that_changes_enlarges_the_error_of_the_length() -> None:
     clean = swing(time, math.radians(49.2), length=0.353, gamma=0.0556)
     right, rising = (fit(recorded(time, clean * (1.0 + rise * time), noise=math.radians(0.1), seed=1), "linear",
                          mass=MASS) for rise in (0.0, 3.5e-4))
-    text = "as if the scale of the angles were wrong"
-    assert (text in right.how, text in rising.how) == (False, True)
     length = rising.parameters["length"]
     assert 10.0 * right.parameters["length"].error < abs(length.value - 0.353) < 3.0 * length.error
 
@@ -72,8 +70,9 @@ def test_the_lengths_of_both_halves_agree_within_three_errors_in_95_per_cent() -
 
 
 @pytest.mark.filterwarnings("ignore:The fit is usable, except")
-def test_the_report_gives_the_drift_and_its_usual_meaning() -> None:
-    """A length that grows by 2 % has a period that grows by 1 %; spread evenly, its error is 2 % / sqrt(12)."""
+def test_the_drift_of_the_period_is_found_and_widens_the_error_of_the_length() -> None:
+    """A length that grows by 2 % has a period that grows by 1 %. Spread evenly, its error is 2 % / sqrt(12); it is
+    taken for as large as that, and for no more than the whole growth."""
     time = even(25.0, 40.0)
     seen = recorded(time, sinking(time, 0.4, 0.5, 0.03, 0.02), noise=math.radians(0.1))
     found = fit(seen, "linear", mass=MASS)
@@ -81,9 +80,7 @@ def test_the_report_gives_the_drift_and_its_usual_meaning() -> None:
     assert drift is not None
     assert drift.value == pytest.approx(0.01, rel=0.03)
     assert drift.error < 1e-3
-    assert found.parameters["length"].error == pytest.approx(0.5 * 0.02 / math.sqrt(12.0), rel=0.05)
-    assert "the amplitude-corrected period drifts by" in found.how
-    assert "angles look scaled or displaced: try --free length,scale" in found.how
+    assert 0.5 * 0.02 / math.sqrt(12.0) < found.parameters["length"].error < 0.5 * 0.02
 
 
 def test_a_free_scale_takes_the_drift_away() -> None:
@@ -91,8 +88,9 @@ def test_a_free_scale_takes_the_drift_away() -> None:
     time = even(30.0, 40.0)
     seen = recorded(time, swing(time, math.radians(50.0), length=0.5, gamma=0.08), noise=math.radians(0.1), scale=1.03)
     plain, scaled = (fit(seen, "linear", mass=MASS, free=free) for free in (("length",), ("length", "scale")))
-    assert "try --free length,scale" in plain.how
-    assert "drifts" not in scaled.how
-    assert abs(scaled.parameters["length"].value - 0.5) < 4.0 * scaled.parameters["length"].error
-    assert abs(plain.parameters["length"].value - 0.5) < 4.0 * plain.parameters["length"].error
-    assert scaled.parameters["length"].error < plain.parameters["length"].error
+    assert plain.errors.drift is not None
+    assert scaled.errors.drift is not None
+    assert plain.errors.drift.value > 2e-3 > 4.0 * abs(scaled.errors.drift.value)
+    for found in (plain, scaled):
+        assert abs(found.parameters["length"].value - 0.5) < 4.0 * found.parameters["length"].error
+    assert 10.0 * scaled.parameters["length"].error < plain.parameters["length"].error

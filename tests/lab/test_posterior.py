@@ -65,11 +65,15 @@ def linear_posterior() -> Posterior:
 
 
 def exact(rate: bool = False) -> tuple[Any, Any, float]:
-    """Return mean, scale matrix and degrees of freedom of the exact posterior, a Student's t (Box & Tiao 1973)."""
-    slopes, readings = columns(rate), harmonic(rate).recording.readings
-    mean, (squares,), *_ = np.linalg.lstsq(slopes, readings, rcond=None)
-    freedom = len(TIME) - 3
-    return mean, squares / freedom * np.linalg.inv(slopes.T @ slopes), float(freedom)
+    """Return mean, scale matrix and degrees of freedom of the exact posterior, a Student's t (Box & Tiao 1973).
+
+    It is as wide as the errors of the fit where these exceed those of independent readings, with their freedom.
+    """
+    slopes, found = columns(rate), harmonic(rate)
+    mean, (squares,), *_ = np.linalg.lstsq(slopes, found.recording.readings, rcond=None)
+    scale = squares / (len(TIME) - 3) * np.linalg.inv(slopes.T @ slopes)
+    wider = np.maximum(np.sqrt(np.diag(found.covariance) / np.diag(scale)), 1.0)
+    return mean, scale * np.outer(wider, wider), found.errors.freedom
 
 
 # --- the density ------------------------------------------------------------------------------------------------------

@@ -90,7 +90,7 @@ def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> E
     covariance, freedom = slow_covariance(slopes, residual, model.time, solution.velocity)
     free = np.isfinite(np.diag(plain))
     sizes = _ratios(covariance, plain)[free] if free.any() else np.ones(1)
-    low, high = f"{sizes.min():.2g}", f"{sizes.max():.2g}"
+    low, high = (f"{float(f'{x:.2g}'):g}" for x in (sizes.min(), sizes.max()))
     remarks = ["The errors allow for residuals that change slowly, as by a drift, a jump or a second mode: they are "
                f"{low if low == high else f'{low} to {high}'} times those of independent readings"]
     if quantum > 0.0:
@@ -242,6 +242,8 @@ def _judged(
         1, and the part of them that is due to the value at the start, both ``(parameters, orders)``; and the degrees of
         freedom of the noise.
     """
+    from scipy.linalg import eigh
+
     inverse, edges = _finite(inverse), np.concatenate([[0], turns + 1])
     squares, tied, sums = (np.add.reduceat(x, edges, axis=0) for x in (
         wave * wave, wave[:, None] * slopes, wave * residual))
@@ -249,7 +251,8 @@ def _judged(
     size = np.sqrt((2.0 * order + 1.0) / len(wave))
     slow = np.polynomial.legendre.legvander((2.0 * np.arange(len(edges)) + 1.0) / len(edges) - 1.0, order[-1]) * size
     across = slow.T @ tied
-    values, vectors = np.linalg.eigh((slow.T * squares) @ slow - across @ inverse @ across.T)
+    # numpy's eigh takes 100 times as long while other programs run
+    values, vectors = eigh((slow.T * squares) @ slow - across @ inverse @ across.T, driver="ev")
     seen = values > LEFT
     mixed = np.sqrt(values[seen])[:, None] * vectors.T[seen]
     shown = mixed @ (slow.T @ sums - across @ inverse @ (slopes.T @ residual)) / values[seen]
@@ -258,7 +261,7 @@ def _judged(
     likelihood, level = np.empty((2, len(FALLS), len(SIZES)))
     degrees = len(shown) + KNOWN
     for i, share in enumerate(shares):
-        own, turned = np.linalg.eigh((mixed * share) @ mixed.T)
+        own, turned = eigh((mixed * share) @ mixed.T, driver="ev")
         variances = 1.0 + SIZES[:, None] * np.maximum(own, 0.0)
         chi2 = ((turned.T @ shown) ** 2 / variances).sum(axis=1) + KNOWN * noise
         likelihood[i] = -0.5 * np.log(variances).sum(axis=1) - 0.5 * degrees * np.log(chi2)
