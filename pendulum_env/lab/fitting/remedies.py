@@ -28,7 +28,7 @@ from pendulum_env.physics import exact
 
 Array = NDArray[np.float64]
 
-JUMP, OUTLIERS, DRIFT, PERIOD = "jump", "outliers", "drift", "period"
+JUMP, OUTLIERS, DRIFT, PERIOD, PUSH = "jump", "outliers", "drift", "period", "push"
 """Names of faults; the first three can be taken out of the readings."""
 SUBTRACTED = "subtracted (--no-jumps leaves it in)"
 """Words on a jump of the zero that a fit has subtracted."""
@@ -78,7 +78,8 @@ class Remedy:
     """A fault of a recording that explains a misfit, and what to do about it.
 
     Attributes:
-        name: kind of the fault: "scale", "unit", "column", "damping", "jump", "drift", "period", "outliers" or "swing".
+        name: kind of the fault: "scale", "unit", "column", "damping", "jump", "drift", "period", "push", "outliers" or
+            "swing".
         text: the fault as a clause with its size.
         option: option of ``lab-pendulum fit`` that removes it; "" for none.
         number: size of the fault with its standard error.
@@ -272,6 +273,10 @@ def _shapes(
     yield fault(PERIOD, (solution.velocity * _delay(time))[:, None], 1)
     for places in _jumps(solution, swing.time, base, measured.period, MOST if misfit else 1):
         yield fault(JUMP, _steps(len(time), places), 2 * len(places), *places)
+    motion = np.stack([swing.readings - solution.residual, solution.velocity], axis=1)
+    motion[:, 0] -= solution.model.rest(solution.values)
+    at = _push(solution, base, motion)
+    yield fault(PUSH, _steps(len(time), [at]) * motion, 3, at)
     size = np.abs(base)
     far = np.flatnonzero(size > FAR * max(1.4826 * float(np.median(size)), swing.reading_quantum))
     if 0 < len(far) <= FEW * len(base):
@@ -336,6 +341,25 @@ def _jump(solution: FitSolution, base: Array, others: Sequence[int]) -> int:
     own = count - np.square(later(q)).sum(axis=1)
     gain = np.square(later(left)) / np.maximum(own, 1e-6 * count)
     edge = min(max(8, int(EDGE * len(base))), len(base) // 2 - 1)
+    return edge + int(np.argmax(gain[edge:-edge]))
+
+
+def _push(solution: FitSolution, base: Array, motion: Array) -> int:
+    """Return the index of the reading after which another amplitude and phase explain most of the residuals.
+
+    ``motion`` are the angle and the velocity of the model as columns: their shares are changes of both.
+    """
+    def later(rows: Array) -> Array:
+        return np.asarray(np.cumsum(rows[::-1], axis=0)[-2::-1])
+
+    q = basis(solution.jacobian)
+    motion = motion / np.linalg.norm(motion, axis=0)
+    along = later(motion * base[:, None])
+    inside = later(q[:, :, None] * motion[:, None, :])
+    gram = later(motion[:, :, None] * motion[:, None, :]) - np.einsum("nki,nkj->nij", inside, inside)
+    gram += 1e-6 * np.eye(2)
+    edge = min(max(8, int(EDGE * len(base))), len(base) // 2 - 1)
+    gain = np.einsum("ni,ni->n", along, np.linalg.solve(gram, along[:, :, None])[:, :, 0])
     return edge + int(np.argmax(gain[edge:-edge]))
 
 
@@ -478,6 +502,12 @@ def _named(fault: TriedFault, gain: float, swing: Recording) -> Remedy:
     elif fault.name == DRIFT:
         number, size = shown(float(fault.sizes[0]), float(errors[0]))
         text, option = f"the zero drifts by {size} during the run", half
+    elif fault.name == PUSH:
+        at = float(swing.time[int(fault.detail[0])]) + start
+        number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
+        text = (f"the bob is pushed or touched at {at:.3g} s, where its amplitude changes by {number.value:.2g} ± "
+                f"{number.error:.1g} %")
+        option = f"--until {at:.3g}"
     elif fault.name == PERIOD:
         number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
         text = (f"the period {'grows' if number.value > 0.0 else 'falls'} by {abs(number.value):.2g} ± "
