@@ -154,6 +154,25 @@ def test_a_second_swing_that_stays_is_named() -> None:
     assert found.remedies[0].option == ""
 
 
+@pytest.mark.parametrize("share", [0.97, 1.2])
+def test_a_push_is_named(share: float) -> None:
+    """At 15 s the bob swings on as from another amplitude: the velocity is multiplied at once."""
+    first = motion(TIME[TIME < 15.0], 37.0)
+    speed = float(motion(TIME[TIME < 15.0], 37.0, rate=True)[-1])
+    after = TIME[TIME >= 15.0]
+
+    def slope(_t: float, y: Array) -> list[float]:
+        return [y[1], -GRAVITY / 0.62 * math.sin(y[0]) - (0.025 + 0.015 * abs(y[1])) * y[1]]
+
+    before = float(TIME[TIME < 15.0][-1])
+    run = solve_ivp(slope, (before, float(TIME[-1])), [float(first[-1]), share * speed], "DOP853", after, rtol=1e-9,
+                    atol=1e-11)
+    found = fitted(TIME, np.concatenate([first, run.y[0]]))
+    assert found.remedies[0].name == "push"
+    assert found.remedies[0].at == pytest.approx(15.0, abs=1.0)
+    assert found.remedies[0].option.startswith("--until 1")
+
+
 @pytest.mark.parametrize("one", ["linear", "coulomb"])
 def test_a_damping_that_is_missing_is_named(one: str) -> None:
     found = fitted(TIME, motion(TIME, 60.0), effects=one)

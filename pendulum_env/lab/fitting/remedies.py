@@ -142,9 +142,10 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
     """
     found: list[Remedy] = []
     while len(found) < MOST:
-        base = _beyond(solution)
+        q = basis(solution.jacobian)
+        base = _off(solution.residual, q)
         noise = MISFIT * max(scatter_level(swing.time, solution.residual), sigma)
-        tried = [] if solution.lost else list(_shapes(solution, swing, measured, base, _rms(base) > noise))
+        tried = [] if solution.lost else list(_shapes(solution, swing, measured, q, base, _rms(base) > noise))
         single = [one for one in tried if len(one.detail) < 2 or one.name != JUMP]
         gains, tau = _gains(single, base, solution, 1.0), 1.0
         if gains and single[int(np.argmax(gains))].name == OUTLIERS:  # each of them is evidence of its own
@@ -232,8 +233,12 @@ def _beside(solution: FitSolution, columns: Array) -> Array:
 def _beyond(solution: FitSolution, columns: Array | None = None) -> Array:
     """Return the part of the residuals that neither the parameters nor the columns can change."""
     own = solution.jacobian if columns is None else np.column_stack([solution.jacobian, columns])
-    q = basis(own)
-    return np.asarray(solution.residual - q @ (q.T @ solution.residual))
+    return _off(solution.residual, basis(own))
+
+
+def _off(values: Array, q: Array) -> Array:
+    """Return the part of values that is orthogonal to the columns of an orthonormal basis."""
+    return np.asarray(values - q @ (q.T @ values))
 
 
 def basis(columns: Array) -> Array:
@@ -257,32 +262,33 @@ def repaired(swing: Recording, remedies: Sequence[Remedy], note: str = "") -> Re
 
 
 def _shapes(
-    solution: FitSolution, swing: Recording, measured: Measured, base: Array, misfit: bool
+    solution: FitSolution, swing: Recording, measured: Measured, q: Array, base: Array, misfit: bool
 ) -> Iterator[TriedFault]:
     """Yield the faults that add a shape to the readings, each at its best place.
 
-    ``base`` are the residuals that no parameter can change; with a ``misfit``, several jumps are tried, too.
+    ``base`` are the residuals that no parameter can change, ``q`` is a basis of what the parameters change; with a
+    ``misfit``, several jumps are tried, too.
     """
     time = swing.time - swing.time[0]
     share = time / time[-1]
 
     def fault(name: str, columns: Array, parameters: int, *detail: float) -> TriedFault:
-        return TriedFault(name, parameters, _beyond(solution, columns), columns, detail)
+        return TriedFault(name, parameters, _off(base, basis(_off(columns, q))), columns, detail)
 
     yield fault(DRIFT, (share - 0.5)[:, None], 1)
     yield fault(PERIOD, (solution.velocity * _delay(time))[:, None], 1)
-    for places in _jumps(solution, swing.time, base, measured.period, MOST if misfit else 1):
+    for places in _jumps(q, swing.time, base, measured.period, MOST if misfit else 1):
         yield fault(JUMP, _steps(len(time), places), 2 * len(places), *places)
     motion = np.stack([swing.readings - solution.residual, solution.velocity], axis=1)
     motion[:, 0] -= solution.model.rest(solution.values)
-    at = _push(solution, base, motion)
+    at = _push(q, base, motion)
     yield fault(PUSH, _steps(len(time), [at]) * motion, 3, at)
     size = np.abs(base)
     far = np.flatnonzero(size > FAR * max(1.4826 * float(np.median(size)), swing.reading_quantum))
     if 0 < len(far) <= FEW * len(base):
         single = (np.arange(len(base))[:, None] == far).astype(np.float64)
         yield fault(OUTLIERS, single, 2 * len(far), *far.tolist())
-    second = _second_swing(solution, time, measured.period, base)
+    second = _second_swing(q, time, measured.period, base)
     if second is not None:
         wave = _oscillation(time, *second)
         if np.hypot(*_beside(solution, wave)[-2:]) < LARGEST * float(np.ptp(swing.readings)):
@@ -299,7 +305,7 @@ def _steps(count: int, places: Sequence[int]) -> Array:
     return (np.arange(count)[:, None] > np.asarray(places)).astype(np.float64)
 
 
-def _jumps(solution: FitSolution, time: Array, base: Array, period: float, most: int) -> Iterator[list[int]]:
+def _jumps(q: Array, time: Array, base: Array, period: float, most: int) -> Iterator[list[int]]:
     """Yield the indices of the readings after which one step, two steps and more explain most of the residuals.
 
     Every step is placed where it explains most beside the others, which are then placed again. A step of which the
@@ -307,10 +313,10 @@ def _jumps(solution: FitSolution, time: Array, base: Array, period: float, most:
     """
     places: list[int] = []
     for count in range(1, most + 1):
-        places.append(_jump(solution, base, places))
+        places.append(_jump(q, base, places))
         for i in [*range(count)] * 2 if count > 1 else ():
-            places[i] = _jump(solution, base, places[:i] + places[i + 1:])
-        sizes = _beside(replace(solution, residual=base), _steps(len(time), places))[-count:]
+            places[i] = _jump(q, base, places[:i] + places[i + 1:])
+        sizes = np.linalg.lstsq(_off(_steps(len(time), places), q), base, rcond=None)[0]
         if not all(_sudden(time, base, at, float(size), 0.25 * period)
                    for at, size in zip(places, sizes, strict=True)):
             return
@@ -329,14 +335,13 @@ def _sudden(time: Array, base: Array, at: int, size: float, reach: float) -> boo
     return abs(float(found[3]) - size) < LOCAL * math.sqrt(variance) + 0.25 * abs(size)
 
 
-def _jump(solution: FitSolution, base: Array, others: Sequence[int]) -> int:
+def _jump(q: Array, base: Array, others: Sequence[int]) -> int:
     """Return the index of the reading after which a step explains most of the residuals, beside steps at others."""
     def later(rows: Array) -> Array:
         return np.asarray(np.cumsum(rows[::-1], axis=0)[-2::-1])
 
-    known = np.column_stack([solution.jacobian, _steps(len(base), others)])
-    q = basis(known)
-    left = base - q @ (q.T @ base)
+    q = np.column_stack([q, basis(_off(_steps(len(base), others), q))]) if others else q
+    left = _off(base, q)
     count = np.arange(len(base) - 1, 0, -1.0)
     own = count - np.square(later(q)).sum(axis=1)
     gain = np.square(later(left)) / np.maximum(own, 1e-6 * count)
@@ -344,7 +349,7 @@ def _jump(solution: FitSolution, base: Array, others: Sequence[int]) -> int:
     return edge + int(np.argmax(gain[edge:-edge]))
 
 
-def _push(solution: FitSolution, base: Array, motion: Array) -> int:
+def _push(q: Array, base: Array, motion: Array) -> int:
     """Return the index of the reading after which another amplitude and phase explain most of the residuals.
 
     ``motion`` are the angle and the velocity of the model as columns: their shares are changes of both.
@@ -352,7 +357,6 @@ def _push(solution: FitSolution, base: Array, motion: Array) -> int:
     def later(rows: Array) -> Array:
         return np.asarray(np.cumsum(rows[::-1], axis=0)[-2::-1])
 
-    q = basis(solution.jacobian)
     motion = motion / np.linalg.norm(motion, axis=0)
     along = later(motion * base[:, None])
     inside = later(q[:, :, None] * motion[:, None, :])
@@ -369,7 +373,7 @@ def _oscillation(time: Array, frequency: float, decay: float) -> Array:
     return np.stack([wave.real, wave.imag], axis=1)
 
 
-def _second_swing(solution: FitSolution, time: Array, period: float, base: Array) -> tuple[float, float] | None:
+def _second_swing(q: Array, time: Array, period: float, base: Array) -> tuple[float, float] | None:
     """Return frequency [Hz] and decay rate [1/s] of the oscillation that explains most of the residuals; None without
     any, or for an overtone of the swing, which a sensor's or a model's curvature makes.
 
@@ -378,7 +382,7 @@ def _second_swing(solution: FitSolution, time: Array, period: float, base: Array
     from scipy.fft import next_fast_len, rfft
     from scipy.optimize import least_squares
 
-    step, duration, q = float(np.median(np.diff(time))), float(time[-1]), basis(solution.jacobian)
+    step, duration = float(np.median(np.diff(time))), float(time[-1])
 
     def overtone(frequency: Array) -> NDArray[np.bool_]:
         order = np.round(frequency * period)
@@ -398,7 +402,7 @@ def _second_swing(solution: FitSolution, time: Array, period: float, base: Array
 
     def left(x: Array) -> Array:
         own = _oscillation(time, x[0] / duration, abs(x[1]) / duration)
-        own = own - q @ (q.T @ own)
+        own = _off(own, q)
         return np.asarray(base - own @ np.linalg.lstsq(own, base, rcond=None)[0])
 
     start = [frequency[place] * duration, DECAYS[int(which)]]
