@@ -78,6 +78,73 @@ def test_a_shared_file_is_refused_with_the_remedy(name: str) -> None:
         Recording.read(FAULTS / f"{name}.csv")
 
 
+REMEDIES = {
+    "angles_scaled_by_3": ("scale", 1.5015, "The angles are 1.501. ± 0.0016 times too large: --free length,scale."),
+    "one_outlier": ("outliers", 15.0, "One reading at 12.5 s is 15° off: --robust or --drop 12.450:12.550."),
+}
+"""Name of the fault, its size, and its sentence. The scale of the first file is 1.5015 by SciPy's fit, too, not 3."""
+
+
+@real
+@pytest.mark.filterwarnings("ignore:The ")
+@pytest.mark.parametrize("name", REMEDIES)
+def test_a_shared_file_with_a_fault_names_the_remedy(name: str) -> None:
+    kind, size, sentence = REMEDIES[name]
+    found = fit(Recording.read(FAULTS / f"{name}.csv"), "linear+quadratic")
+    (remedy,) = found.remedies
+    assert remedy.name == kind
+    assert abs(remedy.number.value - size) < 4.0 * remedy.number.error
+    assert re.search(sentence, found.grade.text)
+    assert found.grade.word != "usable"
+    assert "swings grow" not in found.grade.text
+
+
+@real
+def test_a_wrong_scale_makes_the_shared_fit_not_usable(run_here: Here, tmp_path: Path) -> None:
+    """The command says the remedy, and nothing about damping; with the remedy, the fit is usable."""
+    name = str(FAULTS / "angles_scaled_by_3.csv")
+    said = " ".join(run_here("fit", name, "--out", str(tmp_path / "out"))[1].split())
+    assert "The model linear does not follow the recording: its residual is 3.33° rms, 14 times the error" in said
+    assert "The best model" not in said
+    assert "The fit is not usable, because the model does not follow the recording." in said
+    said = " ".join(run_here("fit", name, "--free", "length,scale", "--out", str(tmp_path / "out"))[1].split())
+    assert "The fit is usable." in said
+
+
+@real
+@pytest.mark.filterwarnings("ignore:The ")
+def test_the_shared_jump_is_subtracted_unless_it_shall_stay(run_here: Here, tmp_path: Path) -> None:
+    path = FAULTS / "zero_jumps_once.csv"
+    found = fit(Recording.read(path), "linear+quadratic")
+    (jump,) = found.subtracted
+    assert abs(jump.number.value - 1.5) < 3.0 * jump.number.error
+    assert jump.at == pytest.approx(17.5, abs=0.03)
+    assert math.degrees(found.rms) == pytest.approx(0.2, abs=0.01)
+    assert found.grade.word == "usable"
+    gamma, c = found.parameters["linear_drag.gamma"], found.parameters["quadratic_drag.c"]
+    assert abs(gamma.value - 0.03) < 3.0 * gamma.error
+    assert abs(c.value - 0.02) < 3.0 * c.error
+    words = ("fit", str(path), "--effects", "linear+quadratic", "--out", str(tmp_path / "out"))
+    said = " ".join(run_here(*words, "--no-jumps")[1].split())
+    assert "The zero jumps by 1.52° at 17.5 s: a fit without --no-jumps subtracts it." in said
+    said = " ".join(run_here(*words)[1].split())
+    assert "The zero jumps by 1.52° at 17.5 s: subtracted (--no-jumps leaves it in)." in said
+
+
+@real
+@pytest.mark.filterwarnings("ignore:The ")
+@pytest.mark.parametrize("name", READ)
+def test_a_shared_file_that_is_read_right_needs_no_remedy(name: str) -> None:
+    found = fit(Recording.read(FAULTS / f"{name}.csv", **READ[name]), "linear+quadratic")
+    assert (found.remedies, found.subtracted, found.grade.word) == ((), (), "usable")
+
+
+@real
+def test_shared_amplitudes_by_hand_are_named() -> None:
+    with pytest.raises(RecordingError, match="look like amplitudes that were noted by hand"):
+        fit(Recording.read(FAULTS / "amplitudes_by_hand.csv"))
+
+
 @real
 def test_the_shared_photogate_that_starts_blocked_gives_its_period() -> None:
     sheet = measure_gate(FAULTS / "photogate_starts_blocked.csv", length=0.6, length_error=1e-4)

@@ -115,13 +115,13 @@ def test_a_perfect_swing_at_a_quarter_of_a_degree_is_fitted_to_its_noise(rate: f
 def test_a_misfit_is_named_with_its_size() -> None:
     """Residuals of 1.9 errors of a reading are no misfit, 2.1 are one, and 6 % of the swing are no fit."""
     wave = math.sqrt(2.0) * np.sin(np.arange(0.0, 60.0 * math.tau, 0.1))
-    said, faults = of_misfit("linear", 1.9 * wave, 1.0, 100.0, "°")
+    said, faults = of_misfit("linear", 1.9 * wave, 1.0, 100.0, "°", True)
     assert said.startswith("The model linear follows the recording to within the noise: its residual is 1.9° rms")
     assert faults == []
-    said, faults = of_misfit("linear", 2.1 * wave, 1.0, 100.0, "°")
+    said, faults = of_misfit("linear", 2.1 * wave, 1.0, 100.0, "°", True)
     assert said == "The model linear follows the recording only to 2.1° rms, 2.1 times the error of a reading (1°)."
     assert [fault.serious for fault in faults] == [False]
-    said, faults = of_misfit("linear", 6.0 * wave, 1.0, 100.0, "°")
+    said, faults = of_misfit("linear", 6.0 * wave, 1.0, 100.0, "°", True)
     assert "does not follow the recording: its residual is 6° rms, 6 times the error of a reading (1°) and 6%" in said
     assert [fault.serious for fault in faults] == [True]
 
@@ -129,8 +129,8 @@ def test_a_misfit_is_named_with_its_size() -> None:
 def test_a_misfit_at_the_start_or_the_end_is_named() -> None:
     wave = math.sqrt(2.0) * np.sin(np.arange(0.0, 60.0 * math.tau, 0.1))
     late = np.where(np.arange(len(wave)) < 0.9 * len(wave), 0.1, 10.0) * wave
-    assert "in the last tenth it is 10°" in of_misfit("linear", late, 0.1, 100.0, "°")[0]
-    assert "in the first tenth it is 10°" in of_misfit("linear", late[::-1], 0.1, 100.0, "°")[0]
+    assert "in the last tenth it is 10°" in of_misfit("linear", late, 0.1, 100.0, "°", True)[0]
+    assert "in the first tenth it is 10°" in of_misfit("linear", late[::-1], 0.1, 100.0, "°", True)[0]
 
 
 # --- swings that are not free ----------------------------------------------------------------------------------------

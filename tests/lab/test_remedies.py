@@ -91,7 +91,7 @@ def test_a_jump_is_subtracted_and_said(size: float, at: float) -> None:
     (jump,) = found.subtracted
     assert abs(jump.number.value - size) < 3.0 * jump.number.error
     assert jump.at == pytest.approx(at, abs=0.5 if abs(size) < 1.0 else 0.05)
-    said = f"The zero jumps by {abs(jump.number.value):.3g}° at {jump.at:.4g} s: subtracted (--no-jumps leaves it in)."
+    said = f"The zero jumps by {jump.number.value:.3g}° at {jump.at:.4g} s: subtracted (--no-jumps leaves it in)."
     assert said in found.grade.text
     assert any(note.startswith("the zero jumps by") for note in found.recording.notes)
     assert found.grade.word == "usable"
@@ -154,6 +154,25 @@ def test_a_second_swing_that_stays_is_named() -> None:
     assert found.remedies[0].option == ""
 
 
+@pytest.mark.parametrize("share", [0.97, 1.2])
+def test_a_push_is_named(share: float) -> None:
+    """At 15 s the bob swings on as from another amplitude: the velocity is multiplied at once."""
+    first = motion(TIME[TIME < 15.0], 37.0)
+    speed = float(motion(TIME[TIME < 15.0], 37.0, rate=True)[-1])
+    after = TIME[TIME >= 15.0]
+
+    def slope(_t: float, y: Array) -> list[float]:
+        return [y[1], -GRAVITY / 0.62 * math.sin(y[0]) - (0.025 + 0.015 * abs(y[1])) * y[1]]
+
+    before = float(TIME[TIME < 15.0][-1])
+    run = solve_ivp(slope, (before, float(TIME[-1])), [float(first[-1]), share * speed], "DOP853", after, rtol=1e-9,
+                    atol=1e-11)
+    found = fitted(TIME, np.concatenate([first, run.y[0]]))
+    assert found.remedies[0].name == "push"
+    assert found.remedies[0].at == pytest.approx(15.0, abs=1.0)
+    assert found.remedies[0].option.startswith("--until 1")
+
+
 @pytest.mark.parametrize("one", ["linear", "coulomb"])
 def test_a_damping_that_is_missing_is_named(one: str) -> None:
     found = fitted(TIME, motion(TIME, 60.0), effects=one)
@@ -170,7 +189,10 @@ def test_two_faults_are_named_one_after_the_other() -> None:
     assert [one.name for one in found.remedies] == ["outliers", "drift"]
     assert found.grade.remedies[1].startswith("Besides, the zero drifts by 0.")
     jumps = SWING + math.radians(1.5) * (TIME > 9.0) - math.radians(2.5) * (TIME > 23.0)
-    assert sorted(round(one.number.value, 1) for one in fitted(TIME, jumps).subtracted) == [-2.5, 1.5]
+    (both,) = fitted(TIME, jumps).subtracted
+    first, second = (float(part.split("°")[0]) for part in both.text.removeprefix("the zero jumps by ").split(" by "))
+    assert first == pytest.approx(1.5, abs=0.05)
+    assert second == pytest.approx(-2.5, abs=0.05)
 
 
 def test_faults_that_the_recording_does_not_tell_apart_are_both_named() -> None:

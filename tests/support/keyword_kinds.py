@@ -105,7 +105,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "one and more": "periods",
         "wait": "hand",
         "part": "above",
-        "flag": "robust displaced upright compensated estimate_error complete resume anew"
+        "flag": "robust jumps displaced upright compensated estimate_error complete resume anew"
                 " even_steps in_memory as_latex dense velocity_free one_way film recalibrate long raises",
         "none of these": "widths randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"

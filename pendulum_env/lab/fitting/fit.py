@@ -36,7 +36,7 @@ from pendulum_env.physics.units import SceneError, boolean, naming_keywords, nea
 
 BOB = ("radius", "mass")
 """Parameters that must be given for the drag on the bob to be known, in a known medium."""
-MOST_JUMPS = 6
+MOST_JUMPS = 4
 """Largest number of fits, after each of which but the last a jump of the zero may be subtracted."""
 LEAST_REST = 1e-3
 """Shortest rest at the end of a recording, as a share of its duration, that is left out of the fit."""
@@ -119,7 +119,7 @@ def fit(
             alone = not any(one.instead for one in remedies)
             if not (level and alone and remedies) or swing.indirect or remedies[0].name != JUMP:
                 break
-            jump = remedies[0]._replace(option=SUBTRACTED)
+            jump = replace(remedies[0], option=SUBTRACTED)
             subtracted += (jump,)
             swing = repaired(swing, (jump,), jump.sentence)
     rest = float(free_swing.time[-1] - swing.time[-1])

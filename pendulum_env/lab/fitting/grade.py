@@ -194,7 +194,7 @@ def of_lost(damping: str, followed: float, time: Array, swing: Array) -> list[Fa
 
 
 def of_misfit(
-    damping: str, residual: Array, noise: float, swing: float, sign: str
+    damping: str, residual: Array, noise: float, swing: float, sign: str, explained: bool
 ) -> tuple[str, list[Fault]]:
     """Return a sentence on how closely a model follows a recording, and a list with its misfit if there is one.
 
@@ -207,6 +207,7 @@ def of_misfit(
         noise: error of a reading, in that unit.
         swing: root mean square of the readings about the equilibrium, in that unit.
         sign: the unit, such as "°".
+        explained: True if a fault of the recording explains the misfit.
     """
     rms = float(np.sqrt(np.mean(residual**2)))
     beside = f"its residual is {rms:.3g}{sign} rms, the error of a reading {noise:.2g}{sign}"
@@ -221,7 +222,8 @@ def of_misfit(
         return (f"The model {damping} does not follow the recording: its residual is {rms:.3g}{sign} rms, {times} and "
                 f"{rms / swing:.0%} of the swing{where}.", [Fault("the model does not follow the recording", True)])
     return (f"The model {damping} follows the recording only to {rms:.3g}{sign} rms, {times}{where}.",
-            [Fault("the misfit is larger than the noise, which the errors allow for", False)])
+            [Fault("the misfit is larger than the noise, which the errors allow for" + (
+                "" if explained else ", and no single fault of the recording explains it"), False)])
 
 
 def of_remedies(remedies: Sequence[Remedy]) -> tuple[str, ...]:

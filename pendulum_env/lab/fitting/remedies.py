@@ -10,8 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +28,7 @@ from pendulum_env.physics import exact
 
 Array = NDArray[np.float64]
 
-JUMP, OUTLIERS, DRIFT, PERIOD = "jump", "outliers", "drift", "period"
+JUMP, OUTLIERS, DRIFT, PERIOD, PUSH = "jump", "outliers", "drift", "period", "push"
 """Names of faults; the first three can be taken out of the readings."""
 SUBTRACTED = "subtracted (--no-jumps leaves it in)"
 """Words on a jump of the zero that a fit has subtracted."""
@@ -45,6 +44,8 @@ FEW = 0.05
 """Largest share of readings that can be outliers."""
 EDGE = 0.02
 """Share of the readings at either end in which no jump of the zero is searched."""
+LOCAL = 3.0
+"""Standard deviations by which a step may differ from that which the readings near it show."""
 DECAYS = (0.0, 2.0, 6.0, 20.0, 60.0)
 """Decay rates at which a second swing is searched, times the duration."""
 SLOW = 0.3
@@ -72,11 +73,13 @@ DAMPINGS = ("linear", "quadratic", "coulomb")
 """Dampings of which a misfit may show that the model lacks one."""
 
 
-class Remedy(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Remedy:
     """A fault of a recording that explains a misfit, and what to do about it.
 
     Attributes:
-        name: kind of the fault: "scale", "unit", "column", "damping", "jump", "drift", "period", "outliers" or "swing".
+        name: kind of the fault: "scale", "unit", "column", "damping", "jump", "drift", "period", "push", "outliers" or
+            "swing".
         text: the fault as a clause with its size.
         option: option of ``lab-pendulum fit`` that removes it; "" for none.
         number: size of the fault with its standard error.
@@ -101,7 +104,8 @@ class Remedy(NamedTuple):
         return f"{self.text}: {self.option}" if self.option else self.text
 
 
-class Fault(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class TriedFault:
     """A fault that is tried, and what is left of the residuals with it.
 
     Attributes:
@@ -120,8 +124,8 @@ class Fault(NamedTuple):
     columns: Array | None = None
     detail: tuple[float, ...] = ()
     solution: FitSolution | None = None
-    sizes: Array = np.zeros(0)
-    covariance: Array = np.zeros((0, 0))
+    sizes: Array = field(default_factory=lambda: np.zeros(0))
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sigma: float) -> tuple[Remedy, ...]:
@@ -138,42 +142,30 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
     """
     found: list[Remedy] = []
     while len(found) < MOST:
-        base = _beyond(solution)
+        q = basis(solution.jacobian)
+        base = _off(solution.residual, q)
         noise = MISFIT * max(scatter_level(swing.time, solution.residual), sigma)
-        tried = [] if solution.lost else list(_shapes(solution, swing, measured, base))
-        tau = _sudden(tried, base, solution) if _rms(base) > noise else math.inf
+        tried = [] if solution.lost else list(_shapes(solution, swing, measured, q, base, _rms(base) > noise))
+        single = [one for one in tried if len(one.detail) < 2 or one.name != JUMP]
+        gains, tau = _gains(single, base, solution, 1.0), 1.0
+        if gains and single[int(np.argmax(gains))].name == OUTLIERS:  # each of them is evidence of its own
+            tried = [one for one in single if one.name == OUTLIERS]
+        else:
+            tau = math.inf
         gains = _gains(tried, base, solution, tau)
         best = tried[int(np.argmax(gains))] if max(gains, default=0.0) > GAIN else None
         sudden = best is not None and best.name in (JUMP, OUTLIERS)  # which no scale, column or damping resembles
         if not found and _rms(base if best is None else best.residual) > (noise if best is None or sudden else 0.0):
             tried = [one for one in tried if one.name != PERIOD] + _fitted(solution, swing, measured, sigma)
         chosen = _best(tried, base, solution, tau)
-        found += [_named(fault, gain, swing)._replace(instead=i > 0) for i, (fault, gain) in enumerate(chosen)]
+        found += [replace(_named(fault, gain, swing), instead=i > 0) for i, (fault, gain) in enumerate(chosen)]
         if len(chosen) != 1 or chosen[0][0].columns is None:
             break
         solution = chosen[0][0].solution or solution
     return tuple(found)
 
 
-def _sudden(tried: Sequence[Fault], base: Array, solution: FitSolution) -> float:
-    """Return the correlation time with which outliers or jumps are judged, if they are closest; inf for other faults.
-
-    What one fault leaves is correlated if there is another, which must not hide that the first is there. Readings that
-    are far off are independent evidence, each. Of jumps, the correlation time is that of what several of them leave.
-    """
-    both, left = solution, base
-    for _ in range(MOST):
-        step = (np.arange(len(base)) > _jump(both, left)).astype(np.float64)
-        both = replace(both, jacobian=np.column_stack([both.jacobian, step]))
-        left = _beyond(both)
-    for name, tau in ((OUTLIERS, 1.0), (JUMP, correlation_time(left))):
-        gains = _gains(tried, base, solution, tau)
-        if gains and tried[int(np.argmax(gains))].name == name:
-            return tau
-    return math.inf
-
-
-def _gains(tried: Sequence[Fault], base: Array, solution: FitSolution, tau: float) -> list[float]:
+def _gains(tried: Sequence[TriedFault], base: Array, solution: FitSolution, tau: float) -> list[float]:
     """Return by how much every fault lowers the criterion, with the closest fit's number of independent readings, or
     with the correlation time ``tau`` if that is shorter."""
     if not tried:
@@ -185,15 +177,16 @@ def _gains(tried: Sequence[Fault], base: Array, solution: FitSolution, tau: floa
             for one, own in zip(tried, squares, strict=True)]
 
 
-def _best(tried: list[Fault], base: Array, solution: FitSolution, tau: float) -> list[tuple[Fault, float]]:
+def _best(tried: list[TriedFault], base: Array, solution: FitSolution, tau: float) -> list[tuple[TriedFault, float]]:
     """Return the fault that lowers the criterion most, and those that lower it about as much, each with its gain.
 
     Faults that add a shape are confirmed by a refit of the model. The list is empty if no fault lowers it enough.
     """
     while True:
         gains = _gains(tried, base, solution, tau)
-        order = sorted(range(len(tried)), key=lambda i: -gains[i])
-        close = [i for i in order if gains[i] > max(GAIN, gains[order[0]] - ALIKE)]
+        best = {tried[i].name: i for i in sorted(range(len(tried)), key=lambda i: gains[i])}  # the best of every kind
+        close = [i for i in reversed(best.values()) if gains[i] > max(GAIN, max(gains) - ALIKE)]
+        close.sort(key=lambda i: -gains[i])
         rough = next((i for i in close if tried[i].solution is None), None)
         if rough is None:
             return [(tried[i], gains[i]) for i in close]
@@ -205,7 +198,7 @@ def _rms(residual: Array) -> float:
     return math.sqrt(float(np.mean(residual**2)))
 
 
-def _confirmed(fault: Fault, solution: FitSolution) -> Fault:
+def _confirmed(fault: TriedFault, solution: FitSolution) -> TriedFault:
     """Return a fault that adds a shape to the readings, with its sizes, after a refit of the model without it."""
     assert fault.columns is not None
     model, (n, k) = solution.model, solution.jacobian.shape
@@ -216,17 +209,17 @@ def _confirmed(fault: Fault, solution: FitSolution) -> Fault:
     again = solution_at(model, values, less, np.full(n, math.sqrt(squares / n)))
     more = _beside(again, fault.columns)[k:]
     again = replace(again, residual=again.residual - fault.columns @ more)
-    return _measured(fault._replace(solution=again), sizes + more)
+    return _measured(replace(fault, solution=again), sizes + more)
 
 
-def _measured(fault: Fault, sizes: Array) -> Fault:
+def _measured(fault: TriedFault, sizes: Array) -> TriedFault:
     """Return a fault with its sizes and their covariance, from the fit of the model without it."""
     assert fault.columns is not None
     assert fault.solution is not None
     left, (n, k) = _beyond(fault.solution, fault.columns), fault.solution.jacobian.shape
     inverse, _ = inverted(np.column_stack([fault.solution.jacobian, fault.columns]))
     variance = float(left @ left) / max(n - k - len(sizes), 1) * correlation_time(left)
-    return fault._replace(residual=left, sizes=sizes, covariance=variance * inverse[k:, k:])
+    return replace(fault, residual=left, sizes=sizes, covariance=variance * inverse[k:, k:])
 
 
 def _beside(solution: FitSolution, columns: Array) -> Array:
@@ -240,8 +233,12 @@ def _beside(solution: FitSolution, columns: Array) -> Array:
 def _beyond(solution: FitSolution, columns: Array | None = None) -> Array:
     """Return the part of the residuals that neither the parameters nor the columns can change."""
     own = solution.jacobian if columns is None else np.column_stack([solution.jacobian, columns])
-    q = basis(own)
-    return np.asarray(solution.residual - q @ (q.T @ solution.residual))
+    return _off(solution.residual, basis(own))
+
+
+def _off(values: Array, q: Array) -> Array:
+    """Return the part of values that is orthogonal to the columns of an orthonormal basis."""
+    return np.asarray(values - q @ (q.T @ values))
 
 
 def basis(columns: Array) -> Array:
@@ -264,27 +261,34 @@ def repaired(swing: Recording, remedies: Sequence[Remedy], note: str = "") -> Re
 # --- faults that add a shape to the readings -------------------------------------------------------------------------
 
 
-def _shapes(solution: FitSolution, swing: Recording, measured: Measured, base: Array) -> Iterator[Fault]:
+def _shapes(
+    solution: FitSolution, swing: Recording, measured: Measured, q: Array, base: Array, misfit: bool
+) -> Iterator[TriedFault]:
     """Yield the faults that add a shape to the readings, each at its best place.
 
-    ``base`` are the residuals that no parameter can change.
+    ``base`` are the residuals that no parameter can change, ``q`` is a basis of what the parameters change; with a
+    ``misfit``, several jumps are tried, too.
     """
     time = swing.time - swing.time[0]
     share = time / time[-1]
 
-    def fault(name: str, columns: Array, parameters: int, *detail: float) -> Fault:
-        return Fault(name, parameters, _beyond(solution, columns), columns, detail)
+    def fault(name: str, columns: Array, parameters: int, *detail: float) -> TriedFault:
+        return TriedFault(name, parameters, _off(base, basis(_off(columns, q))), columns, detail)
 
     yield fault(DRIFT, (share - 0.5)[:, None], 1)
     yield fault(PERIOD, (solution.velocity * _delay(time))[:, None], 1)
-    at = _jump(solution, base)
-    yield fault(JUMP, (np.arange(len(time)) > at).astype(np.float64)[:, None], 2, at)
+    for places in _jumps(q, swing.time, base, measured.period, MOST if misfit else 1):
+        yield fault(JUMP, _steps(len(time), places), 2 * len(places), *places)
+    motion = np.stack([swing.readings - solution.residual, solution.velocity], axis=1)
+    motion[:, 0] -= solution.model.rest(solution.values)
+    at = _push(q, base, motion)
+    yield fault(PUSH, _steps(len(time), [at]) * motion, 3, at)
     size = np.abs(base)
     far = np.flatnonzero(size > FAR * max(1.4826 * float(np.median(size)), swing.reading_quantum))
     if 0 < len(far) <= FEW * len(base):
         single = (np.arange(len(base))[:, None] == far).astype(np.float64)
         yield fault(OUTLIERS, single, 2 * len(far), *far.tolist())
-    second = _second_swing(solution, time, measured.period, base)
+    second = _second_swing(q, time, measured.period, base)
     if second is not None:
         wave = _oscillation(time, *second)
         if np.hypot(*_beside(solution, wave)[-2:]) < LARGEST * float(np.ptp(swing.readings)):
@@ -296,15 +300,70 @@ def _delay(time: Array) -> Array:
     return np.asarray(time * (1.0 - time / time[-1]) / 2.0)
 
 
-def _jump(solution: FitSolution, base: Array) -> int:
-    """Return the index of the reading after which a step explains most of the residuals."""
+def _steps(count: int, places: Sequence[int]) -> Array:
+    """Return a column for each place, 0 up to the reading there and 1 after it."""
+    return (np.arange(count)[:, None] > np.asarray(places)).astype(np.float64)
+
+
+def _jumps(q: Array, time: Array, base: Array, period: float, most: int) -> Iterator[list[int]]:
+    """Yield the indices of the readings after which one step, two steps and more explain most of the residuals.
+
+    Every step is placed where it explains most beside the others, which are then placed again. A step of which the
+    readings within a quarter of a period show nothing is no jump, but another misfit.
+    """
+    places: list[int] = []
+    for count in range(1, most + 1):
+        places.append(_jump(q, base, places))
+        for i in [*range(count)] * 2 if count > 1 else ():
+            places[i] = _jump(q, base, places[:i] + places[i + 1:])
+        sizes = np.linalg.lstsq(_off(_steps(len(time), places), q), base, rcond=None)[0]
+        if not all(_sudden(time, base, at, float(size), 0.25 * period)
+                   for at, size in zip(places, sizes, strict=True)):
+            return
+        yield sorted(places)
+
+
+def _sudden(time: Array, base: Array, at: int, size: float, reach: float) -> bool:
+    """Return True if the residuals near a reading can have a step of this size after it, beside a parabola."""
+    near = np.flatnonzero(np.abs(time - time[at]) <= reach)
+    away = (time[near] - time[at]) / reach
+    columns = np.stack([np.ones(len(near)), away, away**2, near > at], axis=1)
+    if len(near) < 8:
+        return True
+    found, squares, *_ = np.linalg.lstsq(columns, base[near], rcond=None)
+    variance = float(squares.sum()) / (len(near) - 4) * float(np.linalg.pinv(columns.T @ columns)[3, 3])
+    return abs(float(found[3]) - size) < LOCAL * math.sqrt(variance) + 0.25 * abs(size)
+
+
+def _jump(q: Array, base: Array, others: Sequence[int]) -> int:
+    """Return the index of the reading after which a step explains most of the residuals, beside steps at others."""
     def later(rows: Array) -> Array:
         return np.asarray(np.cumsum(rows[::-1], axis=0)[-2::-1])
 
+    q = np.column_stack([q, basis(_off(_steps(len(base), others), q))]) if others else q
+    left = _off(base, q)
     count = np.arange(len(base) - 1, 0, -1.0)
-    own = count - np.square(later(basis(solution.jacobian))).sum(axis=1)
-    gain = np.square(later(base)) / np.maximum(own, 1e-6 * count)
+    own = count - np.square(later(q)).sum(axis=1)
+    gain = np.square(later(left)) / np.maximum(own, 1e-6 * count)
     edge = min(max(8, int(EDGE * len(base))), len(base) // 2 - 1)
+    return edge + int(np.argmax(gain[edge:-edge]))
+
+
+def _push(q: Array, base: Array, motion: Array) -> int:
+    """Return the index of the reading after which another amplitude and phase explain most of the residuals.
+
+    ``motion`` are the angle and the velocity of the model as columns: their shares are changes of both.
+    """
+    def later(rows: Array) -> Array:
+        return np.asarray(np.cumsum(rows[::-1], axis=0)[-2::-1])
+
+    motion = motion / np.linalg.norm(motion, axis=0)
+    along = later(motion * base[:, None])
+    inside = later(q[:, :, None] * motion[:, None, :])
+    gram = later(motion[:, :, None] * motion[:, None, :]) - np.einsum("nki,nkj->nij", inside, inside)
+    gram += 1e-6 * np.eye(2)
+    edge = min(max(8, int(EDGE * len(base))), len(base) // 2 - 1)
+    gain = np.einsum("ni,ni->n", along, np.linalg.solve(gram, along[:, :, None])[:, :, 0])
     return edge + int(np.argmax(gain[edge:-edge]))
 
 
@@ -314,7 +373,7 @@ def _oscillation(time: Array, frequency: float, decay: float) -> Array:
     return np.stack([wave.real, wave.imag], axis=1)
 
 
-def _second_swing(solution: FitSolution, time: Array, period: float, base: Array) -> tuple[float, float] | None:
+def _second_swing(q: Array, time: Array, period: float, base: Array) -> tuple[float, float] | None:
     """Return frequency [Hz] and decay rate [1/s] of the oscillation that explains most of the residuals; None without
     any, or for an overtone of the swing, which a sensor's or a model's curvature makes.
 
@@ -323,7 +382,7 @@ def _second_swing(solution: FitSolution, time: Array, period: float, base: Array
     from scipy.fft import next_fast_len, rfft
     from scipy.optimize import least_squares
 
-    step, duration, q = float(np.median(np.diff(time))), float(time[-1]), basis(solution.jacobian)
+    step, duration = float(np.median(np.diff(time))), float(time[-1])
 
     def overtone(frequency: Array) -> NDArray[np.bool_]:
         order = np.round(frequency * period)
@@ -343,7 +402,7 @@ def _second_swing(solution: FitSolution, time: Array, period: float, base: Array
 
     def left(x: Array) -> Array:
         own = _oscillation(time, x[0] / duration, abs(x[1]) / duration)
-        own = own - q @ (q.T @ own)
+        own = _off(own, q)
         return np.asarray(base - own @ np.linalg.lstsq(own, base, rcond=None)[0])
 
     start = [frequency[place] * duration, DECAYS[int(which)]]
@@ -354,7 +413,7 @@ def _second_swing(solution: FitSolution, time: Array, period: float, base: Array
 # --- faults that need another fit ------------------------------------------------------------------------------------
 
 
-def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: float) -> list[Fault]:
+def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: float) -> list[TriedFault]:
     """Return the fits with a scale of the angles, with the readings as angular velocities, with all dampings, and with
     a period that changes."""
     found, model = [], solution.model
@@ -365,11 +424,11 @@ def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: 
             continue  # readings that cannot be so need no such remedy
         if other is not None and not other.lost:
             more = max(len(other.model.names) - len(model.names), 1)
-            found.append(Fault(name, more, _beyond(other), solution=other))
+            found.append(TriedFault(name, more, _beyond(other), solution=other))
     return found if solution.lost else [*found, _with_drift(solution, swing)]
 
 
-def _with_drift(solution: FitSolution, swing: Recording) -> Fault:
+def _with_drift(solution: FitSolution, swing: Recording) -> TriedFault:
     """Return the fit with a period that changes linearly: the model at times that are shifted accordingly."""
     model, share, k = solution.model, 0.0, len(solution.values)
     time = swing.time - swing.time[0]
@@ -379,7 +438,7 @@ def _with_drift(solution: FitSolution, swing: Recording) -> Fault:
         shifted = replace(model, time=swing.time + share * _delay(time))
         values, squares = refit(shifted, swing.readings, solution.values, solution.jacobian)
         solution = solution_at(shifted, values, swing.readings, np.full(len(time), math.sqrt(squares / len(time))))
-    return _measured(Fault(PERIOD, 1, solution.residual, column, solution=solution), np.array([share]))
+    return _measured(TriedFault(PERIOD, 1, solution.residual, column, solution=solution), np.array([share]))
 
 
 def _with_scale(model: Model, swing: Recording, measured: Measured, sigma: float) -> FitSolution | None:
@@ -423,7 +482,7 @@ def _with_all_dampings(model: Model, swing: Recording, measured: Measured, sigma
 # --- words -----------------------------------------------------------------------------------------------------------
 
 
-def _named(fault: Fault, gain: float, swing: Recording) -> Remedy:
+def _named(fault: TriedFault, gain: float, swing: Recording) -> Remedy:
     """Return a fault with its size in words, and the option that removes it."""
     assert fault.solution is not None
     solution, start = fault.solution, swing.release or 0.0
@@ -438,12 +497,21 @@ def _named(fault: Fault, gain: float, swing: Recording) -> Remedy:
 
     half = f"--until {0.5 * (start + end):.3g}"
     if fault.name == JUMP:
-        at = float(swing.time[int(fault.detail[0])]) + start
-        number, size = shown(float(fault.sizes[0]), float(errors[0]))
-        text, option = f"the zero jumps by {size} at {at:.4g} s", "a fit without --no-jumps subtracts it"
+        largest = int(np.argmax(np.abs(fault.sizes)))
+        times = [float(swing.time[int(place)]) + start for place in fault.detail]
+        number, at = shown(float(fault.sizes[largest]), float(errors[largest]))[0], times[largest]
+        steps = [f"by {in_words(swing, float(size))[0]:.3g}{sign} at {time:.4g} s"
+                 for size, time in zip(fault.sizes, times, strict=True)]
+        text, option = f"the zero jumps {' and '.join(steps)}", "a fit without --no-jumps subtracts it"
     elif fault.name == DRIFT:
         number, size = shown(float(fault.sizes[0]), float(errors[0]))
         text, option = f"the zero drifts by {size} during the run", half
+    elif fault.name == PUSH:
+        at = float(swing.time[int(fault.detail[0])]) + start
+        number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
+        text = (f"the bob is pushed or touched at {at:.3g} s, where its amplitude changes by {number.value:.2g} ± "
+                f"{number.error:.1g} %")
+        option = f"--until {at:.3g}"
     elif fault.name == PERIOD:
         number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
         text = (f"the period {'grows' if number.value > 0.0 else 'falls'} by {abs(number.value):.2g} ± "

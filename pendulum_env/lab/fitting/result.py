@@ -236,7 +236,8 @@ class Fit(FitResult):
         single = sum((one.change for one in self.remedies if one.name == OUTLIERS), np.zeros(len(self.residual)))
         rms = (self.residual - single) * math.sqrt(len(self.residual) / self.degrees_of_freedom)
         found, left_out = side("the noise of the readings", lambda: of_misfit(
-            self.damping, unit * rms, unit * self._usual_noise, unit * size, self.sign))
+            self.damping, unit * rms, unit * self._usual_noise, unit * size, self.sign,
+            bool(self.remedies)))
         follows, misfit = ("", [as_fault(left_out)]) if found is None else found
         follows = " ".join([follows, *of_remedies(self.subtracted)])
         lost = of_lost(self.damping, self.solution.followed, self.recording.time, self.swing)
