@@ -21,7 +21,7 @@ from pendulum_env.lab.fitting.shooting import FitSolution, refit
 from pendulum_env.lab.fitting.statistics import correlation_time
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, boolean, nearest, number, shown, whole_number
+from pendulum_env.physics.units import SceneError, boolean, number, whole_number
 
 Array = NDArray[np.float64]
 
@@ -43,6 +43,7 @@ class Fitted(Protocol):
     draws are calculated.
     """
 
+    def place(self, name: str) -> int: ...
     @property
     def recording(self) -> Recording: ...
     @property
@@ -102,13 +103,6 @@ class Interval(NamedTuple):
     high: float
 
 
-def place_of(fit: Fitted, name: str) -> int:
-    """Return the index of a fitted parameter; RecordingError with the nearest name for one that was not fitted."""
-    if not isinstance(name, str) or name not in fit.names:
-        raise RecordingError(f"{shown(name)} was not fitted{nearest(name, fit.names)}")
-    return fit.names.index(name)
-
-
 def level_of(level: float) -> float:
     """Return a confidence level if it is between 0 and 1; SceneError for any other value."""
     checked = number(level, "level", above=0.0)
@@ -139,7 +133,7 @@ def profile(fit: Fitted, name: str, level: float, progress: Progress | bool | No
     residuals. An end of the interval is the parameter's bound if that lies within, and infinite if the sum of squares
     never rises far enough.
     """
-    at, own = place_of(fit, name), fit.solution
+    at, own = fit.place(name), fit.solution
     error, plain = (math.sqrt(matrix[at, at]) for matrix in (fit.errors.covariance, fit.errors.plain))
     value, least = float(own.values[at]), float(own.model.least[at])
     if not (math.isfinite(error) and plain > 0.0):
@@ -236,7 +230,7 @@ class Bootstrap(Savable):
         ``level`` is the share of refits within the interval. Raises RecordingError for a name that was not fitted, and
         for too few refits: on average at least one must lie beyond each end.
         """
-        column, tail = self.values[:, place_of(self.fit, name)], 0.5 * (1.0 - level_of(level))
+        column, tail = self.values[:, self.fit.place(name)], 0.5 * (1.0 - level_of(level))
         if tail * len(column) < 1.0:
             needed = math.ceil(1.0 / tail)
             raise RecordingError(f"an interval of level {level:g} needs {needed} refits, there are {len(column)}")

@@ -27,7 +27,6 @@ from pendulum_env.lab.fitting.intervals import (
     Scatter,
     between_quantiles,
     keywords_of,
-    place_of,
     scatter_of,
 )
 from pendulum_env.lab.fitting.model import ZERO, unit_of
@@ -193,7 +192,7 @@ class Posterior(Plotted):
         ``level`` is the probability [1] of the interval. Raises RecordingError for a name that was not fitted,
         SceneError for a level that is not between 0 and 1.
         """
-        return between_quantiles(self.samples[:, place_of(self.fit, name)], level)
+        return between_quantiles(self.samples[:, self.fit.place(name)], level)
 
     @property
     def scatter(self) -> Scatter:
