@@ -32,13 +32,13 @@ def show_logs(logs: Iterable[DrivenLog]) -> None:
 
 def fit_logs(
     files: Sequence[Path], columns: Mapping[str, str | None], read: Sequence[str], unit: str | None,
-    mass: float | None, settings: Sequence[str] | None, out: Path, svg: bool,
+    mass: float | None, settings: Sequence[str] | None, out: Path, svg: bool, details: bool,
 ) -> None:
     """Fit logs of driven runs together, write the files of the fit, and print the result.
 
     ``columns`` are the names of the drive's column by kind, ``read`` further keywords of ``DrivenLog.read`` as texts;
     ``mass`` [kg] and, as texts, ``settings`` are keywords of ``fit_driven``; with ``svg``, the figure is written as
-    SVG, too.
+    SVG, too; with ``details``, correlations are printed, and what the result is based on.
     """
     from inspect import signature
 
@@ -67,6 +67,8 @@ def fit_logs(
     paths = write(found, None, out, svg)
     show_logs(logs)
     tell_of(warned, found.grade.text)
-    print_table(found.table, "fitted parameters; r: correlations")
-    print_text(found.text)
+    print_table(found.detailed_table if details else found.table,
+                "fitted numbers; r: correlations" if details else "fitted numbers")
+    print_text("\n".join(filter(None, (found.text, found.details if details else "",
+                                       f"Scene: {found.scene.equation()}"))))
     print_files(paths)

@@ -97,10 +97,7 @@ def fit(
     from pendulum_env.study.fit_report import (
         against_told,
         against_track,
-        in_detail,
         needs_length,
-        parameter_table,
-        summary,
         to_lay_over,
         write,
         write_posterior,
@@ -108,11 +105,11 @@ def fit(
 
     drive = {"action": action, "torque": torque, "current": current}
     if is_driven_fit(files or (), drive):
-        shared = ("files", *drive, "unit", "mass", "svg", "out", "settings", "read")
+        shared = ("files", *drive, "unit", "mass", "details", "svg", "out", "settings", "read")
         if unused := given_by_user(context, *(name for name in context.params if name not in shared)):
             raise SceneError(f"{unused[0]} is for free swings, and these are logs of driven runs; --read until=60 "
                              "leaves out what comes later, and --set inertia=0.1 sets what is known.")
-        fit_logs(files or (), drive, read or (), unit, mass, settings, out, svg)
+        fit_logs(files or (), drive, read or (), unit, mass, settings, out, svg, details)
         return
     if files is not None and len(files) > 1:
         raise SceneError("Several files are fitted together only if they are logs of driven runs; give one recording.")
@@ -166,16 +163,16 @@ def fit(
     tell_of(warned, best.grade.text if sheet is None else f"{best.grade.text}\n{sheet.text}")
     if details and best.comparison is not None:
         print_table(best.comparison.table, "damping models, the best first")
-    print_table(parameter_table(best, details), f"fitted numbers, {best.damping} damping"
-                + ("; r: correlations" if details else ""))
+    title = f"fitted numbers, {best.damping} damping"
+    print_table(best.detailed_table if details else best.table, f"{title}; r: correlations" if details else title)
     assumed = "" if scene or "radius" in known else (
         f"Radius: assumed to be {best.scene.body.radius:g} m, which Reynolds numbers depend on; give --radius.")
     scene_line = f"Scene: {best.scene.equation()}"
     more, track = [text or left_out for text, left_out in (
-        side("the details of the fit", lambda: in_detail(best) if details else ""),
+        side("the details of the fit", lambda: best.details if details else ""),
         side("the radius of the track", lambda: against_track(best)))]
     usable = [more, verdict, track, assumed]
-    lines = [summary(best), *(usable if best.grade.usable else []), scene_line, no_sheet]
+    lines = [best.text, *(usable if best.grade.usable else []), scene_line, no_sheet]
     print_text("\n".join(line for line in lines if line))
     if found is not None:
         print_table(found.table, f"posterior, {best.damping} damping")

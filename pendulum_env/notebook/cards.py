@@ -187,14 +187,6 @@ def section(one: Any) -> Iterator[str]:
     ))
 
 
-def fit(one: Any) -> Iterator[str]:
-    """Yield the parts of a Fit's card."""
-    from pendulum_env.study.fit_report import parameter_table, summary
-
-    return study(f"Fit of {one.recording.source}, {one.damping} damping", one.scene, parameter_table(one), summary(one),
-                 most=None)
-
-
 def recording(one: Any) -> Iterator[str]:
     """Yield the parts of a Recording's card."""
     title, _, text = one.text.partition("\n")
@@ -204,7 +196,7 @@ def recording(one: Any) -> Iterator[str]:
 
 CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "Scene": scene, "LabPendulumEnv": environment, "LabPendulumVectorEnv": vector, "Rollout": rollout, "Filmed": film,
-    "Result": result, "Simplified": simplified, "Section": section, "Fit": fit, "Recording": recording,
+    "Result": result, "Simplified": simplified, "Section": section, "Recording": recording,
     "Comparison": lambda one: result(one, f"Comparison in {one.scene.name}: {', '.join(one.runs)}",
                                      one.text.partition("\n")[2]),  # its first line has the equation
     "CostStudy": lambda one: result(one, f"Cost of accuracy in {one.scene.name}, {one.duration:g} s"),
@@ -217,9 +209,10 @@ CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "StudyResult": own_study,
     "Sweep": lambda one: study(
         f"Sweep: {len(one.rows)} of {len(one.points)} points done", None, one.table, rest="all are in .rows"),
+    "Fit": lambda one: study(f"Fit of {one.source}, {one.damping} damping", one.scene, one.table, one.text, most=None),
     "LabSheet": lambda one: study(f"Measured on {one.recording.source}", None, one.table, one.text, most=None),
     "DrivenFit": lambda one: study(
-        f"Fit of {one.source}, driven by the {one.kind}", one.scene, one.table, one.summary, most=None),
+        f"Fit of {one.source}, driven by the {one.kind}", one.scene, one.table, one.text, most=None),
     "Posterior": lambda one: study(f"Posterior of {one.fit.recording.source}, {one.fit.model.title} damping",
                                    one.fit.scene, one.table, one.text, most=None),
     "Transfer": lambda one: study("Transfer of a policy", None, one.table, one.text),

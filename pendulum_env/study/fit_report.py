@@ -12,16 +12,13 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
 from pendulum_env.common.replacing import replacing
-from pendulum_env.common.tables import Table
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import side
 from pendulum_env.lab.driven.result import DrivenFit
 from pendulum_env.lab.fitting.base import FitResult
-from pendulum_env.lab.fitting.grade import EXCESS
 from pendulum_env.lab.fitting.model import LENGTH, SCALE
 from pendulum_env.lab.fitting.posterior import Posterior
 from pendulum_env.lab.fitting.result import Fit, against, measured
-from pendulum_env.lab.fitting.statistics import DEPENDENT
 from pendulum_env.lab.sheet import LabSheet
 from pendulum_env.physics.units import SceneError, shown
 
@@ -30,58 +27,8 @@ if TYPE_CHECKING:
 
 CsvTable = tuple[Sequence[str], Iterable[Sequence[Any]]]
 """The head and the rows of a table."""
-SMALLEST = 1e-6
-"""Smallest probability p that is shown as a number."""
 AGREEMENT = ((2.0, "agrees with"), (3.0, "is in tension with"), (math.inf, "contradicts"))
 """Largest difference in standard deviations, and the words for it."""
-
-
-def parameter_table(found: Fit, correlations: bool = False) -> Table:
-    """Return a table of the fitted numbers: value with standard error, and unit.
-
-    Where models of damping were compared, a column gives how far the number differs in the models that fit about as
-    well. With ``correlations``, there is a column for the correlation with each fitted number.
-    """
-    models = [found.comparison] if found.comparison is not None and found.comparison.alike else []
-    names = found.names if correlations else ()
-    rows = tuple(
-        (name, found.parameter_text(name, unit=False), found.parameters[name].unit,
-         *(f"{one.spread(name):.2g}" for one in models), *(f"{x:+.2f}" for x in found.correlations[i][:len(names)]))
-        for i, name in enumerate(found.names)
-    )
-    others = ["± by model" for _ in models]
-    return Table(("parameter", "value", "unit", *others, *(f"r {n.rpartition('.')[2]}" for n in names)), rows)
-
-
-def summary(found: Fit) -> str:
-    """Return the result of a fit in a few sentences: whether the model follows the recording and what may be wrong,
-    and what the recording tells about the damping, if models were compared and the fit is usable.
-    """
-    damping = found.comparison.verdict if found.comparison is not None and found.grade.conclusive else ""
-    return "\n".join(filter(None, (found.grade.text, damping)))
-
-
-def in_detail(found: Fit) -> str:
-    """Return sentences on how well a fit describes a recording: chi², whether the residual has a pattern, and how the
-    standard errors were calculated.
-    """
-    runs, degrees, sign = found.runs, found.shown, found.sign
-    order = "as often as by chance" if runs.p >= DEPENDENT else (
-        "more often than by chance, as rounding can make it" if runs.z > 0.0 else
-        "less often than by chance, as neighbouring readings are rounded alike"
-        if found.rounded_alike and found.rms < EXCESS * found.noise else
-        "less often than by chance: it has a pattern, which this model does not explain")
-    return "\n".join((
-        f"{found.damping} damping: residual {degrees(found.rms):.3g}{sign} rms, the error of a reading is "
-        f"{degrees(found.noise):.2g}{sign}; chi² = {found.chi2:.5g} with {found.degrees_of_freedom} degrees of "
-        f"freedom, {_chance(found.p_value)}.",
-        f"The residual changes its sign {order} (runs test, {_chance(runs.p)}).",
-        found.how,
-    ))
-
-
-def _chance(p: float) -> str:
-    return f"p = {p:.2g}" if p >= SMALLEST else f"p < {SMALLEST:g}"
 
 
 def against_told(found: Fit, told: float, error: float | None = None) -> str:

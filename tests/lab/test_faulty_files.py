@@ -509,7 +509,7 @@ SIDE = {
     "pendulum_env.lab.fitting.result.reading_error": "left out: the noise of the readings, because it fails here",
     "pendulum_env.plots.recorded.recorded": "Left out: the figure fit.png, because it fails here.",
     "pendulum_env.study.fit_report.against_track": "Left out: the radius of the track, because it fails here.",
-    "pendulum_env.study.fit_report.in_detail": "Left out: the details of the fit, because it fails here.",
+    "pendulum_env.lab.fitting.result.chi_squared_p": "Left out: the details of the fit, because it fails here.",
 }
 """Function that is made to fail -> what the text says."""
 

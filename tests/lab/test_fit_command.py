@@ -38,7 +38,7 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.plots import recorded as figure
 from pendulum_env.study import fit_report as report
 from pendulum_env.study.compare import Comparison, compare
-from pendulum_env.study.fit_report import against_told, in_detail, parameter_table, to_lay_over, write
+from pendulum_env.study.fit_report import against_told, to_lay_over, write
 
 LENGTH, GAMMA, START, ZERO, NOISE = 0.1, 0.2, 0.6, 0.03, 2e-3
 TRUE = Scene("true", Body(length=LENGTH, mass=0.05, radius=0.01), air(20.0), (Gravity(), LinearDrag(gamma=GAMMA)))
@@ -299,11 +299,11 @@ def test_a_length_that_was_not_fitted_has_nothing_to_be_set_against(found: Fit) 
 
 
 def test_details_say_whether_a_pattern_is_left(found: Fit) -> None:
-    assert "as often as by chance" in in_detail(found)
+    assert "as often as by chance" in found.details
     wave = found.residual + 5e-3 * np.sin(found.recording.time)
     off = replace(found, solution=replace(found.solution, residual=wave))
-    assert "has a pattern" in in_detail(off)
-    assert "p < 1e-06" in in_detail(off)
+    assert "has a pattern" in off.details
+    assert "p < 1e-06" in off.details
 
 
 def test_the_command_that_follows_takes_the_scale(found: Fit) -> None:
@@ -318,8 +318,8 @@ def test_the_command_that_follows_takes_the_scale(found: Fit) -> None:
 
 
 def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None:
-    assert parameter_table(found).head == ("parameter", "value", "unit")
-    made = parameter_table(found, correlations=True)
+    assert found.table.head == ("parameter", "value", "unit")
+    made = found.detailed_table
     assert [row[0] for row in made.rows] == list(found.names)
     assert made.head[3:] == ("r angle", "r velocity", "r zero", "r length", "r gamma")
     assert all(row[3 + i] == "+1.00" for i, row in enumerate(made.rows))

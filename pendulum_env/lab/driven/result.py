@@ -370,25 +370,19 @@ class DrivenFit(FitResult):
 
     @property
     def text(self) -> str:
-        """Sentences on the fit: windows and residual, sensor, limits of the logs, grade, and the scene's equation."""
-        return f"{self.summary}\nScene: {self.scene.equation()}"
+        """The result in a few sentences: grade, and limits of the logs."""
+        return "\n".join(filter(None, (self.grade.text, self.limits)))
 
     @property
-    def summary(self) -> str:
-        """Sentences on the fit: windows and residual, sensor, limits of the logs, and grade."""
+    def details(self) -> str:
+        """Sentences on what the result is based on: windows and residual, sensor."""
         windows, sensor = self.solution.windows, self.settings["sensor"]
         return "\n".join((
             f"{len(windows.places)} windows of about {windows.h * windows.steps:.3g} s: residual "
             f"{math.degrees(self.solution.rms):.3g}° rms, the error of a reading is "
             f"{math.degrees(float(np.median(self.solution.sigma))):.2g}°.",
             f"Sensor: quantum {math.degrees(sensor['quantum']):.4g}°, noise {math.degrees(sensor['noise']):.2g}°, zero "
-            f"{math.degrees(sensor['offset']):.3g}°, {sensor['rate']:g} readings per second.",
-            *(f"{name}: {self.parameter_text(name)}." for name in self.at_bound),
-            *([self.limits] if self.limits else []),
-            self.grade.text))
-
-    def __str__(self) -> str:
-        return self.text
+            f"{math.degrees(sensor['offset']):.3g}°, {sensor['rate']:g} readings per second."))
 
     def origin(self) -> dict[str, str]:
         """Return logs, grade, scene and versions, which are written into output files."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -142,14 +142,23 @@ class FitResult(Result):
 
     @property
     def table(self) -> Table:
-        """Table of the fitted parameters: value with standard error, unit, spread over other models, correlations."""
-        spreads = self.spreads()
+        """Table of the fitted parameters: value with standard error, unit, and largest difference to other models."""
+        return self._rows_of(self.parameters, {})
+
+    @property
+    def detailed_table(self) -> Table:
+        """Table of the fitted parameters with their correlations."""
+        return self._rows_of(self.parameters, {f"r {name.rpartition('.')[2]}": row for name, row in
+                                               zip(self.names, self.correlations, strict=True)})
+
+    def _rows_of(self, names: Iterable[str], correlations: Mapping[str, Array]) -> Table:
+        spreads, columns = self.spreads(), [*correlations.values()]
+        spreads = spreads if any(spreads.values()) else {}
         rows = [(name, self.parameter_text(name, unit=False), self.units[name],
-                 *([f"{spreads[name]:.2g}"] if spreads else []), *(f"{x:+.2f}" for x in row))
-                for name, row in zip(self.names, self.correlations, strict=True)]
-        others = ["other models"] if spreads else []
-        head = ("parameter", "value", "unit", *others, *(f"r {name.rpartition('.')[2]}" for name in self.names))
-        return Table(head, tuple(rows))
+                 *([f"{spreads[name]:.2g}"] if spreads else []), *(f"{column[i]:+.2f}" for column in columns))
+                for i, name in enumerate(names)]
+        others = ["± by model"] if spreads else []
+        return Table(("parameter", "value", "unit", *others, *correlations), tuple(rows))
 
     def parameter_columns(self, limits: Columns, beside: Columns) -> Columns:
         """Return the table of the fitted parameters with further columns before and after that of the units."""
@@ -166,5 +175,13 @@ class FitResult(Result):
 
     @property
     def text(self) -> str:
-        """Sentences on the fit; by default its grade."""
+        """The result in a few sentences; by default the grade."""
         return self.grade.text
+
+    @property
+    @abstractmethod
+    def details(self) -> str:
+        """Sentences on what the result is based on."""
+
+    def __str__(self) -> str:
+        return self.text

@@ -22,7 +22,7 @@ from pendulum_env.lab.checked import RecordingError, side
 from pendulum_env.lab.fitting.base import FitResult
 from pendulum_env.lab.fitting.candidates import shapes
 from pendulum_env.lab.fitting.errors import Errors, errors_of, noise_beside
-from pendulum_env.lab.fitting.grade import Fault, Grade, as_fault, graded, of_lost, of_misfit, of_remedies
+from pendulum_env.lab.fitting.grade import EXCESS, Fault, Grade, as_fault, graded, of_lost, of_misfit, of_remedies
 from pendulum_env.lab.fitting.intervals import (
     Bootstrap,
     Interval,
@@ -37,6 +37,7 @@ from pendulum_env.lab.fitting.posterior import Posterior, posterior
 from pendulum_env.lab.fitting.remedies import OUTLIERS, Remedy
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
+    DEPENDENT,
     FOUND,
     RunsTest,
     bic,
@@ -60,6 +61,8 @@ ALIKE, RULED_OUT = 6.0, 10.0
 from the second on (Kass & Raftery 1995, J. Am. Stat. Assoc. 90, 773: "strong" and "very strong" evidence)."""
 VERDICTS = ((ALIKE, "alike"), (RULED_OUT, "unlikely"), (math.inf, "ruled out"))
 """Upper limit of the difference to the best model's criterion, and the verdict on a model below this limit."""
+SMALLEST = 1e-6
+"""Smallest probability p that is shown as a number."""
 NEEDLESS = "needless"
 """Verdict on a model that fits as closely as the best or contains it, but has more parameters than this justifies."""
 
@@ -376,6 +379,29 @@ class Fit(FitResult):
         """Name of the recording."""
         return self.recording.source
 
+    @property
+    def text(self) -> str:
+        """The result in a few sentences: whether the model follows the recording and what may be wrong with that, and
+        what it tells about the damping, if models were compared and the fit is good enough to judge them."""
+        damping = self.comparison.verdict if self.comparison is not None and self.grade.conclusive else ""
+        return "\n".join(filter(None, (self.grade.text, damping)))
+
+    @property
+    def details(self) -> str:
+        """Sentences on what the result is based on: chi², whether the residual has a pattern, and how the standard
+        errors were calculated."""
+        order = "as often as by chance" if self.runs.p >= DEPENDENT else (
+            "more often than by chance, as rounding can make it" if self.runs.z > 0.0 else
+            "less often than by chance, as neighbouring readings are rounded alike"
+            if self.rounded_alike and self.rms < EXCESS * self.noise else
+            "less often than by chance: it has a pattern, which this model does not explain")
+        return "\n".join((
+            f"{self.damping} damping: residual {self.shown(self.rms):.3g}{self.sign} rms, the error of a reading is "
+            f"{self.shown(self.noise):.2g}{self.sign}; chi² = {self.chi2:.5g} with {self.degrees_of_freedom} degrees "
+            f"of freedom, {_chance(self.p_value)}.",
+            f"The residual changes its sign {order} (runs test, {_chance(self.runs.p)}).",
+            self.how))
+
     def spreads(self) -> dict[str, float]:
         """Return, by name, the spread of the parameters over all models that fit about as well; {} without others."""
         return {} if self.comparison is None else {name: self.comparison.spread(name) for name in self.names}
@@ -644,6 +670,11 @@ def against(fit: Fit, told: Mapping[str, tuple[float, float]]) -> dict[str, floa
         error = number(both[1], f"{name}'s error", above=0.0, unit=own.unit)
         differences[name] = (own.value - value) / math.hypot(own.error, error)
     return differences
+
+
+def _chance(p: float) -> str:
+    """Return a probability as text."""
+    return f"p = {p:.2g}" if p >= SMALLEST else f"p < {SMALLEST:g}"
 
 
 def _called(damping: str) -> str:
