@@ -25,7 +25,7 @@ from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv
 from pendulum_env.lab import DrivenFit, DrivenLog, RecordingError, fit_driven
 from pendulum_env.lab.driven.drive import mean_drive
 from pendulum_env.lab.driven.log import is_driven
-from pendulum_env.lab.driven.problem import Driven
+from pendulum_env.lab.driven.problem import DrivenResiduals
 from pendulum_env.lab.driven.windows import RATES, Windows
 from pendulum_env.physics.units import SceneError
 
@@ -111,7 +111,7 @@ def test_eliminated_starts_are_fitted_too() -> None:
                          for step in 0.1 * np.eye(len(changes))], axis=1)
 
     assert found.at_bound == ()
-    problem = Driven(windows, solution.rates, solution.free, solution.starts)
+    problem = DrivenResiduals(windows, solution.rates, solution.free, solution.starts)
     assert np.all(problem.weights(solution.residual**2)[0] == 1.0)
     full = least_squares(missed, np.zeros(count + 2 * len(windows.places)), slopes, max_nfev=5)
     assert np.abs(full.x[:count]).max() < 2e-3

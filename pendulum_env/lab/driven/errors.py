@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.log import DRIVES
-from pendulum_env.lab.driven.problem import Driven, DrivenSolution, Linearised, lower_bounds
+from pendulum_env.lab.driven.problem import DrivenResiduals, DrivenSolution, Linearised, lower_bounds
 from pendulum_env.lab.driven.windows import DRIVE, RATES, Windows
 from pendulum_env.lab.fitting.core import bounded
 from pendulum_env.lab.noise import noise_level
@@ -24,7 +24,7 @@ DEGENERATE = 1e-9
 """
 
 
-def solution_of(problem: Driven, lost: tuple[tuple[int, float, float], ...]) -> DrivenSolution:
+def solution_of(problem: DrivenResiduals, lost: tuple[tuple[int, float, float], ...]) -> DrivenSolution:
     """Return a solution with the covariance of its numbers.
 
     The error of a reading is that of the sensor, plus the effect of a torque that is not in the log: white noise, as of
@@ -94,7 +94,7 @@ def solution_of(problem: Driven, lost: tuple[tuple[int, float, float], ...]) -> 
                           tuple(noise))
 
 
-def _widened(covariance: Array, problem: Driven, inverse: Array) -> Array:
+def _widened(covariance: Array, problem: DrivenResiduals, inverse: Array) -> Array:
     """Return a covariance whose errors are at least those that the scatter between windows shows.
 
     Torque noise near a rest and noise of the derivatives have effects beyond the linear ones of white noise. The

@@ -12,7 +12,7 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.errors import solution_of
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
-from pendulum_env.lab.driven.problem import Driven, DrivenSolution
+from pendulum_env.lab.driven.problem import DrivenResiduals, DrivenSolution
 from pendulum_env.lab.driven.start import start_of
 from pendulum_env.lab.driven.windows import DELAY, DRIVE, LAG, STIFFNESS, Windows
 from pendulum_env.lab.fitting.core import refit, search
@@ -70,18 +70,18 @@ def solve(
     windows = Windows.of(logs, max(SEARCH * period, READINGS * usual), omega0, skip, end)
     measured = DRIVES[logs[0].kind].measured
     progress(0.1, "start")
-    problem = _searched(Driven(windows, rates, free))
+    problem = _searched(DrivenResiduals(windows, rates, free))
     lost = tuple(windows.span(i) for i in _astray(problem))
     windows = Windows.of(logs, duration, omega0, skip, end).without(lost)
     if len(windows.places) < 2:
         raise RecordingError(f"{logs[0].source}: the {logs[0].kind} explains the motion in hardly any part of the log")
     progress(0.3, f"windows of {duration:.2g} s")
-    problem = _searched(Driven(windows, problem.rates(problem.at.values), free))
+    problem = _searched(DrivenResiduals(windows, problem.rates(problem.at.values), free))
     while not (lost or measured) and duration * LONGER <= min(least, LONGEST * period):
         duration *= LONGER
         longer = Windows.of(logs, duration, omega0, skip, end)
         progress(min(0.3 + 0.6 * duration / least, 0.9), f"windows of {duration:.2g} s")
-        trial = _searched(Driven(longer, problem.rates(problem.at.values), free, _continued(problem, longer)))
+        trial = _searched(DrivenResiduals(longer, problem.rates(problem.at.values), free, _continued(problem, longer)))
         if not _rms(trial) < WORSE * _rms(problem):
             break
         problem = trial
@@ -93,17 +93,17 @@ def solve(
     return solution_of(problem, lost)
 
 
-def _searched(problem: Driven) -> Driven:
+def _searched(problem: DrivenResiduals) -> DrivenResiduals:
     """Return a problem after a search that gives less weight to windows that are far off."""
     search(problem, problem.at.values, ROUGH, problem.loss)
     return problem
 
 
-def _rms(problem: Driven) -> float:
+def _rms(problem: DrivenResiduals) -> float:
     return float(np.sqrt(np.mean(problem.at.residual**2)))
 
 
-def _continued(before: Driven, windows: Windows) -> Array:
+def _continued(before: DrivenResiduals, windows: Windows) -> Array:
     """Return starts of longer windows: those of the shorter windows that start at the same step, or measured ones."""
     known = {(place.log, place.step): start for place, start in zip(
         before.windows.places, before.at.starts, strict=True)}
@@ -111,7 +111,7 @@ def _continued(before: Driven, windows: Windows) -> Array:
                      for place, start in zip(windows.places, windows.starts, strict=True)])
 
 
-def _astray(problem: Driven) -> list[int]:
+def _astray(problem: DrivenResiduals) -> list[int]:
     """Return the numbers of the windows whose residual is more than ASTRAY times the usual one of their log."""
     windows, squares = problem.windows, problem.at.residual**2
     size = np.array([float(np.sqrt(np.mean(squares[part]))) for part in windows.slices])

@@ -66,8 +66,8 @@ class Linearised:
     own_slopes: Array
 
 
-class Driven:
-    """Problem of :mod:`core <pendulum_env.lab.fitting.core>`: numbers of the equation of motion, and logs in windows.
+class DrivenResiduals:
+    """Residuals of logs in windows, for :mod:`core <pendulum_env.lab.fitting.core>`, by the equation's numbers.
 
     The windows' starts are eliminated: they move with the numbers as the derivatives predict, and the derivatives of
     the problem are the part of those by the numbers that no change of a start can produce.

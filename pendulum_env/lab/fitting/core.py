@@ -1,9 +1,9 @@
 """Least squares of simulated motions within bounds: the search, with robust losses, and Gauss-Newton steps at its end.
 
-A :class:`Problem` gives the residuals and their derivatives for values of its free numbers. Of a free swing, the start
-of the motion is among these numbers. Logs of driven runs are divided into windows, each with a start of its own, which
-the problem eliminates from residuals and derivatives (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal.
-10, 413; with derivatives as Kaufman 1975, BIT 15, 49).
+A problem gives :class:`Residuals` and their derivatives for values of its free numbers. Of a free swing, the start of
+the motion is among these numbers. Logs of driven runs are divided into windows, each with a start of its own, which the
+problem eliminates from residuals and derivatives (variable projection: Golub & Pereyra 1973, SIAM J. Numer. Anal. 10,
+413; with derivatives as Kaufman 1975, BIT 15, 49).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ HONEST, NEAR = 0.8, 100.0
 first number and its inverse, or if the fall exceeds the second number times the residual variance."""
 
 
-class Problem(Protocol):
+class Residuals(Protocol):
     """Residuals of a simulated motion, as functions of the free numbers.
 
     Attributes:
@@ -65,7 +65,7 @@ def derivatives(
 
 
 def search(
-    problem: Problem, start: Array, how: Mapping[str, Any], loss: Any = "linear", scale: float = 1.0
+    problem: Residuals, start: Array, how: Mapping[str, Any], loss: Any = "linear", scale: float = 1.0
 ) -> Array:
     """Return the numbers, within their bounds, that minimise the loss of the residuals.
 
@@ -84,7 +84,7 @@ def search(
 
 
 def refit(
-    problem: Problem,
+    problem: Residuals,
     start: Array,
     slopes: Array,
     which: NDArray[np.intp] | None = None,

@@ -19,7 +19,7 @@ from scipy.ndimage import median_filter
 from pendulum_env.common.progress import Progress
 from pendulum_env.lab.fitting.core import search
 from pendulum_env.lab.fitting.model import Array, Model
-from pendulum_env.lab.fitting.shooting import FINE, Swing, solve
+from pendulum_env.lab.fitting.shooting import FINE, SwingResiduals, solve
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.recording import Recording, in_words, part_of, with_readings
 
@@ -94,7 +94,7 @@ def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
         sigma = max(1.4826 * float(np.median(np.abs(readings - shown))), least, 1e-12 * float(np.ptp(readings)))
         if moved < ENOUGH * sigma:
             break
-        values = search(Swing(model, readings), values, FINE, "soft_l1", CORNER * sigma)
+        values = search(SwingResiduals(model, readings), values, FINE, "soft_l1", CORNER * sigma)
         before, shown = shown, model.angles(values)[0]
         moved = float(np.sqrt(np.mean(np.square(shown - before))))
     away = readings - shown

@@ -86,8 +86,8 @@ class FitSolution:
         return float(self.residual @ self.residual)
 
 
-class Swing:
-    """Problem of :mod:`core <pendulum_env.lab.fitting.core>`: a model of a free swing, and its readings with weights.
+class SwingResiduals:
+    """Residuals of a model of a free swing, for :mod:`core <pendulum_env.lab.fitting.core>`, in standard deviations.
 
     Attributes:
         model: the model.
@@ -159,13 +159,13 @@ def solve(
         count = pause if done < pause < count else count
         tell(0.9 * count / total, f"{model.title}: {part.time[count - 1]:.3g} s")
         how = FINE if count in (pause, total) and beyond <= PATIENCE else ROUGH
-        values = search(Swing(part.until(count), readings[:count], weights[:count]), values, how)
+        values = search(SwingResiduals(part.until(count), readings[:count], weights[:count]), values, how)
         done, floor, most = count, math.ceil(LEAST_LONGER * count), math.ceil(LONGER * count)
     tell(1.0, model.title)
     solution = solution_at(model, values, angle, sigma)
     if solution.lost:
         return solution
-    values, _ = core.refit(Swing(model, angle), values, solution.jacobian, close=CLOSEST, fresh=True)
+    values, _ = core.refit(SwingResiduals(model, angle), values, solution.jacobian, close=CLOSEST, fresh=True)
     again = solution_at(model, values, angle, sigma)
     return solution if _worse(again, solution) else again
 
@@ -249,7 +249,7 @@ def refit(
     trust: float = 0.0,
 ) -> tuple[Array, float]:
     """Fit a model to readings [rad] again, starting close to the minimum; see :func:`core.refit`."""
-    return core.refit(Swing(model, angle), start, slopes, which, trust)
+    return core.refit(SwingResiduals(model, angle), start, slopes, which, trust)
 
 
 # --- several models --------------------------------------------------------------------------------------------------
