@@ -1,7 +1,7 @@
 """Sample the posterior of two drags that trade off in a short recording, and compare it with the fit's errors.
 
 In the first 4 s of the simulated recording, linear and quadratic drag can hardly be told apart, and neither can be
-below 0. The standard errors of least squares ignore this bound; the posterior respects it. Needs emcee.
+below 0. The standard errors of least squares ignore this bound; the posterior respects it. Needs emcee and corner.
 """
 
 import sys
