@@ -165,6 +165,18 @@ def test_jumps_of_the_zero_are_found_and_subtracted(tmp_path: Path) -> None:
     assert fit(moved, "linear", mass=1.0).grade.word == "usable"
 
 
+def test_jumps_stay_on_request(tmp_path: Path) -> None:
+    time, seen = swing(40.0, 30.0)
+    path = tmp_path / "swing.csv"
+    np.savetxt(path, np.stack([time, seen + 0.14 * (time > 11.31)], axis=1), header="t (s),angle (rad)", comments="",
+               delimiter=",")
+    left = Recording.read(path, jumps=False)
+    assert not any(note.startswith("zero:") for note in left.notes)
+    np.testing.assert_allclose(left.angle - seen, 0.14 * (time > 11.31), atol=1e-12)
+    with pytest.raises(RecordingError, match="jumps must be True or False, got 'no'"):
+        Recording.read(path, jumps="no")  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("what", ["nothing", "spike", "run", "start", "gap"])
 def test_other_faults_are_no_jumps(what: str, tmp_path: Path) -> None:
     time, seen = swing(40.0, 30.0)
