@@ -86,7 +86,7 @@ REMEDIES = {
 
 
 @real
-@pytest.mark.filterwarnings("ignore:The ")
+@pytest.mark.filterwarnings("ignore:The ", "ignore:One reading")
 @pytest.mark.parametrize("name", REMEDIES)
 def test_a_shared_file_with_a_fault_names_the_remedy(name: str) -> None:
     kind, size, sentence = REMEDIES[name]
@@ -116,7 +116,7 @@ def test_a_wrong_scale_makes_the_shared_fit_not_usable(
 
 @real
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:The ")
+@pytest.mark.filterwarnings("ignore:The ", "ignore:One reading")
 def test_the_shared_jump_is_subtracted_unless_it_shall_stay(
     run_here: Here, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -140,7 +140,7 @@ def test_the_shared_jump_is_subtracted_unless_it_shall_stay(
 
 @real
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:The ")
+@pytest.mark.filterwarnings("ignore:The ", "ignore:One reading")
 @pytest.mark.parametrize("name", READ)
 def test_a_shared_file_that_is_read_right_needs_no_remedy(name: str) -> None:
     found = fit(Recording.read(FAULTS / f"{name}.csv", **READ[name]), "linear+quadratic")
