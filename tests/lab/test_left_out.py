@@ -108,7 +108,7 @@ def test_a_robust_fit_is_that_of_scipy_with_soft_l1() -> None:
     for name, value in (("angle", START), ("length", LENGTH), ("linear_drag.gamma", GAMMA)):
         assert abs(found.parameters[name].value - value) < 4.0 * found.parameters[name].error
         assert found.parameters[name].error < 2e-3 * value + 1e-3
-    with pytest.warns(UserWarning, match="The fit is not usable"):
+    with pytest.warns(UserWarning, match="readings are up to .* off"):
         plain = fit(recording, "linear", mass=1.0)
     assert plain.rms > 10.0 * found.rms
 
@@ -163,6 +163,18 @@ def test_jumps_of_the_zero_are_found_and_subtracted(tmp_path: Path) -> None:
     assert any("after 11.3 s" in note for note in said)
     np.testing.assert_allclose(moved.angle, seen, atol=2.5e-3)
     assert fit(moved, "linear", mass=1.0).grade.word == "usable"
+
+
+def test_jumps_stay_on_request(tmp_path: Path) -> None:
+    time, seen = swing(40.0, 30.0)
+    path = tmp_path / "swing.csv"
+    np.savetxt(path, np.stack([time, seen + 0.14 * (time > 11.31)], axis=1), header="t (s),angle (rad)", comments="",
+               delimiter=",")
+    left = Recording.read(path, jumps=False)
+    assert not any(note.startswith("zero:") for note in left.notes)
+    np.testing.assert_allclose(left.angle - seen, 0.14 * (time > 11.31), atol=1e-12)
+    with pytest.raises(RecordingError, match="jumps must be True or False, got 'no'"):
+        Recording.read(path, jumps="no")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("what", ["nothing", "spike", "run", "start", "gap"])

@@ -68,7 +68,7 @@ def test_a_wrong_scale_is_named(scale: float) -> None:
 
 
 @pytest.mark.parametrize(("scale", "option"), [(math.pi / 180.0, "--unit rad"), (0.5 / math.pi, "--scale 6.28319"),
-                                               (1.0 / 360.0, "--scale 360"), (10.0 / 9.0, "--scale 0.9")])
+                                               (1.0 / 360.0, "--scale 360")])
 def test_a_mistaken_unit_is_named(scale: float, option: str) -> None:
     found = fitted(TIME, scale * SWING, noise=scale * NOISE)
     check(found, "unit", scale)
@@ -154,7 +154,7 @@ def test_a_second_swing_that_stays_is_named() -> None:
     assert found.remedies[0].option == ""
 
 
-@pytest.mark.parametrize("share", [0.97, 1.2])
+@pytest.mark.parametrize("share", [0.97, 1.04])
 def test_a_push_is_named(share: float) -> None:
     """At 15 s the bob swings on as from another amplitude: the velocity is multiplied at once."""
     first = motion(TIME[TIME < 15.0], 37.0)

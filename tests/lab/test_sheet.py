@@ -349,3 +349,14 @@ def test_the_encoder_finds_dry_friction(recordings: Path) -> None:
     friction = sheet.losses.shares["constant"]
     assert friction.value > 0.5
     assert friction.value > 4.0 * friction.error
+
+
+def test_shares_that_the_amplitudes_do_not_tell_are_said_in_words() -> None:
+    """Ten amplitudes with errors of 1 % cannot tell the laws apart; 60 with small errors can."""
+    few = losses(points(0.1 * np.exp(-0.01 * np.arange(10.0)), error=1e-3))
+    assert few.told == {}
+    assert few.text == "the recording does not tell constant, linear and quadratic loss apart"
+    many = losses(points(0.5 * np.exp(-0.03 * np.arange(60.0)), error=1e-5))
+    assert set(many.told) == set(LAWS)
+    assert many.told["linear"].value > 0.95
+    assert "does not tell" not in many.text

@@ -89,9 +89,10 @@ def fit(
         **parameters: known parameters of the scene, such as ``length=0.65, mass=0.0415``.
 
     The ``grade`` of a fit says whether the model follows the recording, which of its ``remedies`` would explain a
-    misfit, and whether the fit is usable. Warns with the grade's sentence if the best model does not follow
-    all swings, or if swings grow or stay equal, which damping cannot cause; if a fitted damping parameter depends on a
-    mass that is not given; and if the length is neither given nor fitted. Raises RecordingError
+    misfit, and whether the fit is usable. Warns with the
+    grade's verdict if the best model does not follow all swings, or if swings grow or stay equal, which damping cannot
+    cause; with the remedy if single readings are far off; if a fitted damping parameter depends on a mass that is not
+    given; and if the length is neither given nor fitted. Raises RecordingError
     unless ``recording`` is a Recording of a free swing below half a turn, with at least three turning points and more
     readings than fitted parameters; SceneError for invalid names and values.
     """
@@ -134,8 +135,10 @@ def fit(
             for solution in solutions]
     comparison = FitComparison.of(fits)
     best = comparison.fits[0]
-    if faults or remedies or best.solution.lost:
-        warn(best.grade.text)
+    if faults or best.solution.lost:
+        warn(best.grade.verdict)
+    elif any(one.name == OUTLIERS for one in remedies):
+        warn(" ".join(best.grade.remedies))
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)
     if LENGTH in names and LENGTH not in parameters:

@@ -75,15 +75,18 @@ class Grade(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Sentences: whether the model follows the recording, the remedies, and the grade with its reasons."""
+        """Sentences: whether the model follows the recording, the remedies, and the verdict."""
+        return " ".join([*([self.follows] if self.follows else []), *self.remedies, self.verdict])
+
+    @property
+    def verdict(self) -> str:
+        """Sentence on how good the fit is, with the reasons."""
         reasons = "; ".join(fault.text for fault in self.faults if fault.serious or self.usable)
         if not self.usable:
-            last = f"The fit is not usable, because {reasons}."
-        elif reasons:
-            last = f"The fit is usable, except that {reasons}."
-        else:
-            last = "The fit is usable, but better without this fault." if self.remedies else "The fit is usable."
-        return " ".join([*([self.follows] if self.follows else []), *self.remedies, last])
+            return f"The fit is not usable, because {reasons}."
+        if reasons:
+            return f"The fit is usable, except that {reasons}."
+        return "The fit is usable, but better without this fault." if self.remedies else "The fit is usable."
 
 
 def of_swings(points: TurningPoints, omega: float, damped: bool) -> list[Fault]:

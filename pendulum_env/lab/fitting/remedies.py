@@ -48,6 +48,8 @@ LOCAL = 3.0
 """Standard deviations by which a step may differ from that which the readings near it show."""
 DECAYS = (0.0, 2.0, 6.0, 20.0, 60.0)
 """Decay rates at which a second swing is searched, times the duration."""
+STEEP = 0.1
+"""Largest change of the period during a run, as a share of it, that is tried."""
 SLOW = 0.3
 """Lowest frequency of a second swing, as a share of the swing's own: what is slower is a zero that moves."""
 LARGEST = 0.25
@@ -66,7 +68,6 @@ UNITS = {
     180.0 / math.pi: ("degrees that are read as radians", "--unit deg"),
     0.5 / math.pi: ("turns that are read as radians", "--scale 6.28319"),
     1.0 / 360.0: ("turns that are read as degrees", "--scale 360"),
-    10.0 / 9.0: ("gon (400 to a turn) that are read as degrees", "--scale 0.9"),
 }
 """Ratios of the angles as they are read to the true ones that a mistaken unit makes, its words and its option."""
 DAMPINGS = ("linear", "quadratic", "coulomb")
@@ -417,6 +418,7 @@ def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: 
     """Return the fits with a scale of the angles, with the readings as angular velocities, with all dampings, and with
     a period that changes."""
     found, model = [], solution.model
+    drift = None if solution.lost else _with_drift(solution, swing)
     for name, fit in (("scale", _with_scale), ("column", _as_rates), ("damping", _with_all_dampings)):
         try:
             other = fit(model, swing, measured, sigma)
@@ -425,16 +427,21 @@ def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: 
         if other is not None and not other.lost:
             more = max(len(other.model.names) - len(model.names), 1)
             found.append(TriedFault(name, more, _beyond(other), solution=other))
-    return found if solution.lost else [*found, _with_drift(solution, swing)]
+    return found if drift is None else [*found, drift]
 
 
-def _with_drift(solution: FitSolution, swing: Recording) -> TriedFault:
-    """Return the fit with a period that changes linearly: the model at times that are shifted accordingly."""
+def _with_drift(solution: FitSolution, swing: Recording) -> TriedFault | None:
+    """Return the fit with a period that changes linearly: the model at times that are shifted accordingly.
+
+    None if the period would have to change by more than a tenth (STEEP).
+    """
     model, share, k = solution.model, 0.0, len(solution.values)
     time = swing.time - swing.time[0]
     for _ in range(5):
         column = (solution.velocity * _delay(time))[:, None]
         share += float(_beside(solution, column)[k])
+        if abs(share) > STEEP:
+            return None
         shifted = replace(model, time=swing.time + share * _delay(time))
         values, squares = refit(shifted, swing.readings, solution.values, solution.jacobian)
         solution = solution_at(shifted, values, swing.readings, np.full(len(time), math.sqrt(squares / len(time))))
