@@ -215,7 +215,8 @@ def test_the_mean_of_correlated_readings_has_the_known_variance() -> None:
         found.append(errors_found(solution(np.ones((50_000, 1)), path - path.mean(), swing=8)))
     assert found[0].plain[0, 0] == pytest.approx(1.0 / 0.36 / 5e4, rel=0.05)
     assert np.mean(np.log([one.covariance[0, 0] * 5e4 / 25.0 for one in found])) == pytest.approx(0.0, abs=0.3)
-    assert "they are 3.1 times those of independent readings" in found[0].how
+    ratio = math.sqrt(found[0].covariance[0, 0] / found[0].plain[0, 0])
+    assert f"they are {ratio:.2g} times those of independent readings" in found[0].how
 
 
 def test_a_misfit_that_oscillates_with_the_swing_counts_by_its_envelope() -> None:
@@ -234,7 +235,7 @@ def test_a_misfit_that_oscillates_with_the_swing_counts_by_its_envelope() -> Non
         ratios.append(found.covariance[0, 0] / truth)
         assert found.covariance[0, 0] > 10.0 * found.plain[0, 0]
     assert abs(statistics.autocorrelation(misfit)[1 : 20 * half].sum()) < 1.0
-    assert np.mean(np.log(ratios)) == pytest.approx(0.3, abs=0.4)
+    assert np.mean(np.log(ratios)) == pytest.approx(0.0, abs=0.4)
 
 
 def swinging(n: int = 1200, cycles: float = 40.0) -> tuple[Any, Any]:

@@ -38,8 +38,10 @@ period. Those of z fall half as fast, because a and b add up what disturbs the m
 SIZES = np.concatenate([[0.0], np.geomspace(1e-2, 1e14, 65)])
 """Variances s of the lowest order, in variances of the noise."""
 USUAL = 0.1
-"""Expected size of slow changes in the lowest order, in standard deviations of the noise: half of the recordings have
-none, and the others a half-Cauchy distribution with this scale (Gelman 2006, Bayesian Anal. 1, 515)."""
+"""Expected size of slow changes in the lowest order, in standard deviations of the noise: the scale of a half-Cauchy
+distribution (Gelman 2006, Bayesian Anal. 1, 515)."""
+NONE = 0.9
+"""Share of recordings in which no slow changes are expected."""
 TOGETHER = 0.7
 """Share of recordings in which a and b are expected to have the same s and p, as for a second mode; in the others, one
 says nothing about the other."""
@@ -195,7 +197,7 @@ def slow_covariance(slopes: Array, residual: Array, time: Array, velocity: Array
     parts = [_judged(wave, slopes, residual, turns, inverse, noise) for wave in waves]
     likelihood, level, shares, moves, starts, counts = (np.stack(column) for column in zip(*parts, strict=True))
     usual = np.sqrt(SIZES[1:]) / (USUAL**2 + SIZES[1:])
-    weights = likelihood * np.concatenate([[0.5], 0.5 * usual / usual.sum()])
+    weights = likelihood * np.concatenate([[NONE], (1.0 - NONE) * usual / usual.sum()])
     other = weights[1::-1].sum(axis=(1, 2), keepdims=True) / len(FALLS)
     weights[:2] *= (1.0 - TOGETHER) * other + TOGETHER * likelihood[1::-1]
     weights /= weights.sum(axis=(1, 2), keepdims=True)
