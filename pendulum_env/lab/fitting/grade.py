@@ -27,8 +27,8 @@ LASTS = 9
 """Number of successive swings whose median shows the growth that lasts."""
 LOST = 0.05
 """Share of the squared angles in readings that the model does not follow, from which on a fit is not usable."""
-EXCESS = 2.0
-"""Residuals of this many errors of a reading are a misfit."""
+NOISE_ONLY, EXCESS = 1.3, 2.0
+"""Residuals below the first number of errors of a reading are called noise, and from the second on a misfit."""
 MISSED = 0.05
 """Root mean square of the residuals, as a share of that of the swing, from which on a misfit makes a fit not usable."""
 UNEVEN = 2.0
@@ -213,14 +213,17 @@ def of_misfit(
         explained: True if a fault of the recording explains the misfit.
     """
     rms = float(np.sqrt(np.mean(residual**2)))
-    beside = f"its residual is {rms:.3g}{sign} rms, the error of a reading {noise:.2g}{sign}"
+    times = f"{_factor(rms / noise)} times the error of a reading ({noise:.2g}{sign})" if noise > 0.0 else (
+        "without noise")
+    if rms < NOISE_ONLY * noise:
+        return (f"The model {damping} follows the recording to within the noise: its residual is {rms:.3g}{sign} rms, "
+                f"the error of a reading {noise:.2g}{sign}."), []
     if rms < EXCESS * noise:
-        return f"The model {damping} follows the recording to within the noise: {beside}.", []
+        return f"The model {damping} follows the recording: its residual is {rms:.3g}{sign} rms, {times}.", []
     parts = np.array_split(residual, 10)
     first, last = (float(np.sqrt(np.mean(part**2))) for part in (parts[0], parts[-1]))
     where = "".join(f"; in the {name} tenth it is {own:.2g}{sign}" for name, own in (("first", first), ("last", last))
                     if own > UNEVEN * rms)
-    times = f"{rms / noise:.2g} times the error of a reading ({noise:.2g}{sign})" if noise > 0.0 else "without noise"
     if rms > MISSED * swing:
         return (f"The model {damping} does not follow the recording: its residual is {rms:.3g}{sign} rms, {times} and "
                 f"{rms / swing:.0%} of the swing{where}.", [Fault("the model does not follow the recording", True)])
@@ -229,13 +232,25 @@ def of_misfit(
                 "" if explained else ", and no single fault of the recording explains it"), False)])
 
 
-def of_remedies(remedies: Sequence[Remedy]) -> tuple[str, ...]:
-    """Return sentences on the faults that explain a misfit, the one that explains most first, with their options."""
+def _factor(ratio: float) -> str:
+    """Return a ratio as text with two digits, without a power of ten."""
+    return f"{ratio:.2g}" if ratio < 100.0 else f"{ratio:.0f}"
+
+
+def of_remedies(remedies: Sequence[Remedy], noise: float = math.inf) -> tuple[str, ...]:
+    """Return sentences on the faults that explain a misfit, the one that explains most first, with their options.
+
+    The last one says if they leave a misfit of more than the error of a reading, ``noise``, in its unit.
+    """
     sentences = []
     for i, one in enumerate(remedies):
         before, after = ("or ", "; the recording does not tell which") if one.instead else ("besides, " * (i > 0), "")
         first = f"{before}{one.sentence}{after}"
         sentences.append(f"{first[0].upper()}{first[1:]}.")
+    left = min((one.left for one in remedies), default=0.0)
+    if left > EXCESS * noise > 0.0:
+        times = f"{_factor(left / noise)} times the error of a reading"
+        sentences.append(f"That leaves {times}, so something else is wrong, too.")
     return tuple(sentences)
 
 
@@ -244,6 +259,7 @@ def as_fault(left_out: str) -> Fault:
     return Fault(f"{left_out[0].lower()}{left_out[1:].removesuffix('.')}", False)
 
 
-def graded(faults: Sequence[Fault], follows: str = "", remedies: Sequence[Remedy] = ()) -> Grade:
-    """Return the grade for a list of reasons, the serious ones first, and what :func:`of_misfit` says."""
-    return Grade(tuple(sorted(faults, key=lambda fault: not fault.serious)), follows, of_remedies(remedies))
+def graded(faults: Sequence[Fault], follows: str = "", remedies: tuple[str, ...] = ()) -> Grade:
+    """Return the grade for a list of reasons, the serious ones first, and what :func:`of_misfit` and
+    :func:`of_remedies` say."""
+    return Grade(tuple(sorted(faults, key=lambda fault: not fault.serious)), follows, remedies)

@@ -38,6 +38,8 @@ MOST = 3
 """Largest number of faults that are named."""
 MISFIT = 1.5
 """Residuals above this many errors of a reading are a misfit, for which faults are tried by fits of their own."""
+NUMERICAL = 1e-6
+"""Residuals below this share of the readings' range are errors of the simulated model; see ``model.STEPS``."""
 FAR = 6.0
 """A reading is an outlier if it is this many standard deviations off."""
 FEW = 0.05
@@ -88,6 +90,7 @@ class Remedy:
         change: what the fault adds to the readings, in their unit; 0 for a fault that only another fit removes.
         at: time of the fault on the clock of the file [s], where it has one.
         instead: True if it explains the misfit about as well as the first fault, so that only one of them is there.
+        left: root mean square of the residuals that the fault does not explain, in the unit of the readings.
     """
 
     name: str
@@ -98,6 +101,7 @@ class Remedy:
     change: Array
     at: float = math.nan
     instead: bool = False
+    left: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -145,6 +149,8 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
     while len(found) < MOST:
         q = basis(solution.jacobian)
         base = _off(solution.residual, q)
+        if _rms(base) < NUMERICAL * float(np.ptp(swing.readings)):
+            break
         noise = MISFIT * max(scatter_level(swing.time, solution.residual), sigma)
         tried = [] if solution.lost else list(_shapes(solution, swing, measured, q, base, _rms(base) > noise))
         single = [one for one in tried if len(one.detail) < 2 or one.name != JUMP]
@@ -159,7 +165,8 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
         if not found and _rms(base if best is None else best.residual) > (noise if best is None or sudden else 0.0):
             tried = [one for one in tried if one.name != PERIOD] + _fitted(solution, swing, measured, sigma)
         chosen = _best(tried, base, solution, tau)
-        found += [replace(_named(fault, gain, swing), instead=i > 0) for i, (fault, gain) in enumerate(chosen)]
+        found += [replace(_named(fault, gain, swing), instead=i > 0, left=_rms(fault.residual))
+                  for i, (fault, gain) in enumerate(chosen)]
         if len(chosen) != 1 or chosen[0][0].columns is None:
             break
         solution = chosen[0][0].solution or solution

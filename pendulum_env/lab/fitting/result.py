@@ -34,7 +34,7 @@ from pendulum_env.lab.fitting.intervals import (
 )
 from pendulum_env.lab.fitting.model import SCALE, START, ZERO, Model, unit_of
 from pendulum_env.lab.fitting.posterior import Posterior, posterior
-from pendulum_env.lab.fitting.remedies import OUTLIERS, Remedy
+from pendulum_env.lab.fitting.remedies import NUMERICAL, OUTLIERS, Remedy
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.lab.fitting.statistics import (
     DEPENDENT,
@@ -175,10 +175,11 @@ class Fit(FitResult):
 
     @property
     def _usual_noise(self) -> float:
-        """Standard deviation of most readings [rad], which a few that are far off do not enlarge as they do ``noise``.
-        """
-        least = self.recording.reading_quantum / math.sqrt(12.0)
-        return float(np.fmin(self.noise, max(scatter_level(self.recording.time, self.residual), least)))
+        """Standard deviation of most readings [rad], which a few that are far off do not enlarge as they do ``noise``;
+        at least the error of the simulated model."""
+        seen = float(np.fmin(self.noise, scatter_level(self.recording.time, self.residual)))
+        rounding, range_of = self.recording.reading_quantum / math.sqrt(12.0), float(np.ptp(self.recording.readings))
+        return max(seen, rounding, NUMERICAL * range_of)
 
     @cached_property
     def rounded_alike(self) -> bool:
@@ -244,7 +245,9 @@ class Fit(FitResult):
         follows, misfit = ("", [as_fault(left_out)]) if found is None else found
         follows = " ".join([follows, *of_remedies(self.subtracted)])
         lost = of_lost(self.damping, self.solution.followed, self.recording.time, self.swing)
-        return graded([*self.faults, *lost, *misfit], follows.strip(), self.remedies)
+        serious = any(fault.serious for fault in (*self.faults, *lost))  # which says more than the size of the misfit
+        return graded([*self.faults, *lost, *([] if serious else misfit)], follows.strip(),
+                      of_remedies(self.remedies, self._usual_noise))
 
     @property
     def how(self) -> str:
