@@ -220,7 +220,7 @@ def test_what_is_printed(write: Write) -> None:
     creeping = Recording(TIME, np.exp(-0.05 * TIME), "made")
     assert "rate: 20 Hz, even" in creeping.text
     assert "quantum: none seen" in creeping.text
-    assert creeping.text.endswith(" not found (expected a swing that turns back, found none above noise)")
+    assert " not found (expected a swing that turns back, found none above noise; readings that only" in creeping.text
 
 
 ODD_FILES: dict[str, tuple[bytes, str]] = {

@@ -370,8 +370,9 @@ class DrivenFit(FitResult):
 
     @property
     def text(self) -> str:
-        """The result in a few sentences: grade, and limits of the logs."""
-        return "\n".join(filter(None, (self.grade.text, self.limits)))
+        """The result in a few sentences: grade, parameters at their bounds, and limits of the logs."""
+        bounds = (f"{name}: {self.parameter_text(name)}." for name in self.at_bound)
+        return "\n".join(filter(None, (self.grade.text, *bounds, self.limits)))
 
     @property
     def details(self) -> str:

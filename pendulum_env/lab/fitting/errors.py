@@ -211,7 +211,8 @@ def slow_covariance(slopes: Array, residual: Array, time: Array, velocity: Array
     unsure = (weights * lowest**2).sum(axis=(1, 2)) - (weights * lowest).sum(axis=(1, 2)) ** 2
     variances = np.stack([np.diag(white), *np.einsum("iao,io->ia", moves**2, slow)])
     total = np.diag(covariance)
-    ratios = (variances / total)[:, np.isfinite(total) & (total > 0.0)]
+    sure = np.isfinite(total) & (total > 0.0)
+    ratios = variances[:, sure] / total[sure]
     spread = np.concatenate([[2.0 / counts.mean()], unsure]) @ ratios**2
     return covariance, max(2.0 / float(np.mean(spread)), 2.0) if spread.size else float(n - k)
 

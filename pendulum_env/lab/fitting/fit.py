@@ -137,7 +137,7 @@ def fit(
     best = comparison.fits[0]
     if faults or best.solution.lost:
         warn(best.grade.verdict)
-    elif any(one.name == OUTLIERS for one in remedies):
+    elif any(one.name == OUTLIERS for one in remedies) and not swing.indirect:
         warn(" ".join(best.grade.remedies))
     if scene is None and "mass" not in parameters:
         _warn_of_mass(best)
