@@ -239,15 +239,14 @@ class Fit(FitResult):
         unit, size = self.shown(1.0), float(np.std(self.recording.readings - self.residual))
         single = sum((one.change for one in self.remedies if one.name == OUTLIERS), np.zeros(len(self.residual)))
         rms = (self.residual - single) * math.sqrt(len(self.residual) / self.degrees_of_freedom)
-        found, left_out = side("the noise of the readings", lambda: of_misfit(
-            self.damping, unit * rms, unit * self._usual_noise, unit * size, self.sign,
-            bool(self.remedies)))
-        follows, misfit = ("", [as_fault(left_out)]) if found is None else found
-        follows = " ".join([follows, *of_remedies(self.subtracted)])
+        found, left_out = side("the noise of the readings", lambda: (
+            of_misfit(self.damping, unit * rms, unit * self._usual_noise, unit * size, self.sign, bool(self.remedies)),
+            of_remedies(self.remedies, self._usual_noise)))
+        (follows, misfit), remedies = found or (("", [as_fault(left_out)]), of_remedies(self.remedies))
         lost = of_lost(self.damping, self.solution.followed, self.recording.time, self.swing)
         serious = any(fault.serious for fault in (*self.faults, *lost))  # which says more than the size of the misfit
-        return graded([*self.faults, *lost, *([] if serious else misfit)], follows.strip(),
-                      of_remedies(self.remedies, self._usual_noise))
+        return graded([*self.faults, *lost, *([] if serious else misfit)],
+                      " ".join([follows, *of_remedies(self.subtracted)]).strip(), remedies)
 
     @property
     def how(self) -> str:
