@@ -30,7 +30,7 @@ class LogDensity:
     Analysis, section 2.7), ``-(f + k)/2 ln(1 + (RSS - RSS_fit) / (f s²))`` with k parameters, ``f = n - k`` degrees of
     freedom and ``s² = RSS_fit / (n - k)``. This is ``-n/2 ln(RSS)``.
 
-    Where the fit's standard errors allow for correlated residuals, rounded readings or a drifting period, f is the
+    Where the fit's standard errors allow for slow changes of the residuals or for rounded readings, f is the
     degrees of freedom of these errors, and RSS is taken at ``fitted + (x - fitted)/d``, for the ratio d (at least 1) of
     each parameter's standard error to that for independent residuals. The posterior is then wider by d, as the profile
     is, and keeps its shape (compare Ribatet, Cooley & Davison 2012, Statistica Sinica 22, 813).

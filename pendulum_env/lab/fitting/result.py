@@ -340,7 +340,7 @@ class Fit(FitResult):
 
         The log likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, with their
         standard deviation sigma integrated out with the prior 1/sigma. It is wider where the standard errors allow for
-        correlated residuals, rounding or a drift; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
+        slow changes of the residuals or rounding; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
         zero are sampled with the other parameters. The walkers start around the fit.
 
         Args:
@@ -592,20 +592,21 @@ class FitComparison:
 
     @property
     def table(self) -> Table:
-        """Table of the compared models, one row each, the best first: residuals, information criterion, verdict.
+        """Table of the compared models, one row each, the best first: residuals, the largest one at a turning point,
+        information criterion, whether the residuals have a pattern (runs test), verdict.
 
         The table has no verdicts if not even the best fit is usable, or if a fault of the recording explains a misfit.
         """
         unit = self.best.degrees.replace("degrees", "deg")
-        head = ("model", "parameters", f"rms [{unit}]", f"largest [{unit}]", "envelope [deg]", "delta BIC", "runs z",
-                "verdict")
+        head = ("model", "parameters", f"rms [{unit}]", f"largest [{unit}]", "at turning points [deg]", "delta BIC",
+                "pattern", "verdict")
         rows = []
         for one, delta, verdict in zip(self.fits, self.delta_bic, self.verdicts, strict=True):
             largest = float(np.max(np.abs(one.residual)))
             beside, _ = side("envelope", lambda one=one: envelope_misfit(one))  # type: ignore[misc]
             degrees = (one.shown(one.rms), one.shown(largest), math.nan if beside is None else math.degrees(beside))
             rows.append((one.damping, str(len(one.names)), *(f"{x:.3g}" if math.isfinite(x) else "-" for x in degrees),
-                         f"{delta:.1f}", f"{one.runs.z:.1f}", verdict))
+                         f"{delta:.1f}", "no" if one.runs.p >= DEPENDENT else "yes", verdict))
         columns = len(head) if self.best.grade.conclusive else -1
         return Table(head[:columns], tuple(row[:columns] for row in rows))
 
