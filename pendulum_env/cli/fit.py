@@ -20,6 +20,7 @@ from pendulum_env.physics.units import SceneError, number, shown, whole_number
 if TYPE_CHECKING:
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
+    from pendulum_env.lab.recording import Recording
     from pendulum_env.lab.sheet import LabSheet
 
 
@@ -91,6 +92,7 @@ def fit(
     from pendulum_env.lab.checked import check_half_turn, side
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.fit import planned
+    from pendulum_env.lab.fitting.remedies import repaired
     from pendulum_env.lab.fitting.robust import calmed
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
@@ -132,15 +134,16 @@ def fit(
     if length_error is not None:
         needs_length(plan.free)
 
-    def measured() -> LabSheet:
-        return measure(calmed(data) if robust else data, n=oscillations, scene=scene, above=above,
-                       length_error=length_error, **known)
+    def measured(recording: Recording) -> LabSheet:
+        return measure(recording, n=oscillations, scene=scene, above=above, length_error=length_error, **known)
 
     with shown_if_refused(lambda: print_text(data.text)):
         swing = data.released()  # without a swing, there is nothing to fit either
         if not robust:  # a robust fit bears single readings far off
             check_half_turn(swing.centred().angle, f"{data.source}: a fit needs")
-        sheet, no_sheet = side("the lab sheet", measured) if oscillations is None else (measured(), "")
+        calm = calmed(data) if robust else data
+        sheet, no_sheet = (measured(calm), "") if oscillations is not None else side("the lab sheet",
+                                                                                     lambda: measured(calm))
 
     def show_measured(whole: bool = True) -> None:
         print_text(data.text if file is not None else f"{options.SIMULATED}\n{data.text}")
@@ -154,6 +157,9 @@ def fit(
         with shown_if_refused(show_measured, lambda: tell_of(warned)):
             best = run(data, effects, scene=scene, free=names, above=above, robust=robust, jumps=not no_jumps,
                        progress=lambda done, text: progress(part * done, text), **known)
+            if (best.remedies or best.subtracted) and not robust:  # the sheet of the swing without jumps and outliers
+                whole, _ = side("the lab sheet", lambda: measured(repaired(best.recording, best.remedies)))
+                sheet = whole or sheet
             found = _sampled(best, sampling, lambda done, text: progress(part + (0.9 - part) * done, text))
         verdict = against_told(best, known["length"], length_error) if "length" in known else ""
         paths = write(best, sheet, out, svg, progress=lambda done, text: progress(0.9 + 0.1 * done, text))

@@ -104,7 +104,7 @@ def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> E
         coarse = ", ".join(name for name, x in zip(model.names, wider, strict=True) if x > COARSE)
         size = f"{quantum:.3g} m/s²" if model.mount else f"{math.degrees(quantum):.3g} degrees{'/s' * model.rate}"
         remarks += [f"the sensor's steps of {size} enlarge the error of {coarse}, as successive swings are rounded in "
-                    "nearly the same way"] * bool(coarse)
+                    "nearly the same way"] * bool(coarse and quantum > noise)
     if not known or not free.all():
         lost = ", ".join(name for name, sure in zip(model.names, free, strict=True) if not sure)
         remarks.append(f"the recording does not determine {lost}")
