@@ -92,6 +92,7 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "pendulum_env.lab.fitting.model": ("Model",),
     "pendulum_env.lab.fitting.posterior": ("Posterior",),
     "pendulum_env.lab.fitting.priors": ("Prior",),
+    "pendulum_env.lab.fitting.remedies": ("Remedy",),
     "pendulum_env.lab.fitting.result": ("Fit", "FitComparison"),
     "pendulum_env.lab.fitting.shooting": ("FitSolution",),
     "pendulum_env.lab.driven.log": ("DrivenLog",),

@@ -24,6 +24,7 @@ from pendulum_env.lab.driven.windows import Window, Windows
 from pendulum_env.lab.fitting.grade import Fault
 from pendulum_env.lab.fitting.intervals import Bootstrap
 from pendulum_env.lab.fitting.model import Model
+from pendulum_env.lab.fitting.remedies import Remedy
 from pendulum_env.lab.fitting.result import FitComparison
 from pendulum_env.lab.fitting.shooting import FitSolution
 from pendulum_env.study.audit.verdicts import Audit, AuditRow, Simplification, Simplified
@@ -48,11 +49,12 @@ def fit_by_hand() -> Fit:
         slopes = np.stack([np.cos((k + 1) * TIME) for k in range(5)], axis=1)
         solution = FitSolution(Model(scene, damping, names, swing().time), np.array([0.2, 0.0, -0.0, 0.39, 0.1]),
                                residual * np.sin(17.0 * TIME), slopes, np.sin(TIME), 10.0)
-        return Fit(swing(), solution, 1e-3, faults=(Fault("held at first", False),))
+        jump = Remedy("jump", "the zero jumps", "subtracted", Measurement(1.5, 0.1, "degrees"), 12.0, np.sin(TIME), 3.5)
+        return Fit(swing(), solution, 1e-3, faults=(Fault("held at first", False),), subtracted=(jump,))
 
     first, second = one(("linear",), 1e-3), one(("linear", "quadratic"), 2e-3)
     return Fit(swing(), first.solution, first.sigma, FitComparison((first, second), (0.0, math.inf)), 0.25,
-               first.faults)
+               first.faults, subtracted=first.subtracted)
 
 
 @cache

@@ -20,7 +20,7 @@ from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.priors import priors_of
 from pendulum_env.lab.fitting.remedies import JUMP, OUTLIERS, SUBTRACTED, Remedy, remedies_of, repaired
 from pendulum_env.lab.fitting.result import Fit, FitComparison
-from pendulum_env.lab.fitting.robust import pulled, released
+from pendulum_env.lab.fitting.robust import calmed, pulled, released
 from pendulum_env.lab.fitting.shooting import solve_all
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.measures import doubt_of_length
@@ -108,21 +108,25 @@ def fit(
     models = [_model(place, damping, swing, names) for damping in wanted]
     sigma = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings)))
     with telling_of(progress, "fit") as telling:
-        if steady:
-            swing = pulled(max(models, key=lambda model: len(model.numbers)), swing, telling)
-            sigma = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings)))
+        most = max(models, key=lambda model: len(model.numbers))
+        calm, tried = (calmed(swing), [most]) if steady else (swing, models)  # jumps first, then readings are pulled
         subtracted: tuple[Remedy, ...] = ()
         for _ in range(MOST_JUMPS):
-            measured = Measured.of(swing)
-            solutions = solve_all(models, swing, measured, sigma, telling)
+            measured = Measured.of(calm)
+            solutions = solve_all(tried, calm, measured, sigma, telling)
             richest = max(solutions, key=lambda one: (not one.lost, len(one.values)))
-            remedies = remedies_of(richest, swing, measured, sigma)
+            remedies = remedies_of(richest, calm, measured, sigma)
             alone = not any(one.instead for one in remedies)
             if not (level and alone and remedies) or swing.indirect or remedies[0].name != JUMP:
                 break
             jump = replace(remedies[0], option=SUBTRACTED)
             subtracted += (jump,)
-            swing = repaired(swing, (jump,), jump.sentence)
+            calm, swing = (repaired(one, (jump,), jump.sentence) for one in (calm, swing))
+        if steady:
+            swing = pulled(most, swing, telling)
+            sigma, measured = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings))), Measured.of(swing)
+            solutions = solve_all(models, swing, measured, sigma, telling)
+            remedies = tuple(one for one in remedies if one.name != OUTLIERS)
     rest = float(free_swing.time[-1] - swing.time[-1])
     damped = not place.medium.empty and any(wanted)
     points = Measured.of(repaired(swing, remedies)).points if remedies else measured.points

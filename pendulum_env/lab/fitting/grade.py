@@ -225,8 +225,9 @@ def of_misfit(
     where = "".join(f"; in the {name} tenth it is {own:.2g}{sign}" for name, own in (("first", first), ("last", last))
                     if own > UNEVEN * rms)
     if rms > MISSED * swing:
+        share = f"{rms / swing:.0%} of" if rms < swing else "more than"
         return (f"The model {damping} does not follow the recording: its residual is {rms:.3g}{sign} rms, {times} and "
-                f"{rms / swing:.0%} of the swing{where}.", [Fault("the model does not follow the recording", True)])
+                f"{share} the swing{where}.", [Fault("the model does not follow the recording", True)])
     return (f"The model {damping} follows the recording only to {rms:.3g}{sign} rms, {times}{where}.",
             [Fault("the misfit is larger than the noise, which the errors allow for" + (
                 "" if explained else ", and no single fault of the recording explains it"), False)])

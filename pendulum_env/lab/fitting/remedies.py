@@ -167,7 +167,7 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
         chosen = _best(tried, base, solution, tau)
         found += [replace(_named(fault, gain, swing), instead=i > 0, left=_rms(fault.residual))
                   for i, (fault, gain) in enumerate(chosen)]
-        if len(chosen) != 1 or chosen[0][0].columns is None:
+        if len(chosen) != 1 or chosen[0][0].columns is None or chosen[0][0].name == PUSH:  # after a push, all is new
             break
         solution = chosen[0][0].solution or solution
     return tuple(found)
@@ -325,10 +325,9 @@ def _jumps(q: Array, time: Array, base: Array, period: float, most: int) -> Iter
         for i in [*range(count)] * 2 if count > 1 else ():
             places[i] = _jump(q, base, places[:i] + places[i + 1:])
         sizes = np.linalg.lstsq(_off(_steps(len(time), places), q), base, rcond=None)[0]
-        if not all(_sudden(time, base, at, float(size), 0.25 * period)
-                   for at, size in zip(places, sizes, strict=True)):
-            return
-        yield sorted(places)
+        if all(_sudden(time, base, at, float(size), 0.25 * period)
+               for at, size in zip(places, sizes, strict=True)):  # of two jumps, one alone is not where it seems
+            yield sorted(places)
 
 
 def _sudden(time: Array, base: Array, at: int, size: float, reach: float) -> bool:
@@ -415,7 +414,8 @@ def _second_swing(q: Array, time: Array, period: float, base: Array) -> tuple[fl
 
     start = [frequency[place] * duration, DECAYS[int(which)]]
     x = least_squares(left, start, x_scale=(0.3, 1.0), max_nfev=20).x / duration
-    return None if overtone(x[:1])[0] else (float(x[0]), abs(float(x[1])))
+    slow = x[0] < max(2.0 / duration, SLOW / period)
+    return None if slow or overtone(x[:1])[0] else (float(x[0]), abs(float(x[1])))
 
 
 # --- faults that need another fit ------------------------------------------------------------------------------------
@@ -431,7 +431,8 @@ def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: 
             other = fit(model, swing, measured, sigma)
         except (ValueError, ArithmeticError, LookupError, np.linalg.LinAlgError):
             continue  # readings that cannot be so need no such remedy
-        if other is not None and not other.lost:
+        known = other is not None and bool(np.isfinite(np.diag(inverted(other.jacobian)[0])).all())
+        if other is not None and known and not other.lost:
             more = max(len(other.model.names) - len(model.names), 1)
             found.append(TriedFault(name, more, _beyond(other), solution=other))
     return found if drift is None else [*found, drift]
@@ -509,23 +510,23 @@ def _named(fault: TriedFault, gain: float, swing: Recording) -> Remedy:
         number = Measurement(in_words(swing, size)[0], in_words(swing, error)[0], in_words(swing, size)[1])
         return number, f"{abs(number.value):.3g}{sign}"
 
-    half = f"--until {0.5 * (start + end):.3g}"
+    half = f"a shorter part has less of it, as --until {_clock(swing, 0.5 * (start + end))}"
     if fault.name == JUMP:
         largest = int(np.argmax(np.abs(fault.sizes)))
         times = [float(swing.time[int(place)]) + start for place in fault.detail]
         number, at = shown(float(fault.sizes[largest]), float(errors[largest]))[0], times[largest]
-        steps = [f"by {in_words(swing, float(size))[0]:.3g}{sign} at {time:.4g} s"
+        steps = [f"by {in_words(swing, float(size))[0]:.3g}{sign} at {_clock(swing, time)} s"
                  for size, time in zip(fault.sizes, times, strict=True)]
-        text, option = f"the zero jumps {' and '.join(steps)}", "a fit without --no-jumps subtracts it"
+        text, option = f"the zero jumps {' and '.join(steps)}", f"--until {_clock(swing, times[0])}"
     elif fault.name == DRIFT:
         number, size = shown(float(fault.sizes[0]), float(errors[0]))
         text, option = f"the zero drifts by {size} during the run", half
     elif fault.name == PUSH:
         at = float(swing.time[int(fault.detail[0])]) + start
         number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
-        text = (f"the bob is pushed or touched at {at:.3g} s, where its amplitude changes by {number.value:.2g} ± "
-                f"{number.error:.1g} %")
-        option = f"--until {at:.3g}"
+        size = f"{number.value:.2g} ± {number.error:.1g} %"
+        text = f"the bob is pushed or touched at {_clock(swing, at)} s, where its amplitude changes by {size}"
+        option = f"--until {_clock(swing, at)}"
     elif fault.name == PERIOD:
         number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
         text = (f"the period {'grows' if number.value > 0.0 else 'falls'} by {abs(number.value):.2g} ± "
@@ -545,13 +546,15 @@ def _named(fault: TriedFault, gain: float, swing: Recording) -> Remedy:
         ends = FADED / decay if decay > 0.0 else math.inf
         text, option = f"a second swing of {size} at {frequency:.3g} Hz", ""
         if ends < 0.5 * float(swing.time[-1]):
-            text, option = f"{text} until {ends + start:.3g} s", f"--read release={ends + start:.3g}"
+            faded = _clock(swing, ends + start)
+            text, option = f"{text} until {faded} s", f"--read release={faded}"
     elif fault.name == "scale":
         return _scaled(solution, fault.residual, gain, change)
     elif fault.name == "column":
         number, size = shown(_rms(solution.residual), 0.0)
         text = f"the readings are angular velocities, not angles (as such, they are fitted within {size})"
-        option = "--columns time=1,rate=2"
+        unit = "deg" if any(note.startswith("unit: deg") for note in swing.notes) else "rad"
+        option = f"--columns time=1,rate=2 --unit {unit}"
     else:
         number, size = shown(_rms(solution.residual), 0.0)
         text, option = f"with all kinds of damping, the residual is {size} rms", "--effects auto"
@@ -560,15 +563,21 @@ def _named(fault: TriedFault, gain: float, swing: Recording) -> Remedy:
 
 def _outliers(places: Sequence[int], swing: Recording, worst: float, size: str) -> tuple[str, str]:
     """Return words for readings that are far off, and options."""
-    start, step = swing.release or 0.0, float(np.median(np.diff(swing.time)))
+    start, around = swing.release or 0.0, 2.0 * float(np.median(np.diff(swing.time)))
+    at = f"at {_clock(swing, worst)} s"
     if len(places) > 3:
-        return f"{len(places)} readings are up to {size} off (the worst at {worst:.4g} s)", "--robust"
-    digits = max(0, 1 - math.floor(math.log10(step)))
-    spans = [f"{swing.time[place] + start - 2.0 * step:.{digits}f}:{swing.time[place] + start + 2.0 * step:.{digits}f}"
+        return f"{len(places)} readings are up to {size} off (the worst {at})", "--robust"
+    spans = [":".join(_clock(swing, float(swing.time[place]) + start + side) for side in (-around, around))
              for place in places]
-    what = (f"one reading at {worst:.4g} s is {size} off" if len(places) == 1 else
-            f"{len(places)} readings are up to {size} off (the worst at {worst:.4g} s)")
+    what = f"one reading {at} is {size} off" if len(places) == 1 else (
+        f"{len(places)} readings are up to {size} off (the worst {at})")
     return what, "--robust or " + " ".join(f"--drop {span}" for span in spans)
+
+
+def _clock(swing: Recording, time: float) -> str:
+    """Return a time as text, to a tenth of the time between readings or better, without zeros at the end."""
+    digits = max(1, 1 - math.floor(math.log10(float(np.median(np.diff(swing.time))))))
+    return f"{time:.{digits}f}".rstrip("0").rstrip(".")
 
 
 def _scaled(solution: FitSolution, residual: Array, gain: float, change: Array) -> Remedy:

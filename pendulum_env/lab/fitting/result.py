@@ -561,7 +561,10 @@ class FitComparison:
         if len(models) == 1:
             return f"Damping: {best}; no other model was fitted."
         alike = [name for name, own in zip(models, self.verdicts, strict=True) if own == "alike"]
-        worse = [name for name, own in zip(models, self.verdicts, strict=True) if own in ("unlikely", "ruled out")]
+        close = [{*one.model.damping} for one, own in zip(self.fits, self.verdicts, strict=True)
+                 if own in ("best", "alike")]
+        worse = [name for name, one, own in zip(models, self.fits, self.verdicts, strict=True)
+                 if own in ("unlikely", "ruled out") and not any(fewer < {*one.model.damping} for fewer in close)]
         return (f"Damping: {best} fits best"
                 + (f"; the recording cannot tell it from {_listed(alike)}" if alike else "")
                 + (f"; it rules out {_listed(worse)}" if worse else "") + ".")
