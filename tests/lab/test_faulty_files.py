@@ -80,7 +80,7 @@ def test_a_shared_file_is_refused_with_the_remedy(name: str) -> None:
 
 REMEDIES = {
     "angles_scaled_by_3": ("scale", 1.5015, r"The angles are 1\.50\d+ ± 0\.00\d+ times too large: --free length,sc"),
-    "one_outlier": ("outliers", 15.0, "One reading at 12.5 s is 15° off: --robust or --drop 12.450:12.550."),
+    "one_outlier": ("outliers", 15.0, "One reading at 12.5 s is 15° off: --robust or --drop 12.45:12.55."),
 }
 """Name of the fault, its size, and its sentence. The scale of the first file is 1.5015 by SciPy's fit, too, not 3."""
 

@@ -80,7 +80,7 @@ def test_angular_velocities_that_are_read_as_angles_are_named() -> None:
     found = fitted(TIME, motion(TIME, 37.0, rate=True) / 2.0, noise=0.3)
     assert found.remedies[0].name == "scale"  # of half the velocities, nothing else is known
     found = fitted(TIME, motion(TIME, 37.0, rate=True), noise=0.3)
-    assert (found.remedies[0].name, found.remedies[0].option) == ("column", "--columns time=1,rate=2")
+    assert (found.remedies[0].name, found.remedies[0].option) == ("column", "--columns time=1,rate=2 --unit rad")
     assert found.remedies[0].number.value == pytest.approx(0.3, rel=0.1)
 
 
@@ -91,7 +91,8 @@ def test_a_jump_is_subtracted_and_said(size: float, at: float) -> None:
     (jump,) = found.subtracted
     assert abs(jump.number.value - size) < 3.0 * jump.number.error
     assert jump.at == pytest.approx(at, abs=0.5 if abs(size) < 1.0 else 0.05)
-    said = f"The zero jumps by {jump.number.value:.3g}° at {jump.at:.4g} s: subtracted (--no-jumps leaves it in)."
+    when = f"{round(jump.at, 3):g} s"
+    said = f"The zero jumps by {jump.number.value:.3g}° at {when}: subtracted (--no-jumps leaves it in)."
     assert said in found.grade.text
     assert any(note.startswith("the zero jumps by") for note in found.recording.notes)
     assert found.grade.word == "usable"
@@ -99,7 +100,7 @@ def test_a_jump_is_subtracted_and_said(size: float, at: float) -> None:
     left = fitted(TIME, moved, jumps=False)
     assert (left.subtracted, left.rms > 1.05 * plain.rms) == ((), True)
     check(left, "jump", size)
-    assert "without --no-jumps" in left.remedies[0].option
+    assert left.remedies[0].option == f"--until {round(left.remedies[0].at, 3):g}"
 
 
 @pytest.mark.parametrize("size", [0.4, -3.0])
@@ -144,7 +145,7 @@ def test_a_second_swing_that_fades_is_named(size: float) -> None:
     frequency, until = (float(part.split()[0]) for part in found.remedies[0].text.split(" at ")[1].split(" until "))
     assert frequency == pytest.approx(5.3, rel=0.01)
     assert until == pytest.approx(math.log(10.0) / 1.1, rel=0.4)
-    assert found.remedies[0].option == f"--read release={until:.3g}"
+    assert found.remedies[0].option == f"--read release={until:g}"
 
 
 def test_a_second_swing_that_stays_is_named() -> None:
@@ -234,3 +235,27 @@ def test_plain_recordings_have_no_fault() -> None:
         found = fitted(time, step * np.round(seen / step) if step else seen, noise=0.0)
         false += bool(found.remedies or found.subtracted)
     assert false <= 1
+
+
+def test_two_jumps_are_subtracted_together() -> None:
+    """One step alone fits neither of them, so that one step must not decide whether there are two."""
+    moved = SWING + math.radians(1.2) * (TIME > 9.0) + math.radians(-0.9) * (TIME > 21.0)
+    found = fitted(TIME, moved)
+    assert found.grade.word == "usable"
+    (jump,) = found.subtracted
+    sizes, times = zip(*((float(part.split("°")[0].split()[-1]), float(part.split()[-2]))
+                         for part in jump.text.split(" and ")), strict=True)
+    assert sizes == pytest.approx((1.2, -0.9), abs=0.1)
+    assert times == pytest.approx((9.0, 21.0), abs=0.2)
+    assert found.rms == pytest.approx(fitted(TIME, SWING).rms, rel=0.02)
+
+
+def test_a_robust_fit_subtracts_the_jump_that_is_there() -> None:
+    """The readings are pulled towards the model after the jump is gone, else they would hide a part of it."""
+    moved = SWING + math.radians(1.5) * (TIME > 12.0)
+    moved[300] += math.radians(15.0)
+    found = fitted(TIME, moved, robust=True)
+    (jump,) = found.subtracted
+    assert abs(jump.number.value - 1.5) < 4.0 * jump.number.error
+    assert found.remedies == ()
+    assert abs(found.parameters["zero"].value) < 4.0 * found.parameters["zero"].error
