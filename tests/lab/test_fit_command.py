@@ -488,7 +488,7 @@ def test_the_film_from_the_command_line(
         "fit", str(recordings / "video_decay_65cm.txt"), "--length", "0.65", "--length-error", "0.01", "--mass",
         "0.0415", "--suspension", "wire", "--effects", "quadratic+coulomb", "--out", "x")
     assert code == 0, said
-    assert "1.3 sigma above" in printed
+    assert "1.2 sigma above" in printed
     scene = Scene.load(tmp_path / "x" / "scene.json")
     assert scene.body.length == pytest.approx(0.6634, abs=5e-4)
     assert imread(tmp_path / "x" / "fit.png").shape[0] > 1000
