@@ -26,7 +26,8 @@ GATES = ("gate", "periods")
 SWINGS = [name for name, one in FORMATS.items() if one.kind not in GATES and name not in REFUSED]
 
 
-@pytest.mark.filterwarnings("ignore:The fit is", "ignore:The fitted gamma holds")
+@pytest.mark.filterwarnings("ignore:The fit is", "ignore:The fitted gamma holds",
+                            r"ignore:.* readings? .* off")  # as lost readings that are written as 0
 @pytest.mark.parametrize("name", SWINGS)
 @pytest.mark.parametrize("seed", [5, pytest.param(6, marks=pytest.mark.slow), pytest.param(7, marks=pytest.mark.slow)])
 def test_a_swing_is_read_and_fitted(name: str, seed: int, tmp_path: Path) -> None:

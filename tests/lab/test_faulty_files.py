@@ -133,7 +133,7 @@ def test_the_shared_jump_is_subtracted_unless_it_shall_stay(
     assert abs(c.value - 0.02) < 3.0 * c.error
     words = ("fit", str(path), "--effects", "linear+quadratic", "--out", str(tmp_path / "out"))
     said = " ".join(run_here(*words, "--no-jumps")[1].split())
-    assert "The zero jumps by 1.52° at 17.5 s: a fit without --no-jumps subtracts it." in said
+    assert "The zero jumps by 1.52° at 17.5 s: --until 17.5." in said
     said = " ".join(run_here(*words)[1].split())
     assert "The zero jumps by 1.52° at 17.5 s: subtracted (--no-jumps leaves it in)." in said
 

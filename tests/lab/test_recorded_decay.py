@@ -105,15 +105,15 @@ def test_by_scipys_integrator_it_is_the_minimum() -> None:
 
 @pytest.mark.slow
 def test_the_length_with_an_honest_uncertainty() -> None:
-    """The fitted length is 0.6633 m at g = 9.81 m/s², and the models differ by less than its uncertainty. It is 1.3
+    """The fitted length is 0.6633 m at g = 9.81 m/s², and the models differ by less than its uncertainty. It is 1.2
     standard deviations from the stated length of the string, and within one of string plus the radius of a steel ball.
-    The readings prefer angles of another scale (0.944, which makes the length 0.6623 m), so that its error includes
-    this: 2.7 mm in place of the 0.9 mm of a drift of the period.
+    The residuals change slowly, as by another scale of the angles (0.944, which makes the length 0.6623 m) or a drift
+    of the period; the error of the length allows for both: 5.4 mm.
     """
     told = compared()
     assert all(told[name].parameters["length"].value == pytest.approx(0.6633, abs=5e-4) for name in told.alike)
     length = told.measured("length")
-    assert told.best.parameters["length"].error <= length.error < 3e-3
+    assert told.best.parameters["length"].error <= length.error < 6e-3
     assert against(filmed(), {"length": STATED})["length"] == pytest.approx(
         (length.value - 0.65) / math.hypot(0.01, length.error), rel=0.01)
     assert length.error > abs(length.value - 0.6623)
