@@ -74,7 +74,9 @@ class Errors:
     drift: Measurement | None = None
 
 
-def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> Errors:
+def errors_of(
+    solution: FitSolution, readings: Array, quantum: float = 0.0, beside: Array | None = None
+) -> Errors:
     """Return the standard errors of a least-squares fit with equal weights, as a covariance matrix.
 
     The covariance is ``(J^T J)^-1 J^T C J (J^T J)^-1``, for the derivatives J and the covariance C of residuals that
@@ -85,11 +87,16 @@ def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> E
         solution: the least-squares fit.
         readings: the fitted readings [rad].
         quantum: smallest step of the sensor's readings [rad]; 0 for none.
+        beside: changes of the readings that were fitted with the parameters, such as jumps, ``(readings, changes)``.
     """
     model, residual, slopes = solution.model, solution.residual, solution.jacobian
     inverse, known = inverted(slopes)
-    plain = inverse * (float(residual @ residual) / (len(residual) - len(model.names)))
+    plain, own = inverse * (float(residual @ residual) / (len(residual) - len(model.names))), slice(len(model.names))
+    if beside is not None:
+        slopes = np.column_stack([slopes, beside])
+        inverse, _ = inverted(slopes)
     covariance, freedom = slow_covariance(slopes, residual, model.time, solution.velocity)
+    covariance = covariance[own, own]
     free = np.isfinite(np.diag(plain))
     sizes = _ratios(covariance, plain)[free] if free.any() else np.ones(1)
     low, high = (f"{float(f'{x:.2g}'):g}" for x in (sizes.min(), sizes.max()))
@@ -98,7 +105,7 @@ def errors_of(solution: FitSolution, readings: Array, quantum: float = 0.0) -> E
     if quantum > 0.0:
         noise = noise_beside(model.time, residual, quantum)
         shift = solution.velocity * float(np.median(np.diff(model.time)))
-        least = rounding_covariance(readings - residual, slopes, _finite(inverse), quantum, noise, shift)
+        least = rounding_covariance(readings - residual, slopes, _finite(inverse), quantum, noise, shift)[own, own]
         wider = np.maximum(_ratios(least, covariance), 1.0)
         covariance = covariance * np.outer(wider, wider)
         coarse = ", ".join(name for name, x in zip(model.names, wider, strict=True) if x > COARSE)

@@ -15,15 +15,16 @@ from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import side
 from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
-from pendulum_env.lab.fitting.grade import as_fault, of_swings
+from pendulum_env.lab.fitting.grade import EXCESS, as_fault, of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.priors import priors_of
 from pendulum_env.lab.fitting.remedies import JUMP, OUTLIERS, SUBTRACTED, Remedy, remedies_of, repaired
 from pendulum_env.lab.fitting.result import Fit, FitComparison
 from pendulum_env.lab.fitting.robust import calmed, pulled, released
-from pendulum_env.lab.fitting.shooting import solve_all
+from pendulum_env.lab.fitting.shooting import FitSolution, solve_all
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.measures import doubt_of_length
+from pendulum_env.lab.noise import scatter_level
 from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording, RecordingError, part_of
 from pendulum_env.lab.sheet import apparatus
@@ -38,6 +39,8 @@ BOB = ("radius", "mass")
 """Parameters that must be given for the drag on the bob to be known, in a known medium."""
 MOST_JUMPS = 4
 """Largest number of fits, after each of which but the last a jump of the zero may be subtracted."""
+HALF = 0.5
+"""Share of the residuals that a jump may leave at most, unless it leaves only noise."""
 LEAST_REST = 1e-3
 """Shortest rest at the end of a recording, as a share of its duration, that is left out of the fit."""
 
@@ -81,20 +84,19 @@ def fit(
         above: share of the first amplitude, such as 0.05 or "5%", below which swings are left out.
         drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
         robust: True lets readings that are far off count less, by the soft L1 loss. Their weights follow from the model
-            with the most dampings; see :mod:`pendulum_env.lab.fitting.robust`.
-        jumps: True subtracts jumps of the sensor's zero where the Bayesian information criterion falls by it by 10 or
-            more, with a note on each in the recording of the fit; False leaves them in.
+            with the most dampings, after jumps are subtracted; see :mod:`pendulum_env.lab.fitting.robust`.
+        jumps: True subtracts jumps of the sensor's zero that explain a misfit and lower the Bayesian information
+            criterion by 10 or more, with a note on each in the recording of the fit; False leaves them in.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
             function is called with the fraction done and the present activity.
         **parameters: known parameters of the scene, such as ``length=0.65, mass=0.0415``.
 
     The ``grade`` of a fit says whether the model follows the recording, which of its ``remedies`` would explain a
-    misfit, and whether the fit is usable. Warns with the
-    grade's verdict if the best model does not follow all swings, or if swings grow or stay equal, which damping cannot
-    cause; with the remedy if single readings are far off; if a fitted damping parameter depends on a mass that is not
-    given; and if the length is neither given nor fitted. Raises RecordingError
-    unless ``recording`` is a Recording of a free swing below half a turn, with at least three turning points and more
-    readings than fitted parameters; SceneError for invalid names and values.
+    misfit, and whether the fit is usable. Warns with the grade's verdict if the best model does not follow all swings,
+    or if swings grow or stay equal, which damping cannot cause; with the remedy if single angles are far off; if a
+    fitted damping parameter depends on a mass that is not given; and if the length is neither given nor fitted. Raises
+    RecordingError unless ``recording`` is a Recording of a free swing below half a turn, with at least three turning
+    points and more readings than fitted parameters; SceneError for invalid names and values.
     """
     if not isinstance(recording, Recording):
         raise RecordingError(f"recording must be a Recording, for example from Recording.read, got {shown(recording)}")
@@ -116,14 +118,13 @@ def fit(
             solutions = solve_all(tried, calm, measured, sigma, telling)
             richest = max(solutions, key=lambda one: (not one.lost, len(one.values)))
             remedies = remedies_of(richest, calm, measured, sigma)
-            alone = not any(one.instead for one in remedies)
-            if not (level and alone and remedies) or swing.indirect or remedies[0].name != JUMP:
+            if not level or swing.indirect or not _is_jump(remedies, calm, richest, sigma):
                 break
             jump = replace(remedies[0], option=SUBTRACTED)
             subtracted += (jump,)
             calm, swing = (repaired(one, (jump,), jump.sentence) for one in (calm, swing))
         if steady:
-            swing = pulled(most, swing, telling)
+            swing = pulled(swing, solutions[0])
             sigma, measured = max(swing.reading_noise, 1e-12 * float(np.ptp(swing.readings))), Measured.of(swing)
             solutions = solve_all(models, swing, measured, sigma, telling)
             remedies = tuple(one for one in remedies if one.name != OUTLIERS)
@@ -151,6 +152,18 @@ def fit(
     if scene is None and LENGTH not in parameters and LENGTH not in names:
         warn(f"the length is taken to be {place.body.reach:g} m, as it is neither given nor fitted; give length=.")
     return replace(best, comparison=comparison) if len(fits) > 1 else best
+
+
+def _is_jump(remedies: Sequence[Remedy], swing: Recording, solution: FitSolution, sigma: float) -> bool:
+    """Return True if a jump alone explains a misfit: it leaves noise, or less than half of the residuals.
+
+    In residuals that wander, steps explain a little, and must not be subtracted.
+    """
+    if not remedies or remedies[0].name != JUMP or any(one.instead for one in remedies):
+        return False
+    noise = max(scatter_level(swing.time, solution.residual), sigma)
+    before = math.sqrt(float(np.mean(solution.residual**2)))
+    return remedies[0].left < max(EXCESS * noise, HALF * before)
 
 
 class FitPlan(NamedTuple):

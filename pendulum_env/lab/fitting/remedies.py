@@ -105,7 +105,7 @@ class Remedy:
 
     @property
     def sentence(self) -> str:
-        """The fault and its option, such as "the zero jumps by 1.5 ± 0.1° at 17.5 s: --no-jumps"."""
+        """The fault and its option, such as "one reading at 12.5 s is 15° off: --robust"."""
         return f"{self.text}: {self.option}" if self.option else self.text
 
 
@@ -316,8 +316,8 @@ def _steps(count: int, places: Sequence[int]) -> Array:
 def _jumps(q: Array, time: Array, base: Array, period: float, most: int) -> Iterator[list[int]]:
     """Yield the indices of the readings after which one step, two steps and more explain most of the residuals.
 
-    Every step is placed where it explains most beside the others, which are then placed again. A step of which the
-    readings within a quarter of a period show nothing is no jump, but another misfit.
+    Every step is placed where it explains most beside the others, which are then placed again. A step of which the two
+    readings beside it, or those within a quarter of a period, show nothing is no jump, but another misfit.
     """
     places: list[int] = []
     for count in range(1, most + 1):
@@ -325,13 +325,21 @@ def _jumps(q: Array, time: Array, base: Array, period: float, most: int) -> Iter
         for i in [*range(count)] * 2 if count > 1 else ():
             places[i] = _jump(q, base, places[:i] + places[i + 1:])
         sizes = np.linalg.lstsq(_off(_steps(len(time), places), q), base, rcond=None)[0]
-        if all(_sudden(time, base, at, float(size), 0.25 * period)
-               for at, size in zip(places, sizes, strict=True)):  # of two jumps, one alone is not where it seems
+        # If one step is not sudden, two may be: of two jumps, one alone is fitted between them.
+        if all(_sudden(time, base, at, float(size), 0.25 * period) for at, size in zip(places, sizes, strict=True)):
             yield sorted(places)
 
 
 def _sudden(time: Array, base: Array, at: int, size: float, reach: float) -> bool:
-    """Return True if the residuals near a reading can have a step of this size after it, beside a parabola."""
+    """Return True if the residuals near a reading can have a step of this size after it, beside a parabola.
+
+    The next reading, too, must differ by the step within the usual differences of neighbours: residuals that wander, as
+    those of a smoothed sensor do, differ by less than the steps that fit them.
+    """
+    differences = np.diff(base)
+    usual = 1.4826 * float(np.median(np.abs(differences)))
+    if abs(float(differences[at]) - size) > LOCAL * usual + 0.25 * abs(size):
+        return False
     near = np.flatnonzero(np.abs(time - time[at]) <= reach)
     away = (time[near] - time[at]) / reach
     columns = np.stack([np.ones(len(near)), away, away**2, near > at], axis=1)
@@ -524,13 +532,13 @@ def _named(fault: TriedFault, gain: float, swing: Recording) -> Remedy:
     elif fault.name == PUSH:
         at = float(swing.time[int(fault.detail[0])]) + start
         number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
-        size = f"{number.value:.2g} ± {number.error:.1g} %"
-        text = f"the bob is pushed or touched at {_clock(swing, at)} s, where its amplitude changes by {size}"
+        text = f"the bob is pushed or touched at {_clock(swing, at)} s, where its amplitude changes by {number}"
         option = f"--until {_clock(swing, at)}"
     elif fault.name == PERIOD:
         number = Measurement(100.0 * float(fault.sizes[0]), 100.0 * float(errors[0]), "%")
-        text = (f"the period {'grows' if number.value > 0.0 else 'falls'} by {abs(number.value):.2g} ± "
-                f"{number.error:.1g} % during the run, because the length, the pivot or the clock changes")
+        size_of = replace(number, value=abs(number.value))
+        text = (f"the period {'grows' if number.value > 0.0 else 'falls'} by {size_of} during the run, because the "
+                "length, the pivot or the clock changes")
         option = half
     elif fault.name == OUTLIERS:
         places = [int(place) for place in fault.detail]
@@ -575,8 +583,8 @@ def _outliers(places: Sequence[int], swing: Recording, worst: float, size: str) 
 
 
 def _clock(swing: Recording, time: float) -> str:
-    """Return a time as text, to a tenth of the time between readings or better, without zeros at the end."""
-    digits = max(1, 1 - math.floor(math.log10(float(np.median(np.diff(swing.time))))))
+    """Return a time as text, as finely as the readings follow one another, without zeros at the end."""
+    digits = max(1, math.ceil(-math.log10(1.1 * float(np.median(np.diff(swing.time))))))
     return f"{time:.{digits}f}".rstrip("0").rstrip(".")
 
 

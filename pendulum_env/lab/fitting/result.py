@@ -229,8 +229,12 @@ class Fit(FitResult):
 
     @cached_property
     def errors(self) -> Errors:
-        """Covariance matrix of the parameters, its degrees of freedom, and the method of its calculation."""
-        return errors_of(self.solution, self.recording.readings, self.recording.reading_quantum)
+        """Covariance matrix of the parameters, its degrees of freedom, and the method of its calculation.
+
+        The sizes of jumps that were subtracted count as fitted, too."""
+        jumps = [at for one in self.subtracted for at in np.flatnonzero(np.diff(one.change)).tolist()]
+        steps = (np.arange(len(self.residual))[:, None] > jumps).astype(np.float64) if jumps else None
+        return errors_of(self.solution, self.recording.readings, self.recording.reading_quantum, steps)
 
     @cached_property
     def grade(self) -> Grade:

@@ -16,11 +16,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import median_filter
 
-from pendulum_env.common.progress import Progress
 from pendulum_env.lab.fitting.core import search
-from pendulum_env.lab.fitting.model import Array, Model
-from pendulum_env.lab.fitting.shooting import FINE, SwingResiduals, solve
-from pendulum_env.lab.fitting.start import Measured
+from pendulum_env.lab.fitting.model import Array
+from pendulum_env.lab.fitting.shooting import FINE, FitSolution, SwingResiduals
 from pendulum_env.lab.recording import Recording, in_words, part_of, with_readings
 
 CORNER = 1.345
@@ -77,18 +75,14 @@ def released(recording: Recording, above: float | str | None) -> Recording:
     return swing if kept.all() else part_of(swing, kept, shorter.notes[-1])
 
 
-def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
+def pulled(swing: Recording, first: FitSolution) -> Recording:
     """Return a free swing with readings that are pulled towards the robust fit of a model, and with a note on them.
 
     A least-squares fit of these readings equals the robust fit. The noise is 1.4826 times the median residual, but at
-    least that of rounding.
+    least that of rounding. ``first`` is the model's fit to the readings without spikes.
     """
-    calm = calmed(swing)
-    measured = Measured.of(calm)
+    model, values = first.model, first.values
     readings, least = swing.readings, swing.reading_quantum / math.sqrt(12.0)
-    sigma = max(calm.reading_noise, 1e-12 * float(np.ptp(readings)))
-    last = int(np.searchsorted(swing.time, measured.points.time[-1]))
-    values = solve(model, calm.readings, np.full(len(readings), sigma), measured.start(model), progress, last).values
     shown, moved = model.angles(values)[0], math.inf
     for _ in range(ROUNDS):
         sigma = max(1.4826 * float(np.median(np.abs(readings - shown))), least, 1e-12 * float(np.ptp(readings)))
@@ -104,5 +98,5 @@ def pulled(model: Model, swing: Recording, progress: Progress) -> Recording:
     worst = in_words(swing, float(np.max(np.abs(readings - shown))))
     note = (f"robust: {np.count_nonzero(far)} readings are more than {OUTLIER:g} standard deviations from the model, "
             f"by up to {worst[0]:.3g} {worst[1]}; soft L1 pulls all readings towards the model by their distance")
-    angle = target if not swing.indirect else calm.angle
+    angle = target if not swing.indirect else calmed(swing).angle
     return with_readings(replace(swing, notes=(*swing.notes, note)), target, angle)
