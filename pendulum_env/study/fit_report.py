@@ -94,11 +94,6 @@ def to_lay_over(found: Fit, file: str | Path, scene: Path, read: Sequence[str] =
     return shlex.join(["lab-pendulum", "compare", "--scene", str(scene), "--recording", str(file), *words])
 
 
-def facts(found: Fit, **more: Any) -> dict[str, str]:
-    """Return the origin of a fit (recording, damping, grade, scene, versions), written into output files."""
-    return found.origin(**more)
-
-
 def write(
     found: FitResult, sheet: LabSheet | None, folder: str | Path, svg: bool = False, *, progress: Progress | None = None
 ) -> list[Path]:
@@ -161,7 +156,7 @@ def write_posterior(found: Posterior, folder: str | Path, svg: bool = False) -> 
     """
     from pendulum_env.plots.corner import corner
 
-    place, origin = output_folder(folder), facts(found.fit, seed=found.seed)  # type: ignore[arg-type]
+    place, origin = output_folder(folder), found.fit.origin(seed=found.seed)
     paths = [found.save(place / f"posterior.{ending}") for ending in ("csv", "zip")]
     title = {**origin, "Title": f"posterior of {found.fit.recording.source}"}
     return [*paths, *drawn(lambda: corner(found), place / "corner", title, svg)]

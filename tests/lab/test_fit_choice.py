@@ -68,9 +68,10 @@ def test_the_comparison_tells(smooth: Fit) -> None:
     assert not {*comparison.alike, *comparison.unlikely}
     assert comparison.delta_bic[0] == 0.0
     assert list(comparison.delta_bic[:2]) == sorted(comparison.delta_bic[:2])
-    assert comparison.text.startswith("The best model is linear, with an rms residual of 0.0976 degrees")
+    assert comparison.text.startswith(
+        f"{smooth.grade.text} Damping: linear fits best; it rules out quadratic and no damping.")
     assert "The dampings linear and bearing have torques of the same shape" in comparison.text
-    assert comparison.text.endswith("The fit is usable.")
+    assert smooth.grade.text.endswith("The fit is usable.")
     head, rows = comparison.table.head, comparison.table.rows
     assert [row[0] for row in rows] == [one.damping for one in comparison.fits]
     assert all(len(row) == len(head) for row in rows)

@@ -275,7 +275,7 @@ def test_steps_in_noise_that_wanders_are_not_subtracted(seed: int) -> None:
 
 def test_the_error_of_the_zero_counts_the_jump_as_fitted() -> None:
     """Only the readings before a jump tell the zero: its error grows by the root of all readings over these."""
-    moved = fitted(TIME, SWING + math.radians(1.5) * (TIME > 0.4 * TIME[-1]))
+    moved = fitted(TIME, SWING + math.radians(1.5) * (0.4 * TIME[-1] < TIME))
     plain = fitted(TIME, SWING)
     assert len(moved.subtracted) == 1
     ratio = moved.parameters["zero"].error / plain.parameters["zero"].error

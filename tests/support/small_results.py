@@ -49,7 +49,8 @@ def fit_by_hand() -> Fit:
         slopes = np.stack([np.cos((k + 1) * TIME) for k in range(5)], axis=1)
         solution = FitSolution(Model(scene, damping, names, swing().time), np.array([0.2, 0.0, -0.0, 0.39, 0.1]),
                                residual * np.sin(17.0 * TIME), slopes, np.sin(TIME), 10.0)
-        jump = Remedy("jump", "the zero jumps", "subtracted", Measurement(1.5, 0.1, "degrees"), 12.0, np.sin(TIME), 3.5)
+        jump = Remedy("jump", "the zero jumps", "subtracted", Measurement(1.5, 0.1, "degrees"), 12.0,
+                      0.026 * (TIME > 3.5), 3.5)
         return Fit(swing(), solution, 1e-3, faults=(Fault("held at first", False),), subtracted=(jump,))
 
     first, second = one(("linear",), 1e-3), one(("linear", "quadratic"), 2e-3)

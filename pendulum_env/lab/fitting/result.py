@@ -406,7 +406,7 @@ class Fit(FitResult):
             f"{self.shown(self.noise):.2g}{self.sign}; chi² = {self.chi2:.5g} with {self.degrees_of_freedom} degrees "
             f"of freedom, {_chance(self.p_value)}.",
             f"The residual changes its sign {order} (runs test, {_chance(self.runs.p)}).",
-            self.how))
+            self.how, *(() if self.comparison is None else self.comparison.alike_by_shape)))
 
     def spreads(self) -> dict[str, float]:
         """Return, by name, the spread of the parameters over all models that fit about as well; {} without others."""
@@ -551,51 +551,35 @@ class FitComparison:
 
     @property
     def text(self) -> str:
-        """Summary in sentences: the best model, models that fit equally well, models that are ruled out, and the grade
-        of the best fit. If that is not usable, or a fault of the recording explains a misfit, the grade alone: the
-        misfit then decides which model fits best, not the damping.
+        """Summary in sentences: the grade of the best fit, the ``verdict``, and dampings that no recording can tell
+        apart. If the fit is not usable, or a fault of the recording explains a misfit, the grade alone: the misfit then
+        decides which model fits best, not the damping.
         """
         grade = self.best.grade
-        return " ".join([*self._sentences(), grade.text] if grade.conclusive else [grade.text])
+        return " ".join([grade.text, *((self.verdict, *self.alike_by_shape) if grade.conclusive else ())])
 
     @property
     def verdict(self) -> str:
         """A sentence on the damping: the best model, and which others the recording can and cannot tell from it."""
-        best, *_ = models = [one.damping.replace("+", " + ").replace("none", "no damping") for one in self.fits]
+        models = {one.damping: one.damping.replace("+", " + ").replace("none", "no damping") for one in self.fits}
+        best = self.best.damping
         if len(models) == 1:
-            return f"Damping: {best}; no other model was fitted."
-        alike = [name for name, own in zip(models, self.verdicts, strict=True) if own == "alike"]
-        close = [{*one.model.damping} for one, own in zip(self.fits, self.verdicts, strict=True)
-                 if own in ("best", "alike")]
-        worse = [name for name, one, own in zip(models, self.fits, self.verdicts, strict=True)
-                 if own in ("unlikely", "ruled out") and not any(fewer < {*one.model.damping} for fewer in close)]
-        return (f"Damping: {best} fits best"
-                + (f"; the recording cannot tell it from {_listed(alike)}" if alike else "")
-                + (f"; it rules out {_listed(worse)}" if worse else "") + ".")
+            return f"Damping: {models[best]}; no other model was fitted."
+        close = [{*name.split("+")} for name in (best, *self.alike)]
+        worse = {word: [models[name] for name in names if not any(fewer < {*name.split("+")} for fewer in close)]
+                 for word, names in (("unlikely are", self.unlikely), ("it rules out", self.ruled_out))}
+        return (f"Damping: {models[best]} fits best" + "".join(
+            f"; {words} {_listed(names)}" for words, names in (
+                ("the recording cannot tell it from", [models[name] for name in self.alike]), *worse.items()) if names)
+            + ".")
 
-    def _sentences(self) -> list[str]:
-        """Return the sentences of the summary of a comparison of damping models."""
-        best = self.best
-        if len(self.fits) == 1:
-            return [f"Only one model was compared: {_called(best.damping)}, {_rms(best)}."]
-        sentences = [f"The best model is {_called(best.damping)}, {_rms(best)}."]
-        if self.alike:
-            sentences.append(f"The recording cannot distinguish the best model from {_listed(self.alike)}.")
-        if self.unlikely:
-            sentences.append(f"Unlikely: {_listed(self.unlikely)}.")
-        if self.ruled_out:
-            out = [f"{name} ({self[name].shown(self[name].rms):.3g} {self[name].degrees}"
-                   + (", does not follow the swings)" if not self[name].grade.usable else ")")
-                   for name in self.ruled_out]
-            sentences.append(f"Ruled out: {_listed(out)}.")
-        if self.needless:
-            sentences.append(f"Models with more parameters that fit no better: {_listed(self.needless)}.")
+    @property
+    def alike_by_shape(self) -> tuple[str, ...]:
+        """Sentences on dampings among the models whose torques have the shape of others' torques."""
         used = {name for fit in self.fits for name in fit.model.damping}
-        for first, names in shapes().items():
-            if len(names) > 1 and used & set(names):
-                sentences.append(f"The dampings {_listed(names)} have torques of the same shape, so no recording can "
-                                 f"tell them apart; {first} stands for all of them.")
-        return sentences
+        return tuple(f"The dampings {_listed(names)} have torques of the same shape, so no recording can tell them "
+                     f"apart; {first} stands for all of them."
+                     for first, names in shapes().items() if len(names) > 1 and used & set(names))
 
     @property
     def table(self) -> Table:
@@ -685,16 +669,6 @@ def against(fit: Fit, told: Mapping[str, tuple[float, float]]) -> dict[str, floa
 def _chance(p: float) -> str:
     """Return a probability as text."""
     return f"p = {p:.2g}" if p >= SMALLEST else f"p < {SMALLEST:g}"
-
-
-def _called(damping: str) -> str:
-    """Return the dampings of a model as words, such as "linear and quadratic" or "no damping"."""
-    return damping.replace("+", " and ") if damping != "none" else "no damping"
-
-
-def _rms(fit: Fit) -> str:
-    """Return the words "with an rms residual of ... degrees" for a fit."""
-    return f"with an rms residual of {fit.shown(fit.rms):.3g} {fit.degrees}"
 
 
 def _listed(words: Sequence[str]) -> str:

@@ -25,7 +25,6 @@ from pendulum_env.study.audit.simplification import simplify
 from pendulum_env.study.cost.points import CostStudy
 from pendulum_env.study.cost.study import cost
 from pendulum_env.study.demo import swing
-from pendulum_env.study.fit_report import facts
 
 EULERS = ("forward_euler", "backward_euler", "symplectic_euler")
 """Methods of the chapter on energy."""
@@ -206,7 +205,7 @@ def recording(place: Path, tell: Progress, _backend: Backend) -> Chapter:
         "report: lab-pendulum exercise --recording FILE.",
     ]
     files = (plots.save(recorded.recorded(result), place / "fit.png",
-                        {**facts(result), "Title": f"fit of {record.source}"}),)
+                        {**result.origin(), "Title": f"fit of {record.source}"}),)
     return Chapter("From a recording to its pendulum", "\n".join(lines), files)
 
 
