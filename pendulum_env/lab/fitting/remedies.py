@@ -153,16 +153,15 @@ def remedies_of(solution: FitSolution, swing: Recording, measured: Measured, sig
             break
         noise = MISFIT * max(scatter_level(swing.time, solution.residual), sigma)
         tried = [] if solution.lost else list(_shapes(solution, swing, measured, q, base, _rms(base) > noise))
-        single = [one for one in tried if len(one.detail) < 2 or one.name != JUMP]
-        gains, tau = _gains(single, base, solution, 1.0), 1.0
+        single, tau = [one for one in tried if one.name != JUMP or len(one.detail) == 1], math.inf
+        gains = _gains(single, base, solution, 1.0)
         if gains and single[int(np.argmax(gains))].name == OUTLIERS:  # each of them is evidence of its own
-            tried = [one for one in single if one.name == OUTLIERS]
-        else:
-            tau = math.inf
+            tried, tau = [one for one in single if one.name == OUTLIERS], 1.0
         gains = _gains(tried, base, solution, tau)
         best = tried[int(np.argmax(gains))] if max(gains, default=0.0) > GAIN else None
-        sudden = best is not None and best.name in (JUMP, OUTLIERS)  # which no scale, column or damping resembles
-        if not found and _rms(base if best is None else best.residual) > (noise if best is None or sudden else 0.0):
+        # No scale, column or damping looks like a jump or an outlier; beside these they are tried if a misfit is left.
+        sure = best is None or best.name in (JUMP, OUTLIERS)
+        if not found and (not sure or _rms(base if best is None else best.residual) > noise):
             tried = [one for one in tried if one.name != PERIOD] + _fitted(solution, swing, measured, sigma)
         chosen = _best(tried, base, solution, tau)
         found += [replace(_named(fault, gain, swing), instead=i > 0, left=_rms(fault.residual))
