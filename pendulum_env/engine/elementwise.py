@@ -43,7 +43,7 @@ def kernel(called: Sequence[Plain], loops: Sequence[str], title: str) -> Kernel:
     copies = with_callees(called)
     body = "\n\n".join([copied(copies), *loops])
     head = f"{docstring(title)}\n" + ("from math import sqrt\n" if "sqrt(" in body else "")
-    return Kernel("\n\n".join([head + constants_text(copies), body]), title, own=not all(map(ours, copies)))
+    return Kernel("\n\n".join([head + constants_text(copies), body]), title, own=not all(map(ours, called)))
 
 
 @cache

@@ -21,6 +21,7 @@ from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.problem import Problem, problem_of
+from pendulum_env.engine.reading import float_text
 from pendulum_env.engine.shape import Shape
 from pendulum_env.engine.source import (
     Plain,
@@ -29,7 +30,6 @@ from pendulum_env.engine.source import (
     constants_of,
     copied,
     decorated,
-    float_text,
     with_callees,
 )
 from pendulum_env.engine.stages import BETWEEN, WHOLE, scheduled

@@ -16,7 +16,7 @@ from typing import Any
 from pendulum_env.common.checks import printable
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine.generate import Program
-from pendulum_env.engine.source import ProgramError
+from pendulum_env.engine.reading import ProgramError
 
 EXPORTED = ("run", "info")
 """Functions of a program that its JavaScript module exports."""

@@ -7,10 +7,8 @@ time, and the program computes the numbers of :func:`pendulum_env.rollout` up to
 
 from __future__ import annotations
 
-import ast
 import textwrap
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from types import FunctionType
 from typing import Any
@@ -23,14 +21,11 @@ from integrators.steps.terms import literal
 from integrators.steps.tracing import Symbol, Trace
 from integrators.steps.unroll import unroll
 from pendulum_env.common.checks import printable
-from pendulum_env.common.sources import parsed
 from pendulum_env.engine.problem import by_flow, moving, slipping
 from pendulum_env.engine.series import TorqueTracer
 from pendulum_env.engine.source import (
     Plain,
     arguments,
-    constants_of,
-    float_text,
     names_of,
     text_of,
     with_callees,
@@ -101,33 +96,7 @@ def plain_program(scene: Scene, method: Method) -> str:
         'plt.gca().set(xlabel="time [s]", ylabel="angle [degrees]")',
         "plt.show()",
     ]
-    text = "\n".join(lines) + "\n"
-    _check_constants(scene, text, functions.constants, functions.copied)
-    return text
-
-
-def _check_constants(scene: Scene, text: str, constants: Mapping[str, str], copied: Collection[str]) -> None:
-    """Raise SceneError if the name of a copied function's constant has another meaning in a program."""
-    tree = parsed(text)
-    inside = {id(node) for function in tree.body if isinstance(function, ast.FunctionDef) and function.name in copied
-              for node in ast.walk(function)}
-    outside = Counter(name for node in ast.walk(tree) if id(node) not in inside for name in _named(node))
-    outside.update(copied)
-    for name, function in constants.items():
-        if outside[name] > 1:
-            raise SceneError(f"The scene '{scene.name}' has no plain loop: in it, the name {name}, a constant of "
-                             f"{function}, has another meaning. Rename the constant, or use language='engine' "
-                             "(--language engine).")
-
-
-def _named(node: ast.AST) -> list[str]:
-    """Return the name that a part of a program reads or sets, or those of an import, a function or an argument."""
-    match node:
-        case ast.Name(id=name) | ast.FunctionDef(name=name) | ast.arg(arg=name):
-            return [name]
-        case ast.alias(name=name, asname=short):
-            return [short or name]
-    return []
+    return "\n".join(lines) + "\n"
 
 
 def _check_scene(scene: Scene) -> None:
@@ -240,10 +209,8 @@ class _Functions:
         lines: source lines of the functions so far.
         signatures: name of a written function -> names of its arguments.
         numbers: names of the scene's coefficients that they use.
-        imports: lines that give elementary functions and constants the names by which copied functions use them, and
-            the like.
+        imports: lines that give elementary functions the names by which copied functions use them, and the like.
         copied: names of the functions of effects that are copied.
-        constants: name of a constant of a copied function -> name of the function.
         timed: True if the acceleration depends on the time.
     """
 
@@ -257,7 +224,6 @@ class _Functions:
         self.imports: list[str] = []
         self.timed = False
         self.copied: set[str] = set()
-        self.constants: dict[str, str] = {}
 
     def acceleration(self, trace: Record) -> Callable[..., Symbol]:
         """Return the recording function ``acceleration(t, q, v)`` of all torques."""
@@ -364,9 +330,6 @@ class _Functions:
                 continue
             self.copied.add(each.__name__)
             lines = [f"{name} = {NUMPY[name]}" for name in _elementary_names(each)]
-            for name, value in constants_of([each]).items():
-                lines.append(f"{name} = {float_text(value)}")
-                self.constants[name] = each.__name__
             self.imports += [line for line in lines if line not in self.imports]
             self.lines += [*text_of(each).rstrip().split("\n"), ""]
 

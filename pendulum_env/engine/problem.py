@@ -14,7 +14,7 @@ from typing import Any
 from integrators import Method
 from pendulum_env.common.sources import ours
 from pendulum_env.engine.shape import WATCHED, Shape
-from pendulum_env.engine.source import Plain, arguments, constants_of, with_callees
+from pendulum_env.engine.source import Plain, arguments, with_callees
 from pendulum_env.physics.effects import Effect, Gravity
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
@@ -176,8 +176,8 @@ def program_parts(scene: Scene) -> tuple[Any, ...]:
     In a notebook a user may define a function or a constant anew that the functions of an effect use.
     """
     effects = tuple(tuple(getattr(effect, role, None) for role in Effect.__annotations__) for effect in scene.effects)
-    used = with_callees(one for roles in effects for one in roles if isinstance(one, FunctionType) and not ours(one))
-    further = (*used, *constants_of(used).items()) if used else ()
+    used = [one for roles in effects for one in roles if isinstance(one, FunctionType) and not ours(one)]
+    further = tuple(with_callees(used)) if used else ()
     words = tuple(value for value in vars(scene.body).values() if isinstance(value, str))
     return effects, words, tuple(scene.coefficients), further
 

@@ -17,7 +17,7 @@ from integrators.families.taylor import add_twins, results_of_series
 from integrators.steps.recurrences import CALLS, RecurrenceWriter, times_reciprocal
 from integrators.steps.tracing import Symbol, Trace, TraceError, cos, exp, log, power, sin
 from pendulum_env.engine.problem import Problem, moving, slipping
-from pendulum_env.engine.source import Plain, arguments, names_of
+from pendulum_env.engine.source import Plain, arguments, names_of, with_callees
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 
@@ -62,7 +62,8 @@ class TorqueTracer:
 
     def call(self, function: Plain) -> Symbol:
         """Return the recorded result of a torque function. Raises TypeError if an operation cannot be recorded."""
-        result = self.trace.lift(_recording(function)(*(self.get(name) for name in arguments(function))))
+        recorded = _recording(with_callees([function])[-1])
+        result = self.trace.lift(recorded(*map(self.get, arguments(function))))
         if result is None:
             raise TraceError("a result that is not a number cannot be recorded")
         return result

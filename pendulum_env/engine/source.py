@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import ast
-import builtins
 import inspect
-import math
 import re
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
+from functools import cache, lru_cache
 from symtable import symtable
 from types import CodeType, FunctionType
 from typing import Any
 
-from pendulum_env.common.sources import ReadingError, ours, parsed, source_of
-from pendulum_env.physics.elementary import sqrt
+from pendulum_env.common.sources import parsed, source_of
+from pendulum_env.engine.reading import ProgramError, Reader, float_text
 
 Plain = Callable[..., Any]
 """A function made with def, of floats, whose source can be copied into a program."""
 TEXT = "_text"
 """Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
 _CALL = re.compile(r"(\w+)\(")
-PROVIDED = frozenset({"NAN", "U", "inline", "entry", "lanes"})
-"""Names that every program has, and that no function or constant of a user may have."""
-
-
-class ProgramError(ValueError):
-    """Error for a function whose source cannot be copied into a generated program."""
 
 
 @cache
@@ -35,38 +27,16 @@ def arguments(function: Plain) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters)
 
 
-def float_text(value: float) -> str:
-    """Return a float as source text, also one that is infinite or not a number."""
-    if math.isnan(value):
-        return "float('nan')"
-    return repr(float(value)) if math.isfinite(value) else "1e999" if value > 0 else "-1e999"
-
-
 @cache
 def text_of(function: Plain) -> str:
-    """Return the source of one function as text, without indentation, decorators and type annotations.
+    """Return the text of a function of the package, or of one that was read, without decorators and type annotations.
 
-    Annotations are left out because programs cannot resolve their names. Raises ProgramError if the source cannot be
-    read, and for a function that a program cannot have.
+    Annotations are left out because programs cannot resolve their names.
     """
-    name = function.__name__
-    if name == "<lambda>":
-        raise ProgramError("A torque must be a function made with def, not a lambda, so that its source can be copied.")
-    try:
-        source = source_of(function, check=not ours(function))
-    except ReadingError as error:
-        remedy = "write an effect's functions in a file or a notebook, not at a prompt"
-        raise ProgramError(f"The source of {name} {error}; {remedy}." if str(error) == "cannot be read" else
-                           f"The source of {name} {error}.") from None
-    given = source.node.args
-    if given.vararg or given.kwarg:
-        raise ProgramError(f"The function {name} takes * or **; name each of its arguments.")
-    if free := function.__code__.co_freevars:
-        raise ProgramError(f"The function {name} uses {free[0]} of the function around it, which cannot be copied into "
-                           "a program; make it a coefficient, or a float of the module.")
+    source = source_of(function, check=False)
     header = ast.arguments(posonlyargs=[], args=[ast.arg(one) for one in arguments(function)], kwonlyargs=[],
-                           kw_defaults=[], defaults=given.defaults)
-    return f"def {name}({ast.unparse(header)}):\n{source.body_text()}"
+                           kw_defaults=[], defaults=source.node.args.defaults)
+    return f"def {function.__name__}({ast.unparse(header)}):\n{source.body_text()}"
 
 
 def names_of(code: CodeType) -> Iterator[str]:
@@ -87,21 +57,40 @@ def called_in(text: str, functions: Iterable[Plain]) -> list[Plain]:
 
 
 def with_callees(functions: Iterable[Plain]) -> list[FunctionType]:
-    """Return the functions and all Python functions that they call, each once; called functions come first."""
+    """Return the functions and all Python functions that they call, each once; called functions come first.
+
+    In place of a user's function stands the one that was read (:mod:`pendulum_env.engine.reading`), under its name.
+    """
+    given = tuple(function for function in functions if isinstance(function, FunctionType))
+    kept = _kept(given)
+    if not kept or not kept[0].unchanged():
+        kept[:] = _read(given)
+    return [*kept[1]]
+
+
+@lru_cache(maxsize=512)
+def _kept(given: tuple[FunctionType, ...]) -> list[Any]:
+    """Return the list in which the results of :func:`_read` are kept for some functions, at first an empty one."""
+    return []
+
+
+def _read(given: tuple[FunctionType, ...]) -> tuple[Reader, list[FunctionType]]:
+    """Return the reader of functions, and the functions and all that they call."""
+    reader = Reader(taken=[function.__name__ for function in given])
     ordered: list[FunctionType] = []
 
-    def visit(function: Any) -> None:
+    def visit(function: FunctionType) -> None:
         """Append a function to the list ``ordered`` after all functions that it calls."""
-        if not isinstance(function, FunctionType) or function in ordered:
+        if function in ordered:
             return
         for name in names_of(function.__code__):
-            visit(function.__globals__.get(name))
-        if function not in ordered:
-            ordered.append(function)
+            if isinstance(called := function.__globals__.get(name), FunctionType):
+                visit(called)
+        ordered.append(function)
 
-    for function in functions:
-        visit(function)
-    return ordered
+    for function in given:
+        visit(reader.plain(function, "formula"))
+    return reader, ordered
 
 
 def check_names(text: str, coefficients: Iterable[str]) -> None:
@@ -146,31 +135,9 @@ def _taken(names: set[str]) -> ProgramError:
 
 
 def constants_of(functions: Iterable[FunctionType]) -> dict[str, float]:
-    """Return the module-level floats that functions use, a dict by name.
-
-    Raises ProgramError if the functions use a global that a generated program does not have, or that has another name
-    or another value there.
-    """
-    constants: dict[str, float] = {}
-    for function in functions:
-        for name in names_of(function.__code__):
-            value = function.__globals__.get(name)
-            if name in PROVIDED and isinstance(value, (float, FunctionType)):
-                raise ProgramError(f"{function.__name__} uses {name}, which has another meaning in every program; "
-                                   "rename it.")
-            if isinstance(value, float):
-                if repr(constants.setdefault(name, float(value))) != repr(float(value)):
-                    raise ProgramError(f"The functions of a program use two values of {name}, {constants[name]!r} and, "
-                                       f"in {function.__name__}, {float(value)!r}; rename one of them.")
-            elif isinstance(value, FunctionType) and (value.__name__ != name or hasattr(builtins, name)):
-                raise ProgramError(f"{function.__name__} calls {value.__name__} as {name}, which a program cannot do; "
-                                   "call functions by their own names, and give them none of Python's.")
-            elif value is not sqrt and value is not None and not isinstance(value, FunctionType):
-                raise ProgramError(
-                    f"{function.__name__} uses {name}, which cannot be copied into a program; a torque may use plain "
-                    "functions, floats, abs and pendulum_env.physics.elementary."
-                )
-    return constants
+    """Return the floats of modules of the package that functions use, a dict by name."""
+    return {name: value for function in functions for name in names_of(function.__code__)
+            if isinstance(value := function.__globals__.get(name), float)}
 
 
 def constants_text(functions: Iterable[FunctionType]) -> str:

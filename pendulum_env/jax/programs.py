@@ -31,7 +31,7 @@ from jax import lax
 
 from integrators.steps.newton import REFINING, SOLVING
 from pendulum_env.common.sources import parsed
-from pendulum_env.engine.source import ProgramError
+from pendulum_env.engine.reading import ProgramError
 from pendulum_env.jax.elementary import ELEMENTARY
 
 Names = dict[str, Any]

@@ -1,144 +1,86 @@
-"""Translation of a user's Python functions into plain functions that generated programs can copy.
+"""Translation of a task's functions: a small part of Python, which blocks of environments can compute, too.
 
-A program is a text that Python interprets or numba compiles, with the same bits. So a function's source is read,
-checked against the small part of Python that both treat alike, and written anew: numbers from outside become constants,
-and sin, cos, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same bits on
-all machines. Nothing is compiled here. A function that cannot be translated is refused, with the line and the syntax
-that is allowed.
+Functions are read as those of effects are (:mod:`pendulum_env.engine.reading`), and besides every expression has a
+kind, a number or a condition. A function that cannot be translated is refused, with the line and the syntax that is
+allowed.
 """
 
 from __future__ import annotations
 
 import ast
-import builtins
-import inspect
 import math
-import types
-from collections.abc import Callable, Mapping
-from itertools import count
+from inspect import signature
+from types import FunctionType
 from typing import Any
 
 import numpy as np
 
 from pendulum_env.common.checks import SceneError, shown
-from pendulum_env.common.sources import FunctionSource, ReadingError, source_of
-from pendulum_env.engine.translated import LIBRARY, POWERS, Piece, built
+from pendulum_env.engine.reading import CALLABLE, LIBRARY, FunctionWriter, Reader
 from pendulum_env.physics import elementary
-from pendulum_env.physics.arctangent import atan2
-
-Function = Callable[..., Any]
 
 
 class TaskError(SceneError):
     """Error for a task that cannot be used: its functions, names, starts or rewards."""
 
 
-KNOWN: Mapping[Any, Function] = {
-    math.sin: elementary.sin, np.sin: elementary.sin, elementary.sin: elementary.sin,
-    math.cos: elementary.cos, np.cos: elementary.cos, elementary.cos: elementary.cos,
-    math.exp: elementary.exp, np.exp: elementary.exp, elementary.exp: elementary.exp,
-    math.log: elementary.log, np.log: elementary.log, elementary.log: elementary.log,
-    math.pow: elementary.power, np.power: elementary.power, elementary.power: elementary.power,
-    math.sqrt: elementary.sqrt, np.sqrt: elementary.sqrt,
-    math.atan2: atan2, np.arctan2: atan2, atan2: atan2,
-    math.fabs: abs, np.abs: abs, abs: abs, min: min, np.minimum: min, max: max, np.maximum: max,
-}
-"""Functions that a task's functions may call -> the function that stands for them in programs."""
-CALLABLE = "abs, min, max, sin, cos, exp, log, sqrt, pow, atan2 and plain functions of your own"
-"""The functions that may be called, in words."""
-ALLOWED = f"assignments, if and else, + - * / **, comparisons, and, or, not, & and |, and calls of {CALLABLE}"
-"""The part of Python that may be used, in words."""
 OPERATORS = (ast.Add, ast.Sub, ast.Mult, ast.Div)
 COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE, ast.Eq, ast.NotEq)
 
 
-class Translator:
-    """Translator of the functions of one task; helpers that several of them call are translated once.
+class Translator(Reader):
+    """Reader of the functions of one task. Helpers may return a number or a condition.
 
-    ``task`` is the task's name, for messages.
+    Attributes:
+        task: the task's name, for messages.
+        truths: names of the helpers that return a condition.
     """
 
+    error_class = TaskError
+    allowed = "allowed are assignments, if and else, + - * / **, comparisons, and, or, not, & and |, " \
+        f"and calls of {CALLABLE}"
+
     def __init__(self, task: str) -> None:
+        super().__init__(f" of the task {shown(task)}")
         self.task = task
-        self.pieces: list[Piece] = []
-        self.made: dict[str, types.FunctionType] = {}
         self.truths: set[str] = set()
-        self._names: dict[types.FunctionType, str] = {}
-        self._under_way: set[types.FunctionType] = set()
 
-    def plain(self, function: Any, role: str = "") -> types.FunctionType:
-        """Return a function as a plain one, with the same arguments, whose source can be copied.
-
-        ``role`` is the argument of Task that holds it, "" for a helper. Raises TaskError for one that cannot be
-        translated.
+    def plain(self, function: Any, role: str = "") -> FunctionType:
+        """Return a function as a plain one, as :meth:`Reader.plain` does; ``role`` is the argument of Task that holds
+        it. Raises TaskError for one that cannot be translated.
         """
-        if not isinstance(function, types.FunctionType):
+        if not isinstance(function, FunctionType):
             raise TaskError(f"{role or 'A helper'} of the task {shown(self.task)} must be a plain function made with "
                             f"def or lambda, not {shown(function)}.")
-        if is_ours(function):
-            return function
-        if function in self._names:
-            return self.made[self._names[function]]
-        if function in self._under_way:
-            raise self.error(function, "calls itself")
-        self._under_way.add(function)
-        writer = _Writer(self, function, role)
-        piece = writer.written(self._free_name(function))
-        self.pieces.append(piece)
-        self._names[function] = piece.name
-        if writer.returns is True:
-            self.truths.add(piece.name)
-        self.made = built(self.pieces)
-        return self.made[piece.name]
+        return super().plain(function, role)
 
-    def _free_name(self, function: types.FunctionType) -> str:
-        """Return a name for a translated function that no other function of a program has."""
-        name = "task_" + ("lambda" if function.__name__ == "<lambda>" else function.__name__)
-        taken = {piece.name for piece in self.pieces}
-        return name if name not in taken else next(
-            other for k in count(2) if (other := f"{name}_{k}") not in taken)
+    def keeps(self, function: FunctionType) -> bool:
+        return is_ours(function)
 
-    def error(self, function: types.FunctionType, why: str, node: ast.AST | None = None) -> TaskError:
-        """Return the error that a function cannot be translated, with its line and the syntax that is allowed."""
-        line = getattr(node, "lineno", None)
-        place = f" (line {line})" if line else ""
-        return TaskError(f"The function {function.__name__} of the task {shown(self.task)}{place} {why}; allowed are "
-                         f"{ALLOWED}.")
+    def writer(self, function: FunctionType, role: str) -> TaskWriter:
+        return TaskWriter(self, function, role)
+
+    def name_of(self, function: FunctionType, role: str) -> str:
+        return self.free_name("task_" + ("lambda" if function.__name__ == "<lambda>" else function.__name__))
 
 
-def is_ours(function: types.FunctionType) -> bool:
-    """Return True for a function of the package, whose source is copied as it stands."""
+def is_ours(function: FunctionType) -> bool:
+    """Return True for a function of the package's tasks, whose source is copied as it stands."""
     return (function.__module__ or "").startswith("pendulum_env.tasks") and function.__closure__ is None
 
 
-def source_in(function: types.FunctionType, task: str) -> FunctionSource:
-    """Return the source of a task's function; TaskError, with the reason, where it cannot be read."""
-    try:
-        return source_of(function)
-    except ReadingError as error:
-        remedy = ("; write it in a file or a notebook, not at a prompt or in a text for exec"
-                  if str(error) == "cannot be read" else "")
-        raise TaskError(f"The source of {function.__name__} of the task {shown(task)} {error}{remedy}.") from None
-
-
-class _Writer:
+class TaskWriter(FunctionWriter):
     """Writer of one translated function: its statements and expressions, each with its kind, a number or a truth."""
 
-    def __init__(self, translator: Translator, function: types.FunctionType, role: str) -> None:
-        self.translator, self.function, self.role = translator, function, role
-        self.source = source_in(function, translator.task)
-        self.node = self.source.node
-        closure = function.__closure__ or ()
-        self.outside: dict[str, Any] = dict(zip(function.__code__.co_freevars, closure, strict=True))
+    def __init__(self, translator: Translator, function: FunctionType, role: str) -> None:
+        super().__init__(translator, function)
+        self.translator, self.role = translator, role
         self.constants: dict[str, float] = {}
-        self.local: set[str] = set()
         self.kinds: dict[str, bool] = {}
-        self.calls: dict[str, None] = {}
         self.returns: bool | None = None
 
-    def written(self, name: str) -> Piece:
-        """Return the translated function under a name."""
-        node, given = self.node, self.node.args
+    def written(self, name: str) -> str:
+        node, given = self.source.node, self.source.node.args
         if given.vararg or given.kwarg or given.kwonlyargs or given.posonlyargs:
             raise self.error("has *, / or ** among its arguments", node)
         names = [argument.arg for argument in given.args]
@@ -160,15 +102,13 @@ class _Writer:
                                           kwonlyargs=[], kw_defaults=[], defaults=[]),
             body=lines, decorator_list=[])
         made.type_params = []  # type: ignore[attr-defined]  # wanted by Python 3.12 and later
-        return Piece(name, ast.unparse(ast.fix_missing_locations(made)) + "\n", tuple(self.calls))
+        if self.returns is True:
+            self.translator.truths.add(name)
+        return ast.unparse(ast.fix_missing_locations(made)) + "\n"
 
     def named(self, name: str) -> str:
         """Return the translated name of a local variable: another one where it is that of a function of programs."""
         return f"{name}_value" if name in self.shadows else name
-
-    def error(self, why: str, node: ast.AST) -> TaskError:
-        """Return the error that this function cannot be translated."""
-        return self.translator.error(self.function, why, node)
 
     # --- statements -------------------------------------------------------------------------------------------------
 
@@ -301,24 +241,6 @@ class _Writer:
             raise self.error(f"uses {name}, which is {shown(value)} and not a finite number", node)
         return made
 
-    def looked_up(self, node: ast.expr) -> Any:
-        """Return the object for which a name, or a chain of a module's attributes, stands when the task is made."""
-        if isinstance(node, ast.Attribute):
-            module = self.looked_up(node.value)
-            if isinstance(module, types.ModuleType) and hasattr(module, node.attr):
-                return getattr(module, node.attr)
-        if not isinstance(node, ast.Name):
-            raise self.error(f"uses {ast.unparse(node)}", node)
-        if node.id in self.outside:
-            try:
-                return self.outside[node.id].cell_contents
-            except ValueError:
-                raise self.error(f"uses {node.id}, which has no value yet", node) from None
-        for names in (self.function.__globals__, vars(builtins)):
-            if node.id in names:
-                return names[node.id]
-        raise self.error(f"uses {node.id}, which is not defined", node)
-
     def operation(self, node: ast.BinOp, known: frozenset[str]) -> ast.expr:
         """Return a translated operation; powers with a whole exponent from 2 to 8 become products."""
         base, other = self.value(node.left, known), self.value(node.right, known)
@@ -326,19 +248,7 @@ class _Writer:
             return ast.BinOp(base, node.op, other)
         if not isinstance(node.op, ast.Pow):
             raise self.error(f"uses {_named(node.op)}", node)
-        exponent = other.value if isinstance(other, ast.Constant) and isinstance(other.value, float) else 0.0
-        if exponent == 1.0:
-            return base
-        if exponent in POWERS:
-            return self.calling(POWERS[exponent], [base])
-        return self.calling(elementary.sqrt, [base]) if exponent == 0.5 else self.calling(elementary.power,
-                                                                                          [base, other])
-
-    def calling(self, function: Function, given: list[ast.expr]) -> ast.expr:
-        """Return the call of a function that programs know, or that has been translated."""
-        if getattr(builtins, function.__name__, None) is not function:
-            self.calls[function.__name__] = None
-        return ast.Call(ast.Name(function.__name__, ast.Load()), given, [])
+        return self.power(base, other) or ast.Call(self.called(elementary.power), [base, other], [])
 
     def call(self, node: ast.Call, known: frozenset[str]) -> tuple[ast.expr, bool]:
         """Return a translated call, and True if it returns a condition."""
@@ -350,21 +260,14 @@ class _Writer:
         function, given = self.looked_up(node.func), [self.value(part, known) for part in node.args]
         if function is float and len(given) == 1:
             return given[0], False
-        try:
-            own = KNOWN.get(function)
-        except TypeError:  # an object without a hash
-            own = None
-        if own is not None:
-            least, most = (2, 8) if own in (min, max) else (2, 2) if own in (elementary.power, atan2) else (1, 1)
-        elif isinstance(function, types.FunctionType):
-            own = self.translator.plain(function)
-            least = most = len(inspect.signature(own).parameters)
-        else:
+        own = self.stands_for(function)
+        if own is None:
             raise self.error(f"calls {said}", node)
+        least, most = (2, 8) if own in (min, max) else (1, 1) if own is abs else [len(signature(own).parameters)] * 2
         if not least <= len(given) <= most:
             wanted = f"{least}" if least == most else f"{least} or more"
             raise self.error(f"calls {said} with {len(given)} arguments and not {wanted}", node)
-        return self.calling(own, given), own.__name__ in self.translator.truths
+        return ast.Call(self.called(own), given, []), own.__name__ in self.translator.truths
 
 
 def _chained(parts: list[Any], mark: ast.operator) -> ast.expr:

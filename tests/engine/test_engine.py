@@ -23,7 +23,7 @@ from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.kernels import EngineError, functions
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting, simulate
-from pendulum_env.engine.source import ProgramError
+from pendulum_env.engine.reading import ProgramError
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
 from pendulum_env.physics.flow import quality_factor

@@ -16,7 +16,7 @@ from in_node import Case, cases_of, differing, in_node, in_python, needs_node
 import integrators
 from pendulum_env import SCENES, code
 from pendulum_env.engine.javascript import javascript, translated
-from pendulum_env.engine.source import ProgramError
+from pendulum_env.engine.reading import ProgramError
 
 QUICK = (
     Case("textbook", "quinlan8a"), Case("vacuum", "exact"), Case("exercise", "forward_euler"),

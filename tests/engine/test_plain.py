@@ -23,7 +23,8 @@ from integrators import METHODS, MethodError, from_step
 from pendulum_env import SCENES, Scene, SceneError, code, rollout
 from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.plain import is_plain
-from pendulum_env.physics.effects import BearingFriction, Effect, Gravity, LinearDrag, QuadraticDrag
+from pendulum_env.engine.source import constants_of, with_callees
+from pendulum_env.physics.effects import EFFECTS, BearingFriction, Effect, Gravity, LinearDrag, QuadraticDrag
 from pendulum_env.physics.elementary import sin
 from pendulum_env.physics.medium import air
 
@@ -157,16 +158,17 @@ def scene_with(torque: Callable[..., float]) -> Scene:
     return SCENES["torsion"].with_effects((*SCENES["torsion"].effects, Mine()))
 
 
-def test_a_copied_function_has_its_constants() -> None:
-    program = check(scene_with(with_constants), "rk4")
-    assert {"SHARE = 0.7", "MOST = 1e999", "NOTHING = float('nan')"} <= {*program.split("\n")}
+@pytest.mark.parametrize("torque", [with_constants, with_the_angle, with_a_stage, with_a_builtin])
+def test_a_copied_function_has_its_constants_as_numbers(torque: Callable[..., float]) -> None:
+    program = check(scene_with(torque), "rk4")
+    assert f"def {torque.__name__}(angle, mine_rate):" in program
+    assert "SHARE" not in program
 
 
-@pytest.mark.parametrize(("torque", "name"), [
-    (with_the_angle, "theta"), (with_a_stage, "a1"), (with_a_builtin, "range")])
-def test_a_constant_whose_name_the_program_needs_is_refused(torque: Callable[..., float], name: str) -> None:
-    with pytest.raises(SceneError, match=f"the name {name}, a constant of {torque.__name__}, has another meaning"):
-        code(scene_with(torque), "rk4")
+def test_no_effect_of_the_package_needs_a_constant_of_its_module() -> None:
+    """A plain program would not have it."""
+    functions = [getattr(effect, role) for effect in EFFECTS.values() for role in Effect.__annotations__]
+    assert constants_of(with_callees(filter(callable, functions))) == {}
 
 
 def test_the_program_of_symplectic_euler_is_the_lab_sheet_s() -> None:

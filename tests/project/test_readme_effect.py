@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from pendulum_env import Scene, rollout
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.source import ProgramError
+from pendulum_env.engine.reading import ProgramError
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 
@@ -44,5 +44,5 @@ def test_typed_at_a_prompt_it_is_refused_in_a_sentence(file: str) -> None:
     names: dict[str, Any] = {}
     exec(compile(code, file, "exec"), names)
     scene = Scene(effects=(names["EddyBrake"](),))
-    with pytest.raises(ProgramError, match="The source of brake cannot be read; write an effect's functions in a file"):
+    with pytest.raises(ProgramError, match="The source of brake cannot be read; write it in a file"):
         rollout(scene, duration=0.1, backend="python")

@@ -1,0 +1,402 @@
+"""The one reader of users' functions: of an effect or of a task, as plain functions whose text programs can copy.
+
+A program is a text that Python interprets or numba compiles, with the same bits. So a user's function is read from its
+source and written anew where that matters:
+
+- a number from outside the function becomes a constant;
+- sin, cos, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same bits on
+  all machines;
+- a power with a whole exponent from 2 to 8 becomes a product;
+- a function that it calls is read, too.
+
+Everything else stays as it stands. :mod:`pendulum_env.tasks.translate` allows less. Nothing is compiled here.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import hashlib
+import inspect
+import linecache
+import math
+import textwrap
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from copy import deepcopy
+from functools import lru_cache
+from itertools import count
+from types import FunctionType, ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pendulum_env.common.checks import shown
+from pendulum_env.common.sources import FunctionSource, ReadingError, ours, parsed, source_of
+from pendulum_env.physics import elementary
+from pendulum_env.physics.arctangent import atan2
+
+Function = Callable[..., Any]
+MODULE = "pendulum_env.read"
+"""Module of the functions that are made here; there is no file of this name."""
+SCOPES = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp, ast.Lambda, ast.FunctionDef)
+"""Parts of a function that have names of their own."""
+PROVIDED = frozenset({"NAN", "U", "inline", "entry", "lanes"})
+"""Names that every program has, and that no function of a user may have."""
+
+
+class ProgramError(ValueError):
+    """Error for a function that a program cannot have, or for a program that cannot be translated."""
+
+
+# --- what the functions may call --------------------------------------------------------------------------------------
+
+
+def power2(x: float) -> float:
+    return x * x
+
+
+def power3(x: float) -> float:
+    return x * x * x
+
+
+def power4(x: float) -> float:
+    return (x * x) * (x * x)
+
+
+def power5(x: float) -> float:
+    return (x * x) * (x * x) * x
+
+
+def power6(x: float) -> float:
+    return (x * x * x) * (x * x * x)
+
+
+def power7(x: float) -> float:
+    return (x * x * x) * (x * x * x) * x
+
+
+def power8(x: float) -> float:
+    return ((x * x) * (x * x)) * ((x * x) * (x * x))
+
+
+POWERS: Mapping[float, Function] = {
+    2.0: power2, 3.0: power3, 4.0: power4, 5.0: power5, 6.0: power6, 7.0: power7, 8.0: power8}
+"""Whole exponent -> function that multiplies, with the same bits compiled and interpreted."""
+
+LIBRARY: Mapping[str, Function] = {
+    "sin": elementary.sin, "cos": elementary.cos, "exp": elementary.exp, "log": elementary.log,
+    "power": elementary.power, "sqrt": elementary.sqrt, "atan2": atan2,
+    **{function.__name__: function for function in POWERS.values()},
+}
+"""Functions of the package that the functions made here may call, by name."""
+
+KNOWN: Mapping[Any, Function] = {
+    math.sin: elementary.sin, np.sin: elementary.sin, elementary.sin: elementary.sin,
+    math.cos: elementary.cos, np.cos: elementary.cos, elementary.cos: elementary.cos,
+    math.exp: elementary.exp, np.exp: elementary.exp, elementary.exp: elementary.exp,
+    math.log: elementary.log, np.log: elementary.log, elementary.log: elementary.log,
+    math.pow: elementary.power, np.power: elementary.power, elementary.power: elementary.power,
+    math.sqrt: elementary.sqrt, np.sqrt: elementary.sqrt,
+    math.atan2: atan2, np.arctan2: atan2, atan2: atan2,
+    math.fabs: abs, np.abs: abs, abs: abs, min: min, np.minimum: min, max: max, np.maximum: max,
+}
+"""Functions that users' functions may call -> the function that stands for them in programs."""
+CALLABLE = "abs, min, max, sin, cos, exp, log, sqrt, pow, atan2 and plain functions of your own"
+"""The functions that may be called, in words."""
+
+
+# --- functions from texts ---------------------------------------------------------------------------------------------
+
+
+class Piece(NamedTuple):
+    """A function that was read, as text: it can be pickled, and equal texts give the same function.
+
+    Attributes:
+        name: its name in programs.
+        text: its source.
+        calls: names of the functions that it calls, of the package or read before it.
+    """
+
+    name: str
+    text: str
+    calls: tuple[str, ...]
+
+
+def built(pieces: Iterable[Piece]) -> dict[str, FunctionType]:
+    """Return the functions of pieces by name; equal texts give the same objects."""
+    made: dict[str, FunctionType] = {}
+    for piece in pieces:
+        made[piece.name] = _made(piece.name, piece.text, tuple(
+            (name, made.get(name) or LIBRARY[name]) for name in piece.calls))
+    return made
+
+
+@lru_cache(maxsize=512)
+def _made(name: str, text: str, calls: tuple[tuple[str, Function], ...]) -> FunctionType:
+    """Return the function of a text, which inspect can read again."""
+    file = f"<lab-pendulum {hashlib.sha256(text.encode()).hexdigest()[:16]}>"
+    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
+    namespace: dict[str, Any] = {**dict(calls), "__name__": MODULE}
+    exec(compile(text, file, "exec"), namespace)
+    made = namespace[name]
+    assert isinstance(made, FunctionType)
+    return made
+
+
+def float_text(value: float) -> str:
+    """Return a float as source text, also one that is infinite or not a number."""
+    if math.isnan(value):
+        return "float('nan')"
+    return repr(float(value)) if math.isfinite(value) else "1e999" if value > 0 else "-1e999"
+
+
+# --- reading ----------------------------------------------------------------------------------------------------------
+
+
+class Reader:
+    """Reader of the functions of one program or task; helpers that several of them call are read once.
+
+    Attributes:
+        of: what the functions belong to, for messages, such as " of the task 'balance'".
+        pieces: the functions that were read, helpers before what calls them.
+        looked_up: writer of a function, name or attribute from outside it, and the object for which that stood.
+    """
+
+    error_class: type[ValueError] = ProgramError
+    allowed = f"from outside, a formula may use numbers, {CALLABLE}"
+    """What a function may use, in words."""
+
+    def __init__(self, of: str = "", taken: Collection[str] = ()) -> None:
+        self.of = of
+        self.pieces: list[Piece] = []
+        self.looked_up: list[tuple[FunctionWriter, ast.expr, Any]] = []
+        self._taken = {*taken, *LIBRARY, *PROVIDED, *vars(builtins)}
+        self._made: dict[FunctionType, FunctionType] = {}
+        self._under_way: set[FunctionType] = set()
+
+    def plain(self, function: Any, role: str = "") -> FunctionType:
+        """Return a function as a plain one, with the same arguments, whose text can be copied.
+
+        ``role`` is what an effect or a task uses it for, "" for a helper; helpers get a name that is free. Raises the
+        reader's error for a function that cannot be read.
+        """
+        if self.keeps(function):
+            kept: FunctionType = function
+            return kept
+        if function not in self._made:
+            if function in self._under_way:
+                raise self.error(function, "calls itself")
+            self._under_way.add(function)
+            writer = self.writer(function, role)
+            name = self.name_of(function, role)
+            text = writer.written(name)
+            self._taken.add(name)
+            self.pieces.append(Piece(name, text, tuple(writer.calls)))
+            self._made[function] = _made(name, text, tuple(writer.calls.items()))
+        return self._made[function]
+
+    def unchanged(self) -> bool:
+        """Return True if what the functions take from outside is the same now; a notebook's cell may define it anew."""
+        return all(writer.looked_up(node) is value for writer, node, value in self.looked_up)
+
+    def keeps(self, function: Any) -> bool:
+        """Return True for a function of the package, whose text is copied as it stands."""
+        return ours(function) and function.__closure__ is None
+
+    def writer(self, function: FunctionType, role: str) -> FunctionWriter:
+        """Return what writes a function anew."""
+        return FunctionWriter(self, function)
+
+    def name_of(self, function: FunctionType, role: str) -> str:
+        """Return the name of a function in programs: its own, or for helpers one that no other function has."""
+        if role and function.__name__ == "<lambda>":
+            raise self.error_class("A torque must be a function made with def, not a lambda, so that it has a name.")
+        return function.__name__ if role else self.free_name(function.__name__.replace("<lambda>", "own_lambda"))
+
+    def free_name(self, name: str) -> str:
+        """Return a name that no other function of a program has."""
+        return next(other for k in count(1) if (other := name if k == 1 else f"{name}_{k}") not in self._taken)
+
+    def source(self, function: FunctionType) -> FunctionSource:
+        """Return the source of a function; the reader's error, with the reason, where it cannot be read."""
+        try:
+            return source_of(function)
+        except ReadingError as error:
+            remedy = "; write it in a file or a notebook, not at a prompt or in a text for exec"
+            raise self.error_class(f"The source of {function.__name__}{self.of} {error}"
+                                   f"{remedy if str(error) == 'cannot be read' else ''}.") from None
+
+    def error(self, function: FunctionType, why: str, node: ast.AST | None = None) -> ValueError:
+        """Return the error that a function cannot be read, with its line and what is allowed."""
+        line = getattr(node, "lineno", None)
+        place = f" (line {line})" if line else ""
+        return self.error_class(f"The function {function.__name__}{self.of}{place} {why}; {self.allowed}.")
+
+
+def names_set(node: ast.AST) -> Iterator[str]:
+    """Yield the names that a function, a lambda or a comprehension sets: its arguments and variables.
+
+    Names of functions and comprehensions inside it are left out, as Python does; one that ``:=`` sets is not.
+    """
+    for part in ast.iter_child_nodes(node):
+        if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store):
+            yield part.id
+        elif isinstance(part, ast.arg):
+            yield part.arg
+        elif isinstance(part, SCOPES):
+            yield from (one.target.id for one in ast.walk(part) if isinstance(one, ast.NamedExpr))
+            if isinstance(part, ast.FunctionDef):
+                yield part.name
+        else:
+            yield from names_set(part)
+
+
+class FunctionWriter(ast.NodeTransformer):
+    """Writer of one function anew: what comes from outside the function is replaced, all else stays as it stands.
+
+    Attributes:
+        calls: the functions that it calls, by their names in programs.
+        local: names of its arguments and variables.
+    """
+
+    def __init__(self, reader: Reader, function: FunctionType) -> None:
+        self.reader, self.function = reader, function
+        self.source = reader.source(function)
+        code = function.__code__
+        self.outside: dict[str, Any] = dict(zip(code.co_freevars, function.__closure__ or (), strict=True))
+        self.local = {*names_set(self.source.node)}
+        self.calls: dict[str, Function] = {}
+
+    def written(self, name: str) -> str:
+        """Return the text of the function under a name; with its comments, if nothing had to be replaced."""
+        parameters = inspect.signature(self.function).parameters.values()
+        if any(one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD) for one in parameters):
+            raise self.error("takes * or **", self.source.node)
+        given = [one.name if one.default is one.empty else f"{one.name}={self._default(one)}" for one in parameters]
+        before = ast.Module(self.source.body, [])
+        after = self.visit(deepcopy(before))
+        body = self.source.body_text() if ast.dump(after) == ast.dump(before) else textwrap.indent(
+            ast.unparse(ast.fix_missing_locations(after)), "    ") + "\n"
+        if both := self.local.intersection(self.calls):
+            raise self.error(f"has a variable of the name {min(both)} and calls the function of this name", None)
+        return f"def {name}({', '.join(given)}):\n{body}"
+
+    def _default(self, parameter: inspect.Parameter) -> str:
+        """Return the text of a parameter's default; the reader's error for one that is not a number."""
+        number = self.constant(parameter.default)
+        if number is None:
+            raise self.error(f"has the default {shown(parameter.default)} for {parameter.name}", self.source.node)
+        return ast.unparse(number)
+
+    def error(self, why: str, node: ast.AST | None) -> ValueError:
+        """Return the error that this function cannot be read."""
+        return self.reader.error(self.function, why, node)
+
+    # --- what stands outside ------------------------------------------------------------------------------------------
+
+    def looked_up(self, node: ast.expr) -> Any:
+        """Return the object for which a name, or a chain of a module's attributes, stands now."""
+        if isinstance(node, ast.Attribute):
+            module = self.looked_up(node.value)
+            if isinstance(module, ModuleType) and hasattr(module, node.attr):
+                return getattr(module, node.attr)
+        if not isinstance(node, ast.Name):
+            raise self.error(f"uses {ast.unparse(node)}", node)
+        if node.id in self.outside:
+            try:
+                return self.outside[node.id].cell_contents
+            except ValueError:
+                raise self.error(f"uses {node.id}, which has no value yet", node) from None
+        for names in (self.function.__globals__, vars(builtins)):
+            if node.id in names:
+                return names[node.id]
+        raise self.error(f"uses {node.id}, which is not defined", node)
+
+    def stands_for(self, value: Any) -> Function | None:
+        """Return the function that stands in programs for one that is called; None if there is none."""
+        try:
+            own = KNOWN.get(value)
+        except TypeError:  # an object without a hash
+            return None
+        return self.reader.plain(value) if own is None and isinstance(value, FunctionType) else own
+
+    def called(self, function: Function) -> ast.expr:
+        """Return the name of a function of programs, which this function calls."""
+        if getattr(builtins, function.__name__, None) is not function:
+            self.calls[function.__name__] = function
+        return ast.Name(function.__name__, ast.Load())
+
+    def power(self, base: ast.expr, exponent: ast.expr) -> ast.expr | None:
+        """Return ``base**exponent`` for a constant exponent as a call or a product; None for other exponents.
+
+        Whole exponents beyond 8, and negative ones, are left to Python, as the base may be negative.
+        """
+        value = exponent.value if isinstance(exponent, ast.Constant) and isinstance(exponent.value, (int, float)) else 0
+        if value == 1:
+            return base
+        if value in POWERS:
+            return ast.Call(self.called(POWERS[value]), [base], [])
+        if value == 0.5:
+            return ast.Call(self.called(elementary.sqrt), [base], [])
+        return None if value == int(value) else ast.Call(self.called(elementary.power), [base, exponent], [])
+
+    # --- the parts of a function --------------------------------------------------------------------------------------
+
+    def constant(self, value: Any) -> ast.expr | None:
+        """Return a number or a truth value as an expression; None for anything else."""
+        if isinstance(value, (bool, np.bool_)):
+            return ast.Constant(bool(value))
+        if isinstance(value, (int, np.integer)):
+            return parsed(f"{int(value)}").body[0].value  # type: ignore[attr-defined, no-any-return]
+        if isinstance(value, (float, np.floating)):
+            return parsed(float_text(float(value))).body[0].value  # type: ignore[attr-defined, no-any-return]
+        return None
+
+    def visit(self, node: ast.AST) -> Any:
+        """Return what stands for a part of the function; comprehensions and inner functions have names of their own."""
+        outer = self.local
+        if isinstance(node, SCOPES):
+            self.local = outer.union(names_set(node))
+        made = super().visit(node)
+        self.local = outer
+        return made
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        if node.id in self.local or not isinstance(node.ctx, ast.Load):
+            return node
+        return self._from_outside(node)
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        root: ast.expr = node
+        while isinstance(root, ast.Attribute):
+            root = root.value
+        outside = isinstance(root, ast.Name) and root.id not in self.local
+        return self._from_outside(node) if outside else self.generic_visit(node)
+
+    def _from_outside(self, node: ast.expr) -> ast.expr:
+        """Return what stands in a program for a name, or a module's attribute, from outside the function."""
+        value = self.looked_up(node)
+        self.reader.looked_up.append((self, node, value))
+        if (number := self.constant(value)) is not None:
+            return number
+        if (own := self.stands_for(value)) is not None:
+            return self.called(own)
+        if isinstance(node, ast.Name) and getattr(builtins, node.id, None) is value:
+            return node
+        raise self.error(f"uses {ast.unparse(node)}, which is {shown(value)}", node)
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        return (self.power(node.left, node.right) or node) if isinstance(node.op, ast.Pow) else node
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
+        if isinstance(node.op, ast.Pow) and isinstance(node.target, ast.Name):
+            whole = ast.BinOp(ast.Name(node.target.id, ast.Load()), node.op, node.value)
+            return ast.Assign([node.target], self.visit(whole), lineno=node.lineno)
+        return self.generic_visit(node)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
+        """Leave out the annotation, whose names a program does not have."""
+        if node.value is None:
+            return ast.Pass()
+        return ast.Assign([node.target], self.visit(node.value), lineno=node.lineno)
