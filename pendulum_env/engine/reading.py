@@ -257,6 +257,7 @@ class FunctionWriter(ast.NodeTransformer):
     Attributes:
         calls: the functions that it calls, by their names in programs.
         local: names of its arguments and variables.
+        renamed: variable that has the name of a function of programs -> its name in the text.
     """
 
     def __init__(self, reader: Reader, function: FunctionType) -> None:
@@ -265,21 +266,32 @@ class FunctionWriter(ast.NodeTransformer):
         code = function.__code__
         self.outside: dict[str, Any] = dict(zip(code.co_freevars, function.__closure__ or (), strict=True))
         self.local = {*names_set(self.source.node)}
+        self.given = {*inspect.signature(function).parameters}
+        self.renamed = {name: f"{name}_value" for name in self.local - self.given
+                        if name in (*LIBRARY, "abs", "min", "max")}
         self.calls: dict[str, Function] = {}
 
     def written(self, name: str) -> str:
         """Return the text of the function under a name; with its comments, if nothing had to be replaced."""
+        head = f"def {name}({', '.join(self.arguments())}):\n"
+        before = self.source.body
+        after = self.statements([self.visit(deepcopy(one)) for one in before])
+        if both := self.given.intersection(self.calls):
+            raise self.error(f"calls {min(both)}, and has an argument of this name", self.source.node)
+        if [*map(ast.dump, before)] == [*map(ast.dump, after)]:
+            return head + self.source.body_text()
+        return head + textwrap.indent(ast.unparse(ast.fix_missing_locations(ast.Module(after, []))), "    ") + "\n"
+
+    def arguments(self) -> list[str]:
+        """Return the texts of the function's arguments, with their defaults."""
         parameters = inspect.signature(self.function).parameters.values()
         if any(one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD) for one in parameters):
-            raise self.error("takes * or **", self.source.node)
-        given = [one.name if one.default is one.empty else f"{one.name}={self._default(one)}" for one in parameters]
-        before = ast.Module(self.source.body, [])
-        after = self.visit(deepcopy(before))
-        body = self.source.body_text() if ast.dump(after) == ast.dump(before) else textwrap.indent(
-            ast.unparse(ast.fix_missing_locations(after)), "    ") + "\n"
-        if both := self.local.intersection(self.calls):
-            raise self.error(f"has a variable of the name {min(both)} and calls the function of this name", None)
-        return f"def {name}({', '.join(given)}):\n{body}"
+            raise self.error("has * or ** among its arguments", self.source.node)
+        return [one.name if one.default is one.empty else f"{one.name}={self._default(one)}" for one in parameters]
+
+    def statements(self, body: list[ast.stmt]) -> list[ast.stmt]:
+        """Return the statements of the function, in which what comes from outside has been replaced."""
+        return body
 
     def _default(self, parameter: inspect.Parameter) -> str:
         """Return the text of a parameter's default; the reader's error for one that is not a number."""
@@ -363,15 +375,15 @@ class FunctionWriter(ast.NodeTransformer):
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         if node.id in self.local or not isinstance(node.ctx, ast.Load):
-            return node
-        return self._from_outside(node)
+            return ast.copy_location(ast.Name(self.renamed.get(node.id, node.id), node.ctx), node)
+        return ast.copy_location(self._from_outside(node), node)
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         root: ast.expr = node
         while isinstance(root, ast.Attribute):
             root = root.value
         outside = isinstance(root, ast.Name) and root.id not in self.local
-        return self._from_outside(node) if outside else self.generic_visit(node)
+        return ast.copy_location(self._from_outside(node), node) if outside else self.generic_visit(node)
 
     def _from_outside(self, node: ast.expr) -> ast.expr:
         """Return what stands in a program for a name, or a module's attribute, from outside the function."""
@@ -387,7 +399,8 @@ class FunctionWriter(ast.NodeTransformer):
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)
-        return (self.power(node.left, node.right) or node) if isinstance(node.op, ast.Pow) else node
+        power = self.power(node.left, node.right) if isinstance(node.op, ast.Pow) else None
+        return node if power is None else ast.copy_location(power, node)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
         if isinstance(node.op, ast.Pow) and isinstance(node.target, ast.Name):

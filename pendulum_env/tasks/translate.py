@@ -13,10 +13,8 @@ from inspect import signature
 from types import FunctionType
 from typing import Any
 
-import numpy as np
-
 from pendulum_env.common.checks import SceneError, shown
-from pendulum_env.engine.reading import CALLABLE, LIBRARY, FunctionWriter, Reader
+from pendulum_env.engine.reading import CALLABLE, FunctionWriter, Reader, names_set
 from pendulum_env.physics import elementary
 
 
@@ -70,47 +68,43 @@ def is_ours(function: FunctionType) -> bool:
 
 
 class TaskWriter(FunctionWriter):
-    """Writer of one translated function: its statements and expressions, each with its kind, a number or a truth."""
+    """Writer of one function of a task, whose expressions each have a kind: a number or a condition."""
 
     def __init__(self, translator: Translator, function: FunctionType, role: str) -> None:
         super().__init__(translator, function)
         self.translator, self.role = translator, role
-        self.constants: dict[str, float] = {}
-        self.kinds: dict[str, bool] = {}
+        given = self.source.node.args.args
+        defaults = function.__defaults__ or ()
+        self.defaults = dict(zip([one.arg for one in given[len(given) - len(defaults):]], defaults, strict=True))
+        self.local -= {*self.defaults}
+        self.variables = {self.renamed.get(name, name) for name in self.local}
+        self.kinds = {one.arg: False for one in given}
         self.returns: bool | None = None
 
+    def looked_up(self, node: ast.expr) -> Any:
+        """Return what stands outside; so do the defaults of arguments, which are numbers that the function keeps."""
+        name = node.id if isinstance(node, ast.Name) else ""
+        return self.defaults[name] if name in self.defaults else super().looked_up(node)
+
     def written(self, name: str) -> str:
+        text = super().written(name)
+        if self.returns is True:
+            self.translator.truths.add(name)
+        return text
+
+    def arguments(self) -> list[str]:
         node, given = self.source.node, self.source.node.args
         if given.vararg or given.kwarg or given.kwonlyargs or given.posonlyargs:
             raise self.error("has *, / or ** among its arguments", node)
-        names = [argument.arg for argument in given.args]
-        defaults = self.function.__defaults__ or ()
-        for one, value in zip(names[len(names) - len(defaults):], defaults, strict=True):
-            self.constants[one] = self.number(value, one, node)
-        arguments = [one for one in names if one not in self.constants]
-        assigned = {part.id for part in ast.walk(node) if isinstance(part, ast.Name)
-                    and isinstance(part.ctx, ast.Store)}
-        if changed := assigned & {*self.constants}:
+        if changed := {*names_set(ast.Module(self.source.body, []))} & {*self.defaults}:
             raise self.error(f"assigns {min(changed)}, an argument with a default", node)
-        self.local, self.kinds = {*arguments, *assigned}, dict.fromkeys(arguments, False)
-        self.shadows = {*LIBRARY, "abs", "min", "max"} & self.local
-        known, lines = self.block(self.source.body, frozenset(arguments))
+        return [one.arg for one in given.args if one.arg not in self.defaults]
+
+    def statements(self, body: list[ast.stmt]) -> list[ast.stmt]:
+        known, lines = self.block(body, frozenset(self.arguments()))
         if known is not None:
-            raise self.error("does not return a value on every path", node)
-        made = ast.FunctionDef(
-            name=name, args=ast.arguments(posonlyargs=[], args=[ast.arg(self.named(one)) for one in arguments],
-                                          kwonlyargs=[], kw_defaults=[], defaults=[]),
-            body=lines, decorator_list=[])
-        made.type_params = []  # type: ignore[attr-defined]  # wanted by Python 3.12 and later
-        if self.returns is True:
-            self.translator.truths.add(name)
-        return ast.unparse(ast.fix_missing_locations(made)) + "\n"
-
-    def named(self, name: str) -> str:
-        """Return the translated name of a local variable: another one where it is that of a function of programs."""
-        return f"{name}_value" if name in self.shadows else name
-
-    # --- statements -------------------------------------------------------------------------------------------------
+            raise self.error("does not return a value on every path", self.source.node)
+        return lines
 
     def block(
         self, statements: list[ast.stmt], known: frozenset[str]
@@ -141,8 +135,6 @@ class TaskWriter(FunctionWriter):
         target, value = None, None
         if isinstance(node, ast.Assign) and len(node.targets) == 1:
             target, value = node.targets[0], node.value
-        elif isinstance(node, ast.AnnAssign):
-            target, value = node.target, node.value
         elif isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name):
             old = ast.copy_location(ast.Name(node.target.id, ast.Load()), node)
             target, value = node.target, ast.copy_location(ast.BinOp(old, node.op, node.value), node)
@@ -151,7 +143,7 @@ class TaskWriter(FunctionWriter):
         made, kind = self.expression(value, known)
         if self.kinds.setdefault(target.id, kind) is not kind:
             raise self.error(f"assigns a number and a condition to {target.id}", node)
-        return known | {target.id}, ast.Assign([ast.Name(self.named(target.id), ast.Store())], made)
+        return known | {target.id}, ast.Assign([target], made)
 
     def returned(self, node: ast.Return, known: frozenset[str]) -> ast.stmt:
         """Return a translated return statement: of a number, of a condition (lost), or of two numbers (start)."""
@@ -188,17 +180,11 @@ class TaskWriter(FunctionWriter):
     def expression(self, node: ast.expr, known: frozenset[str]) -> tuple[ast.expr, bool]:
         """Return a translated expression, and True if it is a condition, False if it is a number."""
         if isinstance(node, ast.Constant):
-            if isinstance(node.value, bool):
-                return ast.Constant(node.value), True
-            return _literal(self.number(node.value, "a constant", node)), False
-        if isinstance(node, ast.Name) and node.id in self.local:
+            return (node, True) if isinstance(node.value, bool) else (self.number(node), False)
+        if isinstance(node, ast.Name) and node.id in self.variables:
             if node.id not in known:
-                raise self.error(f"uses {node.id} where it may have no value", node)
-            return ast.Name(self.named(node.id), ast.Load()), self.kinds[node.id]
-        if isinstance(node, ast.Name) and node.id in self.constants:
-            return _literal(self.constants[node.id]), False
-        if isinstance(node, (ast.Name, ast.Attribute)):
-            return _literal(self.number(self.looked_up(node), ast.unparse(node), node)), False
+                raise self.error(f"uses {node.id.removesuffix('_value')} where it may have no value", node)
+            return node, self.kinds[node.id]
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
             return ast.Compare(self.truth(node.operand, known), [ast.Eq()], [ast.Constant(False)]), True
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
@@ -206,7 +192,12 @@ class TaskWriter(FunctionWriter):
         if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.BitAnd, ast.BitOr)):
             return ast.BinOp(self.truth(node.left, known), node.op, self.truth(node.right, known)), True
         if isinstance(node, ast.BinOp):
-            return self.operation(node, known), False
+            base, exponent = self.value(node.left, known), self.value(node.right, known)
+            if isinstance(node.op, ast.Pow):
+                return ast.Call(self.called(elementary.power), [base, exponent], []), False
+            if not isinstance(node.op, OPERATORS):
+                raise self.error(f"uses {_named(node.op)}", node)
+            return ast.BinOp(base, node.op, exponent), False
         if isinstance(node, ast.BoolOp):
             parts = [self.truth(part, known) for part in node.values]
             made = parts[-1]
@@ -230,44 +221,36 @@ class TaskWriter(FunctionWriter):
             return self.call(node, known)
         raise self.error(f"uses {_named(node)}", node)
 
-    def number(self, value: Any, name: str, node: ast.AST) -> float:
-        """Return a number from outside as a float; TaskError for anything else."""
-        whole = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+    def number(self, node: ast.Constant) -> ast.expr:
+        """Return a constant as a float; TaskError for one that is not a finite number."""
         try:
-            made = float(value) if whole else math.nan
-        except OverflowError:
-            made = math.nan
-        if not math.isfinite(made):
-            raise self.error(f"uses {name}, which is {shown(value)} and not a finite number", node)
-        return made
-
-    def operation(self, node: ast.BinOp, known: frozenset[str]) -> ast.expr:
-        """Return a translated operation; powers with a whole exponent from 2 to 8 become products."""
-        base, other = self.value(node.left, known), self.value(node.right, known)
-        if isinstance(node.op, OPERATORS):
-            return ast.BinOp(base, node.op, other)
-        if not isinstance(node.op, ast.Pow):
-            raise self.error(f"uses {_named(node.op)}", node)
-        return self.power(base, other) or ast.Call(self.called(elementary.power), [base, other], [])
+            number = float(node.value)  # type: ignore[arg-type]
+        except (TypeError, ValueError, OverflowError):
+            number = math.nan
+        if not math.isfinite(number):
+            raise self.error(f"uses {shown(node.value)}, which is not a finite number", node)
+        return ast.Constant(number)
 
     def call(self, node: ast.Call, known: frozenset[str]) -> tuple[ast.expr, bool]:
         """Return a translated call, and True if it returns a condition."""
         said = ast.unparse(node.func)
         if node.keywords or any(isinstance(part, ast.Starred) for part in node.args):
             raise self.error(f"calls {said} with keywords or *", node)
-        if isinstance(node.func, ast.Name) and node.func.id in {*self.local, *self.constants}:
+        if said in self.variables:
             raise self.error(f"calls {said}, which is a number", node)
-        function, given = self.looked_up(node.func), [self.value(part, known) for part in node.args]
-        if function is float and len(given) == 1:
+        given = [self.value(part, known) for part in node.args]
+        if said == "float" and len(given) == 1:
             return given[0], False
-        own = self.stands_for(function)
-        if own is None:
+        if said in ("abs", "min", "max"):
+            least, most = (1, 1) if said == "abs" else (2, 8)
+        elif said in self.calls:
+            least = most = len(signature(self.calls[said]).parameters)
+        else:
             raise self.error(f"calls {said}", node)
-        least, most = (2, 8) if own in (min, max) else (1, 1) if own is abs else [len(signature(own).parameters)] * 2
         if not least <= len(given) <= most:
             wanted = f"{least}" if least == most else f"{least} or more"
-            raise self.error(f"calls {said} with {len(given)} arguments and not {wanted}", node)
-        return ast.Call(self.called(own), given, []), own.__name__ in self.translator.truths
+            raise self.error(f"calls {said.removeprefix('task_')} with {len(given)} arguments and not {wanted}", node)
+        return ast.Call(node.func, given, []), said in self.translator.truths
 
 
 def _chained(parts: list[Any], mark: ast.operator) -> ast.expr:
@@ -276,12 +259,6 @@ def _chained(parts: list[Any], mark: ast.operator) -> ast.expr:
     for part in parts[1:]:
         whole = ast.BinOp(whole, mark, part)
     return whole
-
-
-def _literal(value: float) -> ast.expr:
-    """Return a number as an expression; a negative one as a negated constant."""
-    made = ast.Constant(abs(value))
-    return ast.UnaryOp(ast.USub(), made) if math.copysign(1.0, value) < 0.0 else made
 
 
 def _named(node: ast.AST) -> str:

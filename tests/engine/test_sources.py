@@ -72,6 +72,9 @@ FORMS = {
         "by = 9.0\ndef own(x, k): return sum([by*x for by in (0.5, 2.0)]) + k*by\n"),
     "a function inside": "by = 9.0\ndef own(x, k):\n    def more(by): return by*x\n    return more(k) + by\n",
     "powers": "def own(x, k): return x**2 - x**3*k**4 + (x*x + 1.0)**5 + x**1 - x**8\n",
+    "variables with names of functions": (
+        "import numpy as np\ndef own(x, k):\n    max = x + 1.0\n    power2 = max*k\n"
+        "    return np.maximum(power2**2, max)\n"),
     "a power that is assigned": "def own(x, k):\n    x **= 2\n    x += k\n    return x\n",
     "a NumPy float": "import numpy\nBY = numpy.float64(0.1)\ndef own(x, k): return BY*x + k\n",
 }
@@ -112,7 +115,7 @@ def test_a_copy_keeps_its_comments_where_it_can(load: Loader) -> None:
 
 REFUSED = {
     "lambda": ("own = lambda angle, rate: rate", "must be a function made with def, not a lambda"),
-    "stars": ("def own(*angle): return 1.0\n", r"own \(line 1\) takes \* or \*\*"),
+    "stars": ("def own(*angle): return 1.0\n", r"own \(line 1\) has \* or \*\* among"),
     "list": ("TABLE = [1.0]\ndef own(angle):\n    return TABLE[0]\n", r"own \(line 3\) uses TABLE, which is \[1\.0\]"),
     "module": ("import math\ndef own(angle): return math.gamma(angle)\n", r"uses math\.gamma, which is"),
     "object": ("class A: k = 2.0\na = A()\ndef own(angle): return a.k*angle\n", r"own \(line 3\) uses a\.k"),
@@ -120,8 +123,8 @@ REFUSED = {
     "a default that is no number": ("def more(x, how=None): return x\ndef own(x): return more(x)\n",
                                     "more .* has the default None for how"),
     "a name that is not there": ("def own(angle): return angle*nowhere\n", "uses nowhere, which is not defined"),
-    "a variable beside a sine of its name": (
-        "import math\ndef own(x):\n    sin = math.sin(x)\n    return sin\n", "has a variable of the name sin and"),
+    "an argument with the name of a sine": (
+        "import math\ndef own(sin):\n    return math.sin(sin)\n", "calls sin, and has an argument of this name"),
 }
 
 

@@ -321,8 +321,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "mixed": (lambda: Task("t", mixed), "assigns a number and a condition to x"),
     "built-in": (lambda: Task("t", math.cos), "reward of the task 't' must be a plain function"),
     "bound": (lambda: Task("t", "x".join), "must be a plain function"),
-    "list": (lambda: Task("t", lambda phi: LIST[0] * phi), "uses an index"),
-    "global list": (lambda: Task("t", lambda phi: LIST * phi), "uses LIST, which is .* and not a finite number"),
+    "list": (lambda: Task("t", lambda phi: LIST[0] * phi), r"uses LIST, which is \[1\.0\]; allowed"),
+    "global list": (lambda: Task("t", lambda phi: LIST * phi), "uses LIST, which is"),
     "undefined": (lambda: Task("t", lambda phi: phy), "uses phy, which is not defined"),  # type: ignore[name-defined]  # noqa: F821
     "print": (lambda: Task("t", lambda phi: print(phi)), "calls print; allowed are"),  # type: ignore[func-returns-value]
     "modulo": (lambda: Task("t", lambda phi: phi % 2.0), "uses %"),
