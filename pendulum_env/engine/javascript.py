@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterable
 from functools import singledispatchmethod
 from typing import Any
@@ -17,6 +18,7 @@ from pendulum_env.common.checks import printable
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine.generate import Program
 from pendulum_env.engine.reading import ProgramError
+from pendulum_env.engine.syntax import is_nan, names_set, parameters_of
 
 EXPORTED = ("run", "info")
 """Functions of a program that its JavaScript module exports."""
@@ -75,7 +77,7 @@ class _Module:
     def __init__(self, tree: ast.Module) -> None:
         self._tree = tree
         self._functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-        self._constants = {name for node in tree.body for name in _assigned([node])}
+        self._constants = {*names_set(*(node for node in tree.body if isinstance(node, ast.Assign)))}
         self._chosen: set[str] = set()
 
     def text(self) -> str:
@@ -99,19 +101,19 @@ class _Module:
 
     def _function(self, node: ast.FunctionDef) -> list[str]:
         """Return the lines of one function."""
-        arguments = [argument.arg for argument in node.args.args]
+        arguments = parameters_of(node)
         everything = [child for child in ast.walk(node.args) if isinstance(child, ast.arg)]
         if len(arguments) != len(everything) or node.args.defaults:
             raise _unknown(node, "the arguments of the function")
         body, head = node.body, []
         if isinstance(body[0], ast.Expr):
             head, body = [_comment(body[0])], body[1:]
-        stored = _assigned(body)
-        once = {name for name in stored if stored.count(name) == 1} - set(arguments)
-        once &= {name for statement in body if isinstance(statement, ast.Assign) and len(statement.targets) == 1
-                 for name in _assigned([statement])}
-        later = [name for name in dict.fromkeys(stored) if name not in once and name not in arguments]
-        inner = _Body(self, {*arguments, *stored, *_counters(body)}, once)
+        loops = [one.target for statement in body for one in ast.walk(statement) if isinstance(one, ast.For)]
+        stored = Counter(names_set(*body)) - Counter(names_set(*loops))  # a loop declares its counter itself
+        once = {name for name in stored if stored[name] == 1} - set(arguments)
+        once &= {*names_set(*(one for one in body if isinstance(one, ast.Assign) and len(one.targets) == 1))}
+        later = [name for name in stored if name not in once and name not in arguments]
+        inner = _Body(self, {*arguments, *names_set(*body)}, once)
         start = [f"  let {', '.join(_name(name) for name in later)};"] if later else []
         export = "export " if node.name in EXPORTED else ""
         lines = [f"{export}function {_name(node.name)}({', '.join(map(_name, arguments))}) {{", *start]
@@ -155,14 +157,14 @@ class _Body:
     @lines.register
     def _(self, node: ast.Assign) -> list[str]:
         if len(node.targets) > 1:
-            if any(name in self._once for name in _assigned([node])) or not all(
+            if any(name in self._once for name in names_set(node)) or not all(
                     isinstance(target, ast.Name) for target in node.targets):
                 raise _unknown(node, "the assignment")
             return [f"{' = '.join(map(self._target, node.targets))} = {self.value(node.value)};"]
         target = node.targets[0]
         if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
             return self._pairs(node, target.elts, node.value.elts)
-        names = _assigned([node])
+        names = names_set(node)
         fresh = [name for name in names if name in self._once]
         if fresh and len(fresh) < len(names):
             return [f"let {', '.join(map(_name, fresh))};", f"{self._target(target)} = {self.value(node.value)};"]
@@ -174,7 +176,7 @@ class _Body:
         right = f"[{', '.join(self.value(value) for value in values)}]"
         if len(targets) != len(values):
             raise _unknown(node, "the assignment")
-        fresh = [name for name in _assigned([node]) if name in self._once]
+        fresh = [name for name in names_set(node) if name in self._once]
         if len(fresh) == len(targets):
             return [f"const {left} = {right};"]
         return [*([f"let {', '.join(map(_name, fresh))};"] if fresh else []), f"{left} = {right};"]
@@ -307,10 +309,9 @@ class _Body:
 
     @_expression.register
     def _(self, node: ast.Call) -> tuple[str, int]:
-        name = node.func.id if isinstance(node.func, ast.Name) else ""
-        if name == "float" and ast.unparse(node) == "float('nan')":
+        if is_nan(node):
             return "NaN", ATOM
-        if name == "len" and len(node.args) == 1:
+        if ast.unparse(node.func) == "len" and len(node.args) == 1:
             return f"{self.value(node.args[0], ATOM)}.length", ATOM
         return f"{self._module.called(node)}({', '.join(self.value(part) for part in node.args)})", ATOM
 
@@ -343,37 +344,6 @@ def _operator(node: ast.AST, whole: ast.AST) -> tuple[str, int]:
     if type(node) not in OPERATORS:
         raise _unknown(whole, "the operator of")
     return OPERATORS[type(node)]
-
-
-def _assigned(nodes: Iterable[ast.AST]) -> list[str]:
-    """Return the names that statements assign, once for each assignment; the counters of loops are left out."""
-    names: list[str] = []
-    for node in nodes:
-        if isinstance(node, ast.Assign):
-            names += [name for target in node.targets for name in _names(target)]
-        elif isinstance(node, ast.AugAssign):
-            names += _names(node.target)
-        elif isinstance(node, (ast.If, ast.For, ast.While)):
-            names += _assigned([*node.body, *node.orelse])
-    return names
-
-
-def _names(target: ast.expr) -> list[str]:
-    """Return the names in the target of an assignment."""
-    if isinstance(target, ast.Tuple):
-        return [name for part in target.elts for name in _names(part)]
-    return [target.id] if isinstance(target, ast.Name) else []
-
-
-def _counters(nodes: Iterable[ast.AST]) -> set[str]:
-    """Return the names of the counters of loops in statements."""
-    names: set[str] = set()
-    for node in nodes:
-        if isinstance(node, (ast.If, ast.For, ast.While)):
-            names |= _counters([*node.body, *node.orelse])
-        if isinstance(node, ast.For):
-            names |= {*_names(node.target)}
-    return names
 
 
 def _comment(node: ast.Expr) -> str:

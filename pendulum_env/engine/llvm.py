@@ -14,6 +14,7 @@ operations to work on. See :mod:`pendulum_env.engine.lanes`.
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Mapping, Sequence, Set
 from itertools import count
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ from numba.extending import intrinsic
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine import lanes
 from pendulum_env.engine.lanes import element, spread
+from pendulum_env.engine.syntax import is_nan, names_read, names_set, parameters_of, statements_of
 
 __all__ = ["CALL", "WRITTEN", "LlvmFunction", "LlvmProgram", "LlvmWriter", "instructions"]
 
@@ -99,9 +101,8 @@ class LlvmProgram:
             case ast.FunctionDef():
                 self._whole, self._shapes = _whole_numbers(node), {}
                 if node.name == self._entry:
-                    names = [parameter.arg for parameter in node.args.args]
                     self._shapes = {name: kind.ndim if _can_be_read(kind) else 0
-                                    for name, kind in zip(names, self._given, strict=True)
+                                    for name, kind in zip(parameters_of(node), self._given, strict=True)
                                     if isinstance(kind, types.Array)}
                 found = self._function(node)
                 if found is None:
@@ -116,8 +117,7 @@ class LlvmProgram:
         decorators = [one.id for one in node.decorator_list if isinstance(one, ast.Name)]
         if decorators not in (["inline"], ["separate"], ["apart"]) or node.args.defaults:
             return None
-        parameters = tuple(parameter.arg for parameter in node.args.args)
-        body = node.body[1:] if ast.get_docstring(node) is not None else node.body
+        parameters, body = tuple(parameters_of(node)), statements_of(node)
         results: tuple[ast.expr, ...] = ()
         single = False
         match body[-1]:
@@ -141,7 +141,7 @@ class LlvmProgram:
                 return name in self.functions and not self.functions[name].results and self._called(call, known)
             case ast.For(target=ast.Name(id=name), iter=ast.Call() as call, orelse=[]) if (size := _size(call)):
                 inside = {*known, name}
-                return size in known and known.isdisjoint(_names(line, ast.Store)) and all(
+                return size in known and known.isdisjoint(names_set(line)) and all(
                     self.line(one, inside) for one in line.body)
             case _:
                 return False
@@ -215,10 +215,6 @@ def _size(call: ast.Call) -> str:
     return ""
 
 
-def _names(node: ast.AST, context: type[ast.expr_context]) -> list[str]:
-    return [one.id for one in ast.walk(node) if isinstance(one, ast.Name) and isinstance(one.ctx, context)]
-
-
 def _elements(node: ast.expr) -> set[str]:
     """Return the sources of the elements of arrays that an expression reads."""
     return {ast.unparse(one) for one in ast.walk(node) if isinstance(one, ast.Subscript)}
@@ -231,9 +227,7 @@ def _constant(node: ast.expr) -> float | None:
             return number
         case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=float(number))):
             return -number
-        case ast.Call(func=ast.Name("float"), args=[ast.Constant(value=str(text))]):
-            return float(text)
-    return None
+    return math.nan if is_nan(node) else None
 
 
 def _given(node: ast.expr, known: Set[str]) -> bool:
@@ -269,7 +263,7 @@ def _whole_numbers(function: ast.FunctionDef) -> Set[str]:
             case ast.Call(func=ast.Name("range" | "U" | lanes.NAME), args=parts):
                 found.update(one.id for one in parts if isinstance(one, ast.Name))
             case ast.Subscript(slice=places):
-                found.update(_names(places, ast.Load))
+                found.update(names_read(places))
     before = -1
     while len(found) > before:
         before = len(found)
@@ -298,8 +292,8 @@ class _Rows:
 
     def __init__(self, function: ast.FunctionDef, program: LlvmProgram) -> None:
         self.function, self.program, self.numbers = function, program, count()
-        self.local = {parameter.arg for parameter in function.args.args}.union(_names(function, ast.Store))
-        self.reads = _names(function, ast.Load)
+        self.local = {*parameters_of(function), *names_set(function)}
+        self.reads = names_read(function)
         self.outside = self._read_outside(function, frozenset())
 
     def replace(self) -> None:
@@ -310,13 +304,13 @@ class _Rows:
         """Return True for a statement that can be in a row. In every turn, a loop must set its names before it reads
         them.
         """
-        inside = _names(line, ast.Store) if isinstance(line, ast.For) else ()
+        inside = names_set(line) if isinstance(line, ast.For) else ()
         return self.program.line(line, self.local.union(self.program.constants).difference(inside))
 
     def _read_outside(self, node: ast.AST, inside: frozenset[str]) -> Set[str]:
         """Return the names that are read elsewhere than in loops which set them before."""
         if isinstance(node, ast.For) and self._taken(node):
-            inside = inside.union(_names(node, ast.Store))
+            inside = inside.union(names_set(node))
         found = {node.id} if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) else set()
         return found.difference(inside).union(*(self._read_outside(one, inside) for one in ast.iter_child_nodes(node)))
 
@@ -325,7 +319,7 @@ class _Rows:
         done: list[ast.stmt] = []
         row: list[ast.stmt] = []
         for line in body:
-            inside = _names(line, ast.Store) if isinstance(line, ast.For) else ()
+            inside = names_set(line) if isinstance(line, ast.For) else ()
             if self.outside.isdisjoint(inside) and self._taken(line):
                 row.append(line)
                 continue
@@ -346,12 +340,12 @@ class _Rows:
         given: dict[str, None] = {}
         made: dict[str, None] = {}
         for line in row:
-            stored = _names(line, ast.Store)
+            stored = names_set(line)
             inside = stored if isinstance(line, ast.For) else ()  # a loop keeps its names to itself
-            given.update(dict.fromkeys(name for name in _names(line, ast.Load)
+            given.update(dict.fromkeys(name for name in names_read(line)
                                        if name in self.local and name not in made and name not in inside))
             made.update(dict.fromkeys(name for name in stored if name not in inside))
-        here = [name for line in row for name in _names(line, ast.Load)]
+        here = [name for line in row for name in names_read(line)]
         wanted = [name for name in made if name in given or self.reads.count(name) > here.count(name)]
         name = f"_{self.function.name}_{next(self.numbers)}"
         results = tuple(ast.Name(one, ast.Load()) for one in wanted)

@@ -233,7 +233,7 @@ class Reader:
         return self.error_class(f"The function {function.__name__}{self.of}{place} {why}; {self.allowed}.")
 
 
-def names_set(node: ast.AST) -> Iterator[str]:
+def own_names(node: ast.AST) -> Iterator[str]:
     """Yield the names that a function, a lambda or a comprehension sets: its arguments and variables.
 
     Names of functions and comprehensions inside it are left out, as Python does; one that ``:=`` sets is not.
@@ -248,7 +248,7 @@ def names_set(node: ast.AST) -> Iterator[str]:
             if isinstance(part, ast.FunctionDef):
                 yield part.name
         else:
-            yield from names_set(part)
+            yield from own_names(part)
 
 
 class FunctionWriter(ast.NodeTransformer):
@@ -265,7 +265,7 @@ class FunctionWriter(ast.NodeTransformer):
         self.source = reader.source(function)
         code = function.__code__
         self.outside: dict[str, Any] = dict(zip(code.co_freevars, function.__closure__ or (), strict=True))
-        self.local = {*names_set(self.source.node)}
+        self.local = {*own_names(self.source.node)}
         self.given = {*inspect.signature(function).parameters}
         self.renamed = {name: f"{name}_value" for name in self.local - self.given
                         if name in (*LIBRARY, "abs", "min", "max")}
@@ -368,7 +368,7 @@ class FunctionWriter(ast.NodeTransformer):
         """Return what stands for a part of the function; comprehensions and inner functions have names of their own."""
         outer = self.local
         if isinstance(node, SCOPES):
-            self.local = outer.union(names_set(node))
+            self.local = outer.union(own_names(node))
         made = super().visit(node)
         self.local = outer
         return made

@@ -13,6 +13,7 @@ from typing import Any
 
 from pendulum_env.common.sources import parsed, source_of
 from pendulum_env.engine.reading import ProgramError, Reader, float_text
+from pendulum_env.engine.syntax import names_set
 
 Plain = Callable[..., Any]
 """A function made with def, of floats, whose source can be copied into a program."""
@@ -120,9 +121,7 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
         if own - twice:
             # A decorator in the line before stands with the function before, and is dropped.
             lines = text.split("\n")[start:end]
-            tree = parsed("\n".join(line for line in lines if not line.startswith("@")))
-            stored = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name)
-                      and isinstance(node.ctx, ast.Store)]
+            stored = names_set(parsed("\n".join(line for line in lines if not line.startswith("@"))))
             twice |= {name for name in own if stored.count(name) > 1}
         taken |= twice
     if taken:

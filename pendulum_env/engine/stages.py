@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from pendulum_env.common.sources import parsed
+from pendulum_env.engine.syntax import functions_of, names_in, parameters_of, statements_of
 
 TURNED = frozenset({"sin", "cos"})
 BETWEEN = TURNED | {"power"}
@@ -82,18 +83,18 @@ def scheduled(
     for all pendulums: what follows from them alone is not handed on, so that a compiler can compute it before a loop.
     ``between`` are the functions that are computed between stages; without them a stage ends with a force.
     """
-    functions = {node.name: node for node in parsed(program).body if isinstance(node, ast.FunctionDef)}
+    functions = functions_of(program)
     same = frozenset(same)
     step = _StageWriter(functions, same, {"q"}, between)
     texts: list[str] = []
-    for name in sorted(_names(functions["step"]) & {*functions}):
+    for name in sorted({*names_in(functions["step"])} & {*functions}):
         if step.reaches(name):
-            inside = _StageWriter(functions, same, _parameters(functions[name]), between)
+            inside = _StageWriter(functions, same, parameters_of(functions[name]), between)
             inside.write(name, ("result",))
             levels = _levels(inside.lines, lambda line: line.value is not None)
             texts += step.call_in_stages(name, inside.scheduled(levels)) if max(levels, default=0) > 0 else []
     results = tuple(results)
-    found, given = step.write("step", results), _parameters(functions["step"])
+    found, given = step.write("step", results), parameters_of(functions["step"])
     levels = _levels(step.lines, lambda line: line.value is not None)
     if max(levels, default=0) < 1:
         levels = _levels(step.lines, lambda line: not FORCES.isdisjoint(line.reads))
@@ -168,7 +169,7 @@ class _StageWriter:
     def reaches(self, name: str) -> bool:
         """Return True for a straight-line function that calls one of ``between``, or another such function."""
         if name not in self._reach:
-            called = {other for _, value in self._bodies.get(name, ()) for other in _names(value)}
+            called = {other for _, value in self._bodies.get(name, ()) for other in names_in(value)}
             self._reach[name] = bool(self._between & called) or any(map(self.reaches, called & {*self._bodies}))
         return self._reach[name]
 
@@ -198,8 +199,8 @@ class _StageWriter:
         """Let calls of a function be written as its stages; return the source of the function for the last stage."""
         self._stages[name] = stages
         texts = [_function(name, number, stage, self._functions[name]) for number, stage in enumerate(stages)]
-        nodes = [node for node in parsed("\n".join(texts)).body if isinstance(node, ast.FunctionDef)]
-        self._bodies.update((node.name, _straight(node)) for node in nodes[:-1])
+        made = functions_of("\n".join(texts[:-1]))
+        self._bodies.update((one, _straight(node)) for one, node in made.items())
         return texts[-1:]
 
     def _run(self, function: str, scope: dict[str, ast.expr]) -> ast.expr:
@@ -213,7 +214,7 @@ class _StageWriter:
 
     def _add(self, names: tuple[str, ...], expression: ast.expr, value: StageValue | None = None) -> None:
         """Append the line that assigns an expression to names."""
-        line = _Line(f"{', '.join(names)} = {ast.unparse(expression)}", _names(expression), set(names), value)
+        line = _Line(f"{', '.join(names)} = {ast.unparse(expression)}", {*names_in(expression)}, set(names), value)
         if line.reads <= self._same:
             self.common.append(line)
             self._same |= line.stores
@@ -244,7 +245,7 @@ class _StageWriter:
             return self._computed(function, call.args[0], call.args[1:])
         if not self.reaches(function):
             return call
-        parameters = _parameters(self._functions[function])
+        parameters = parameters_of(self._functions[function])
         given = [self._assigned((name,), value)[0] for name, value in zip(parameters, call.args, strict=True)]
         scope = dict(zip(parameters, given, strict=True))
         if function not in self._stages:
@@ -264,7 +265,7 @@ class _StageWriter:
         """Return the name of a value that is computed between stages, or a call if it is the same for all."""
         (argument,) = self._assigned(("x",), value)
         call = ast.Call(ast.Name(function), [argument, *constants], [])
-        if _names(argument) <= self._same:
+        if self._same.issuperset(names_in(argument)):
             return call
         text = ast.unparse(call)
         if text not in self._names:
@@ -328,13 +329,8 @@ def _function(name: str, number: int, stage: StepStage, whole: ast.FunctionDef) 
 
 def _inputs(stage: StepStage, whole: ast.FunctionDef) -> list[str]:
     """Return the names of the arguments of the function that computes a stage of the function ``whole``."""
-    read = _names(parsed("\n".join(stage.lines)))
-    return [*(name for name in _parameters(whole) if name in read), *stage.taken]
-
-
-def _parameters(function: ast.FunctionDef) -> list[str]:
-    """Return the names of a function's parameters."""
-    return [parameter.arg for parameter in function.args.args]
+    read = names_in(parsed("\n".join(stage.lines)))
+    return [*(name for name in parameters_of(whole) if name in read), *stage.taken]
 
 
 def _straight(function: ast.FunctionDef) -> list[tuple[tuple[str, ...], ast.expr]]:
@@ -343,7 +339,7 @@ def _straight(function: ast.FunctionDef) -> list[tuple[tuple[str, ...], ast.expr
     Truth values have no names there either, because stages hand on numbers only.
     """
     lines: list[tuple[tuple[str, ...], ast.expr]] = []
-    for node in function.body[1:] if ast.get_docstring(function) else function.body:
+    for node in statements_of(function):
         if not all(isinstance(part, NUMERIC) for part in ast.walk(node)):
             return []
         if isinstance(node, ast.Return) and node.value:
@@ -357,8 +353,3 @@ def _straight(function: ast.FunctionDef) -> list[tuple[tuple[str, ...], ast.expr
         else:
             return []
     return lines
-
-
-def _names(node: ast.AST) -> set[str]:
-    """Return the names in an expression, those of functions that it calls included."""
-    return {name.id for name in ast.walk(node) if isinstance(name, ast.Name)}

@@ -32,6 +32,7 @@ from jax import lax
 from integrators.steps.newton import REFINING, SOLVING
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine.reading import ProgramError
+from pendulum_env.engine.syntax import functions_of, is_nan, names_set, parameters_of
 from pendulum_env.jax.elementary import ELEMENTARY
 
 Names = dict[str, Any]
@@ -164,7 +165,7 @@ class Functions:
     @cached_property
     def named(self) -> dict[str, ast.FunctionDef]:
         """Return the syntax trees of the functions by name."""
-        return {node.name: node for node in self.tree.body if isinstance(node, ast.FunctionDef)}
+        return functions_of(self.text)
 
     @cached_property
     def constants(self) -> Names:
@@ -202,7 +203,7 @@ class Functions:
 
     def _run(self, name: str, arguments: Sequence[Any]) -> Any:
         node = self.named[name]
-        names = dict(zip((argument.arg for argument in node.args.args), arguments, strict=True))
+        names = dict(zip(parameters_of(node), arguments, strict=True))
         _, exits = self._block(node.body, names)
         return exits.value
 
@@ -268,8 +269,8 @@ class Functions:
     def _cond(self, condition: Any, node: ast.If, names: Names) -> Names:
         """Return the names after an ``if`` of which only the chosen side is computed, where JAX can do that."""
         sides = [node.body, node.orelse]
-        kept = [name for name in dict.fromkeys(name for side in sides for name in assigned(side))
-                if all(name in names or name in assigned(side) for side in sides)]
+        kept = [name for name in dict.fromkeys(names_set(*node.body, *node.orelse))
+                if all(name in names or name in names_set(*side) for side in sides)]
 
         def side(body: Sequence[ast.stmt]) -> tuple[Any, ...]:
             after, _ = self._block(body, dict(names))
@@ -317,7 +318,7 @@ class Functions:
 
     def _repeat(self, node: ast.For, counter: str, turns: int, names: Names, exits: Exits) -> tuple[Names, Exits]:
         """Return the names after all turns but the first of a loop that always takes all of them."""
-        kept = [name for name in assigned(node.body) if name in names]
+        kept = [name for name in dict.fromkeys(names_set(*node.body)) if name in names]
         start = alike([names[name] for name in kept])
 
         def turn(i: Any, values: Any) -> Any:
@@ -329,7 +330,7 @@ class Functions:
 
     def _while(self, node: ast.For, counter: str, turns: int, names: Names, exits: Exits) -> tuple[Names, Exits]:
         """Return the names after all turns but the first of a loop that may end early, without derivatives."""
-        kept = [name for name in assigned(node.body) if name in names]
+        kept = [name for name in dict.fromkeys(names_set(*node.body)) if name in names]
         single = exits.value is not None and not isinstance(exits.value, tuple)
         value = () if exits.value is None else (exits.value,) if single else exits.value
         masks = [mask for mask in CHOSEN.all if not fixed(mask)]
@@ -437,7 +438,7 @@ class Functions:
 
     def _call(self, node: ast.Call, names: Names) -> Any:
         name = node.func.id if isinstance(node.func, ast.Name) and not node.keywords else ""
-        if name == "float" and ast.unparse(node) == "float('nan')":
+        if is_nan(node):
             return float("nan")
         values = [self._value(part, names) for part in node.args]
         if name in ELEMENTARY:
@@ -472,13 +473,6 @@ def merged(condition: Any, one: Names, other: Names) -> Names:
 def called(node: ast.AST) -> set[str]:
     """Return the names of the functions that a part of a program calls."""
     return {part.func.id for part in ast.walk(node) if isinstance(part, ast.Call) and isinstance(part.func, ast.Name)}
-
-
-def assigned(body: Sequence[ast.stmt]) -> list[str]:
-    """Return the names that statements assign, each once."""
-    return list(dict.fromkeys(
-        node.id for statement in body for node in ast.walk(statement)
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)))
 
 
 def stopped(value: Any) -> Any:

@@ -14,7 +14,7 @@ from types import FunctionType
 from typing import Any
 
 from pendulum_env.common.checks import SceneError, shown
-from pendulum_env.engine.reading import CALLABLE, FunctionWriter, Reader, names_set
+from pendulum_env.engine.reading import CALLABLE, FunctionWriter, Reader, own_names
 from pendulum_env.physics import elementary
 
 
@@ -96,7 +96,7 @@ class TaskWriter(FunctionWriter):
         node, given = self.source.node, self.source.node.args
         if given.vararg or given.kwarg or given.kwonlyargs or given.posonlyargs:
             raise self.error("has *, / or ** among its arguments", node)
-        if changed := {*names_set(ast.Module(self.source.body, []))} & {*self.defaults}:
+        if changed := {*own_names(ast.Module(self.source.body, []))} & {*self.defaults}:
             raise self.error(f"assigns {min(changed)}, an argument with a default", node)
         return [one.arg for one in given.args if one.arg not in self.defaults]
 
