@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import repeat
 from typing import Any
 
@@ -119,6 +119,34 @@ class Many:
 
     def __bool__(self) -> bool:
         return alike(self.values != 0.0)
+
+
+class Twinned(Many):
+    """A number with a value, at which conditions are decided, and a twin with which formulas compute as well.
+
+    Attributes:
+        values: the value, as an array of one number.
+        twin: a JAX array, or a symbol that records what is done with it.
+    """
+
+    __slots__ = ("twin",)
+
+    def __init__(self, values: Any, twin: Any) -> None:
+        super().__init__(values)
+        self.twin = twin
+
+    def combined(self, operation: Operator, left: Any, right: Any) -> Any:
+        twins = SAME.get(operation, operation)(twin_of(left), twin_of(right))
+        return type(self)(operation(plain(left), plain(right)), twins)
+
+
+SAME: Mapping[Operator, Operator] = {quotient: operator.truediv, power: operator.pow}
+"""Operations of Many that have another name for twins."""
+
+
+def twin_of(number: Any) -> Any:
+    """Return the twin of a number that has one, and any other number unchanged."""
+    return number.twin if isinstance(number, Twinned) else number
 
 
 KINDS = (float, int, Many)

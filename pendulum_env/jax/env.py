@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
+from pendulum_env.common.many import twin_of
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import find_method
@@ -23,7 +24,7 @@ from pendulum_env.envs.randomize import Joint, Randomization, Range, randomizati
 from pendulum_env.envs.sensing import OBSERVED, plan_of
 from pendulum_env.envs.settings import UNBOUNDED, EpisodeSettings, acting, spaces_of, task_of, usual
 from pendulum_env.jax.gymnax import Gymnax
-from pendulum_env.jax.parameters import numbers, on_arrays, traced, with_parameters
+from pendulum_env.jax.parameters import numbers, on_arrays, with_parameters
 from pendulum_env.jax.programs import functions
 from pendulum_env.jax.run import Twin, check_fits, kind_of, smoothed, twin
 from pendulum_env.jax.sensing import TwinSensing
@@ -180,7 +181,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         limit = checked_limit(self._settings.speed_limit, place)
         return EnvParams(
             tuple(jnp.asarray(values[name], self.kind) for name in self.twin.parameters),
-            jnp.asarray(traced(frequency(place)), self.kind), jnp.asarray(traced(limit), self.kind),
+            jnp.asarray(twin_of(frequency(place)), self.kind), jnp.asarray(twin_of(limit), self.kind),
             jnp.asarray(self.max_steps))
 
     def _drawn(self, key: Any, draws: Randomization) -> EnvParams:

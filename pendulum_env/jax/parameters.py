@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from pendulum_env.common.many import Many, Operator, PartedError, plain, power, quotient
+from pendulum_env.common.many import Many, Operator, PartedError, Twinned, twin_of
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.engine.problem import program_parts
 from pendulum_env.engine.source import constants_text, copied, with_callees
@@ -27,49 +27,32 @@ from pendulum_env.physics.units import SceneError, shown
 
 NEAR_ZERO = 1e-3
 """Value of a parameter that is compared with 0, to see if conditions in formulas tell them apart."""
-SAME: Mapping[Operator, Operator] = {quotient: operator.truediv, power: operator.pow}
-"""Operations of Many that have another name for arrays."""
 
 
-class TracedNumber(Many):
-    """A number with a value for conditions, and the JAX array with which formulas compute.
+class TracedNumber(Twinned):
+    """A number with a value for conditions, and as its twin the JAX array with which formulas compute."""
 
-    Attributes:
-        values: the value, as an array of one number.
-        traced: the array.
-    """
+    __slots__ = ()
 
-    __slots__ = ("traced",)
-
-    def __init__(self, values: Any, traced: Any) -> None:
-        super().__init__(values)
-        self.traced = traced
-
-    def combined(self, operation: Operator, left: Any, right: Any) -> TracedNumber:
+    def combined(self, operation: Operator, left: Any, right: Any) -> Any:
         if any(isinstance(one, float) and abs(one) > ROUNDED for one in (left, right)) and operation is operator.add:
             raise TypeError("it rounds, by adding a large number")
-        return TracedNumber(operation(plain(left), plain(right)),
-                            SAME.get(operation, operation)(traced(left), traced(right)))
+        return super().combined(operation, left, right)
 
     def mapped(self, function: np.ufunc) -> TracedNumber:
-        return TracedNumber(function(self.values), getattr(jnp, function.__name__)(self.traced))
+        return TracedNumber(function(self.values), getattr(jnp, function.__name__)(self.twin))
 
     def through(self, formula: Callable[..., Any], further: tuple[float, ...]) -> TracedNumber:
         value = np.array([formula(float(one), *further) for one in self.values])
-        return TracedNumber(value, on_arrays(formula)(self.traced, *further))
+        return TracedNumber(value, on_arrays(formula)(self.twin, *further))
 
     def refined(self, further: Any) -> TracedNumber:
-        return TracedNumber(self.values, further.traced)
+        return TracedNumber(self.values, further.twin)
 
 
 # Python asks the right operand first only if its class defines the reflected operator itself.
 for _name in ("add", "sub", "mul", "truediv", "pow"):
     setattr(TracedNumber, f"__r{_name}__", getattr(Many, f"__r{_name}__"))
-
-
-def traced(number: Any) -> Any:
-    """Return the array of a TracedNumber, and any other number unchanged."""
-    return number.traced if isinstance(number, TracedNumber) else number
 
 
 @lru_cache(maxsize=64)
@@ -152,4 +135,4 @@ def _check_zero(scene: Scene, name: str) -> None:
 def numbers(scene: Scene) -> dict[str, Any]:
     """Return the numbers of a scene that programs take as parameters by name, floats or JAX arrays."""
     with np.errstate(all="ignore"):
-        return {name: traced(value) for name, value in numbers_of(scene).items()}
+        return {name: twin_of(value) for name, value in numbers_of(scene).items()}

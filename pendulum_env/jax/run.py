@@ -17,6 +17,7 @@ from jax import lax
 from integrators import Method, MethodError
 from integrators.solving.solve import MOST_STEPS
 from pendulum_env.common.checks import boolean
+from pendulum_env.common.many import twin_of
 from pendulum_env.engine.certificate import ESTIMATE, ErrorEstimator, endless
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.generate import Program, program
@@ -25,7 +26,7 @@ from pendulum_env.engine.random_streams import MOST_SEED, Streams
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.shape import HOLD, SLACK, STOP_REASONS
 from pendulum_env.engine.starts import checked_control, checked_steps, start_values
-from pendulum_env.jax.parameters import is_array, numbers, traced, with_parameters
+from pendulum_env.jax.parameters import is_array, numbers, with_parameters
 from pendulum_env.jax.programs import Later, Unchanged, bare, functions
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import Damping, build_scene
@@ -308,7 +309,7 @@ def rollout(
     arrays = tuple(jnp.asarray(values[name], kind) for name in one.parameters)
     second = _runner(one, 2 * count, 2 * stride, 2 * hold, place.name, method.name, kind)(
         *start, arrays, drawn, share, forced, jnp.asarray(0.5 * h, kind), jnp.asarray(math.inf, kind))
-    estimator = ErrorEstimator.of(place, method, h, {**numbers(place), "omega0": traced(frequency(place))}, False,
+    estimator = ErrorEstimator.of(place, method, h, {**numbers(place), "omega0": twin_of(frequency(place))}, False,
                                   library=jnp)
     estimate = lax.stop_gradient(_estimated(estimator, run, second, stride, functions(one.program.text)))
     jax.debug.callback(partial(_warn, place.name), run.time, estimate)

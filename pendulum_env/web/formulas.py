@@ -15,16 +15,22 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numpy as np
+
+from integrators.steps.straight_line import Record
+from integrators.steps.tracing import Operation, Symbol
+from pendulum_env.common.many import Operator, Twinned, plain, power, twin_of
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.physics.effects import LinearDrag, QuadraticDrag
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 
 Values = Mapping[str, float]
-OPERATIONS: Mapping[str, Callable[[float, float], float]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
+OPERATIONS: Mapping[str, tuple[str, Callable[..., float]]] = {
+    "add": ("{} + {}", operator.add), "sub": ("{} - {}", operator.sub), "mul": ("{} * {}", operator.mul),
+    "div": ("{} / {}", operator.truediv), "neg": ("-({})", operator.neg),
 }
-"""RecordedNumber operations; JavaScript and Python round them alike."""
+"""Recorded operation -> its form in JavaScript, and Python's function; both languages round them alike."""
 TRIALS = 24
 """Number of drawn sets of values at which recorded formulas are compared with Python."""
 FACTORS = (0.5, 2.0)
@@ -64,81 +70,64 @@ class Formulas:
 
     Attributes:
         settings: the numbers that can be set.
-        lines: operations ``(symbol, left, right)``; an operand is a number, or a text: "x0" for the first setting,
-            "n0" for the result of the first line.
-        results: names of the parameters -> a number or such a text.
+        operations: the recorded operations; a leaf "setting" has the index of the setting as its value.
+        results: names of the parameters -> indices of their operations.
     """
 
     settings: tuple[NumberSetting, ...]
-    lines: tuple[tuple[str, Any, Any], ...]
-    results: Mapping[str, Any]
+    operations: tuple[Operation, ...]
+    results: Mapping[str, int]
 
     def values(self, given: Sequence[float]) -> dict[str, float]:
         """Return the parameters by name for values of all settings."""
-        known: dict[Any, float] = {f"x{i}": value for i, value in enumerate(given)}
-        for i, (symbol, left, right) in enumerate(self.lines):
-            known[f"n{i}"] = OPERATIONS[symbol](known.get(left, left), known.get(right, right))
-        return {name: known.get(result, result) for name, result in self.results.items()}
+        known: list[float] = []
+        for one in self.operations:
+            operands = [known[place] for place in one.operands]
+            known.append(OPERATIONS[one.name][1](*operands) if operands else
+                         given[one.value] if one.name == "setting" else one.value)
+        return {name: known[place] for name, place in self.results.items()}
 
     def javascript(self, names: Sequence[str]) -> str:
         """Return the body of a JavaScript function of the array ``x`` of settings; it returns the parameters ``names``.
         """
-        used = {self.results.get(name) for name in names}
+        used = {self.results[name] for name in names}
         lines: list[str] = []
-        for i, (symbol, left, right) in reversed([*enumerate(self.lines)]):
-            if f"n{i}" in used:
-                used |= {left, right}
-                lines.insert(0, f"const n{i} = {_text(left)} {symbol} {_text(right)};")
-        head = [f"const x{i} = x[{i}];" for i in range(len(self.settings))]
-        results = ", ".join(_text(self.results[name]) for name in names)
-        return "\n".join([*head, *lines, f"return [{results}];"])
+        for place, one in reversed([*enumerate(self.operations)]):
+            if place in used and one.operands:
+                used.update(one.operands)
+                lines.append(f"const n{place} = {OPERATIONS[one.name][0].format(*map(self._text, one.operands))};")
+        results = ", ".join(self._text(self.results[name]) for name in names)
+        return "\n".join([*reversed(lines), f"return [{results}];"])
+
+    def _text(self, place: int) -> str:
+        """Return an operation as JavaScript: a setting, a number, or the name of its result."""
+        one = self.operations[place]
+        return f"x[{one.value}]" if one.name == "setting" else f"n{place}" if one.operands else repr(float(one.value))
 
 
-def _recording(symbol: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
-    """Return a method of :class:`RecordedNumber`, such as ``__add__``, that records an operation of two numbers."""
-    return lambda self, other: self.record(symbol, *((other, self) if swapped else (self, other)))
+class RecordedNumber(Twinned):
+    """A number with its value, and with a symbol that records sums, differences, products and quotients.
 
-
-class RecordedNumber(float):
-    """A number with its name, whose sums, differences, products and quotients are recorded in a list.
-
-    It has its value, unlike :class:`integrators.steps.tracing.Symbol`, as the functions of bodies and effects compare
-    their numbers.
+    The result of any other operation is its value alone, without a symbol.
     """
 
-    name: str
-    lines: list[tuple[str, Any, Any]]
+    __slots__ = ()
 
-    @classmethod
-    def of(cls, value: float, name: str, lines: list[tuple[str, Any, Any]]) -> RecordedNumber:
-        """Return a number with a name, which records its operations in ``lines``."""
-        made = cls(value)
-        made.name, made.lines = name, lines
-        return made
+    def combined(self, operation: Operator, left: Any, right: Any) -> Any:
+        if operation in (power, operator.pow):
+            return float(operation(plain(left), plain(right))[0])
+        return super().combined(operation, left, right)
 
-    def record(self, symbol: str, left: Any, right: Any) -> RecordedNumber:
-        """Return the result of an operation, of which this number is an operand, and record it."""
-        value = OPERATIONS[symbol](float(left), float(right))
-        self.lines.append((symbol, _name(left), _name(right)))
-        return RecordedNumber.of(value, f"n{len(self.lines) - 1}", self.lines)
+    def mapped(self, function: np.ufunc) -> Any:
+        if function is np.negative:
+            return RecordedNumber(-self.values, -self.twin)
+        return float(function(self.values)[0])
 
-    __add__, __radd__ = _recording("+"), _recording("+", swapped=True)
-    __sub__, __rsub__ = _recording("-"), _recording("-", swapped=True)
-    __mul__, __rmul__ = _recording("*"), _recording("*", swapped=True)
-    __truediv__, __rtruediv__ = _recording("/"), _recording("/", swapped=True)
+    def through(self, formula: Callable[..., Any], further: tuple[float, ...]) -> Any:
+        return formula(float(self), *further)
 
-    def __neg__(self) -> RecordedNumber:
-        return self.record("-", -0.0, self)
-
-
-def _name(value: Any) -> Any:
-    """Return the name of a recorded number, or a plain number itself."""
-    return value.name if isinstance(value, RecordedNumber) else float(value)
-
-
-def _text(operand: Any) -> str:
-    """Return an operand as JavaScript."""
-    return operand if isinstance(operand, str) else repr(float(operand))
+    def __float__(self) -> float:
+        return float(self.values[0])
 
 
 def explicit(scene: Scene) -> Scene:
@@ -211,7 +200,7 @@ def formulas_of(scene: Scene, names: Collection[str]) -> Formulas:
 
 def _recorded(scene: Scene, settings: tuple[NumberSetting, ...], names: Collection[str]) -> Formulas:
     """Return the formulas that the functions of a scene's body and effects record."""
-    lines: list[tuple[str, Any, Any]] = []
+    trace = Record()
     other = copy.copy(scene)
     for name in set(vars(other)) - {entry.name for entry in fields(other)}:
         del vars(other)[name]  # cached values
@@ -219,11 +208,14 @@ def _recorded(scene: Scene, settings: tuple[NumberSetting, ...], names: Collecti
     parts |= {f"effects.{i}": copy.copy(effect) for i, effect in enumerate(scene.effects)}
     for i, setting in enumerate(settings):
         place, _, name = setting.name.rpartition(".")
-        object.__setattr__(parts[place], name, RecordedNumber.of(setting.value, f"x{i}", lines))
+        number = RecordedNumber(np.array([setting.value]), trace.leaf("setting", i))
+        object.__setattr__(parts[place], name, number)
     object.__setattr__(other, "body", parts["body"])
     object.__setattr__(other, "effects", tuple(parts[f"effects.{i}"] for i in range(len(scene.effects))))
-    results = {name: _name(value) for name, value in numbers_of(other).items() if name in names}
-    return Formulas(settings, tuple(lines), results)
+    results = {name: twin_of(value) for name, value in numbers_of(other).items() if name in names}
+    places = {name: value.place if isinstance(value, Symbol) else trace.leaf("steady", float(value)).place
+              for name, value in results.items()}
+    return Formulas(settings, tuple(trace.operations), places)
 
 
 def _first_wrong(scene: Scene, made: Formulas, names: Collection[str]) -> NumberSetting | None:
