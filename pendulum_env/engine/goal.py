@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from pendulum_env.common.sources import parsed
+from pendulum_env.common.sources import executed, parsed
 from pendulum_env.engine.reading import Piece, built
 from pendulum_env.engine.source import Plain, arguments, constants_text, copied, with_callees
 from pendulum_env.engine.wrap import half_turns
@@ -216,6 +216,4 @@ def _rebuilt(named: Sequence[Any], upright: bool, pieces: tuple[Piece, ...]) -> 
 def _made(goal: Goal, text: str, **numbers: float) -> dict[str, Any]:
     """Return the names of a text that Python interprets, with a goal's functions and some numbers."""
     functions = {function.__name__: function for function in (*goal.functions, sin, cos)}
-    namespace: dict[str, Any] = {**functions, **numbers}
-    exec(compile(text, "<lab-pendulum task>", "exec"), namespace)
-    return namespace
+    return executed(text, "task", {**functions, **numbers})

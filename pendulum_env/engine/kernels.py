@@ -16,6 +16,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from pendulum_env.common.sources import executed
 from pendulum_env.common.trust import own_bytes, own_folder, write_own
 from pendulum_env.common.version import __version__
 from pendulum_env.common.warn import warn, warn_once
@@ -192,8 +193,7 @@ def interpreted(text: str, title: str, names: Mapping[str, Any] | None = None) -
     """
     namespace: dict[str, Any] = {**dict.fromkeys(("inline", "separate", "apart", "entry"), _unchanged),
                                  "U": int, "lanes": range}
-    exec(compile(text, f"<lab-pendulum {title}>", "exec"), namespace)
-    namespace.update(names or {})
+    executed(text, title, namespace).update(names or {})
     return namespace
 
 

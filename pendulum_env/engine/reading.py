@@ -16,9 +16,7 @@ from __future__ import annotations
 
 import ast
 import builtins
-import hashlib
 import inspect
-import linecache
 import math
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -31,7 +29,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pendulum_env.common.checks import shown
-from pendulum_env.common.sources import FunctionSource, ReadingError, ours, parsed, source_of
+from pendulum_env.common.sources import FunctionSource, ReadingError, executed, ours, parsed, source_of
 from pendulum_env.physics import elementary
 from pendulum_env.physics.arctangent import atan2
 
@@ -134,12 +132,7 @@ def built(pieces: Iterable[Piece]) -> dict[str, FunctionType]:
 @lru_cache(maxsize=512)
 def _made(name: str, text: str, calls: tuple[tuple[str, Function], ...]) -> FunctionType:
     """Return the function of a text, which inspect can read again."""
-    file = f"<lab-pendulum {hashlib.sha256(text.encode()).hexdigest()[:16]}>"
-    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
-    namespace: dict[str, Any] = {**dict(calls), "__name__": MODULE}
-    exec(compile(text, file, "exec"), namespace)
-    made = namespace[name]
-    assert isinstance(made, FunctionType)
+    made: FunctionType = executed(text, name, {**dict(calls), "__name__": MODULE})[name]
     return made
 
 

@@ -23,9 +23,8 @@ from pendulum_env.engine.growing_file import read
 
 MAY_RUN = {
     "pendulum_env/cli/options.py": "imports modules of the package that it names itself, whose names a shell completes",
-    "pendulum_env/engine/goal.py": "the judge of a task, written from its own formulas",
-    "pendulum_env/engine/reading.py": "functions of a task or an effect, written anew from a user's own",
-    "pendulum_env/common/sources.py": "compares the source of a user's function with its code, without running it",
+    "pendulum_env/common/sources.py": "texts that the package has written: programs, judges of tasks, and functions "
+                                      "written anew from a user's own; and a user's source is compared with its code",
     "pendulum_env/engine/kernels.py": "the package's own generated text; machine code from a folder of one's own",
     "pendulum_env/engine/compiling.py": "the package's own generated text, without its arithmetic",
     "integrators/analysis/multistep_linear.py": "the package's own generated text",

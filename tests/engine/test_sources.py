@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import importlib.util
+import inspect
+import io
 import linecache
 import math
+import pdb
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,9 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pendulum_env import Scene, rollout
+import integrators
+from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.common.sources import source_of
 from pendulum_env.engine.elementwise import elementwise
+from pendulum_env.engine.generate import program
+from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.reading import ProgramError
 from pendulum_env.engine.source import text_of, with_callees
 from pendulum_env.physics.effects import Effect
@@ -211,6 +217,18 @@ def test_a_number_of_a_module_and_of_the_function_around_it_may_change(load: Loa
     assert with_callees([around.own])[-1](3.0) == 6.0
     around.change(7.0)
     assert with_callees([around.own])[-1](3.0) == 21.0
+
+
+def test_a_debugger_steps_through_a_program() -> None:
+    """Its lines are shown as those of a file, and the values are Python's floats."""
+    made = program(SCENES["exercise_large"], integrators.get("symplectic_euler"))
+    functions, shown = interpreted(made.text, made.title), io.StringIO()
+    values = [0.25] * len(inspect.signature(functions["step"]).parameters)
+    debugger = pdb.Pdb(stdin=io.StringIO("next\nnext\nnext\nnext\np v\ncontinue\n"), stdout=shown)
+    debugger.use_rawinput = False
+    result = debugger.runcall(functions["step"], *values)
+    assert "-> q = q + h*v" in shown.getvalue()
+    assert repr(result[1]) in shown.getvalue()
 
 
 def test_a_lambda_is_told_from_others_in_its_line() -> None:
