@@ -18,9 +18,9 @@ BLOCKS = [(name, mark, code) for name, page in READMES.items()
 """Page, mark and code."""
 FOREIGN = "needs "
 """Beginning of the marks of code that runs in an environment of its own, in tests/adapters."""
-ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/lab", "pendulum_env/bench", "pendulum_env/exercise",
-         "pendulum_env/study", "pendulum_env/web", "pendulum_env/envs", "pendulum_env/jax", "pendulum_env/hard_cases",
-         "examples/benchmarks", "tests")
+ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/engine", "pendulum_env/lab", "pendulum_env/bench",
+         "pendulum_env/exercise", "pendulum_env/study", "pendulum_env/web", "pendulum_env/envs", "pendulum_env/jax",
+         "pendulum_env/hard_cases", "examples/benchmarks", "tests")
 """Folders that have a page of their own."""
 FILM = {"angle": math.radians(60.0), "velocity": 0.0, "dt": 0.01, "damping": "none", "suspension": "rod",
         "backend": "python"}

@@ -34,6 +34,7 @@ SHORTER = {
     "lab-pendulum measure --oscillations 6": "",
     "lab-pendulum code --integrators rk4 --scene exercise_large": "",
     "lab-pendulum code --scene lab --integrators dop853 --language javascript": "",
+    "lab-pendulum code --language engine": "",
     "lab-pendulum effects --scene lab --angle 30 --tolerance 1e-3": "",
     'lab-pendulum stress --cases "near the top" --integrators rk4,velocity_verlet,gauss4': "",
     "lab-pendulum compare --stability -i rk4,velocity_verlet,gauss4": "",
