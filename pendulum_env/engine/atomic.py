@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import types
-from numba.core.extending import intrinsic
+from numba import types
+from numba.extending import intrinsic
 
 __all__ = ["add", "floats", "load", "store"]
 
