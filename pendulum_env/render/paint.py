@@ -59,8 +59,10 @@ def _clip(values: Any) -> Floats:
 
 def disc(image: Image, x: float, y: float, radius: float, colour: Floats, share: float = 1.0) -> None:
     """Fill a circle in an image, with the opacity `share` from 0 to 1."""
-    patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
-    blend(patch, _clip(radius + 0.5 - np.hypot(xs - x, ys - y)) * np.float32(share), colour)
+    left, right = _span(x - radius - 1, x + radius + 1, image.shape[1])
+    top, bottom = _span(y - radius - 1, y + radius + 1, image.shape[0])
+    plain_functions(pixels).disc(image, left, top, right, bottom, float(x), float(y), float(radius), float(share),
+                                 colour)
 
 
 class Stamp:
