@@ -13,11 +13,10 @@ from pendulum_env.engine.kernels import plain_functions
 from pendulum_env.render import pixels
 from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, blend
+from pendulum_env.render.pixels import PARTS
 
 PIECE = 3.0
 """Longest straight piece in which a path is painted [px]."""
-PARTS = 3
-"""Number of strips into which a graph divides each column of pixels."""
 FINE = 12
 """Points at which a graph is evaluated in each column of pixels; a multiple of 2 PARTS."""
 DIRECTIONS = tuple(math.radians(degrees) for degrees in (-90, -67.5, -45, -22.5, 0, 22.5, 45, 67.5, 90))

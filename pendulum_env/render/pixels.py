@@ -17,6 +17,8 @@ from numpy import ceil, float32, float64, uint8
 __all__ = ["arrow", "ball", "bar", "blend", "clipped", "disc", "graph", "line", "passages", "pieces", "trail"]
 
 NONE, HALF, FULL, NOWHERE = float32(0.0), float32(0.5), float32(1.0), float32(math.inf)
+PARTS = 3
+"""Number of strips into which a graph divides each column of pixels."""
 TURN = 2 * math.pi
 LARGEST = 2.0**53
 """Angle [rad] from which on numbers are more than a radian apart, so that no place on a circle belongs to them."""
@@ -270,8 +272,7 @@ def graph(
     and `rises` (bands, n), in pixels; it has an opacity and a tone (3,). Heights of nan are left out.
     """
     bands, _, count = edges.shape
-    parts = count // (right - left)
-    fine, last = parts * step, len(xs) - 1
+    fine, last = PARTS * step, len(xs) - 1
     begin, end, place = 0, 0, 0
     for i in range(len(heights)):
         x = float(left - pad) + i / fine
@@ -299,9 +300,9 @@ def graph(
                 if level + rise > edges[band, 1, i]:
                     edges[band, 1, i] = level + rise
     for column in range(left, right):
-        place = (column - left) * parts
+        place = (column - left) * PARTS
         highest, lowest = NOWHERE, -NOWHERE
-        for part in range(place, place + parts):
+        for part in range(place, place + PARTS):
             highest, lowest = min(highest, edges[0, 0, part]), max(lowest, edges[0, 1, part])
         if not highest < lowest:
             continue
@@ -311,10 +312,10 @@ def graph(
                                 float32(image[top + row, column, 2]))
             for band in range(bands):
                 cover = NONE
-                for part in range(place, place + parts):
+                for part in range(place, place + PARTS):
                     above, below = edges[band, 0, part], edges[band, 1, part]
                     cover += max(min(float32(row) + FULL, below) - max(float32(row), above), NONE)
-                cover *= float32(opacities[band] / parts)
+                cover *= float32(opacities[band] / PARTS)
                 red += (tones[band, 0] - red) * cover
                 green += (tones[band, 1] - green) * cover
                 blue += (tones[band, 2] - blue) * cover
