@@ -235,6 +235,7 @@ def pieces(shown: Any, rows: Any, count: int, left: int, top: int, width: float,
     pieces of at most `longest` pixels. The first pixel of `shown` is the one at (left, top) of the image.
     """
     edge, most = float32(width / 2 + 0.5), float32(min(1.0, width))
+    near = edge * edge
     for k in range(count):
         parts = max(math.ceil(math.hypot(rows[k, 3] - rows[k, 0], rows[k, 4] - rows[k, 1]) / longest), 1)
         step_x, step_y = (rows[k, 3] - rows[k, 0]) / parts, (rows[k, 4] - rows[k, 1]) / parts
@@ -253,9 +254,9 @@ def pieces(shown: Any, rows: Any, count: int, left: int, top: int, width: float,
                 for j in range(math.floor(max(x0, x1) + pad) - column + 1):
                     x = float32(column + 0.5 - x0) + float32(j)
                     along = min(max((x * dx + y * dy) / square, NONE), FULL)
-                    cover = edge - distance(x - along * dx, y - along * dy)
-                    if cover > NONE:
-                        cover = min(cover, most) * float32(first + float64(along) * (last - first))
+                    off_x, off_y = x - along * dx, y - along * dy
+                    if off_x * off_x + off_y * off_y < near:  # a root takes longer than all else here
+                        cover = min(edge - distance(off_x, off_y), most) * float32(first + float64(along) * (last - first))
                         if cover > shown[row - top + i, column - left + j]:
                             shown[row - top + i, column - left + j] = cover
 
