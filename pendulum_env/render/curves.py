@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.kernels import plain_functions
-from pendulum_env.render import pixels
 from pendulum_env.render.layout import Box
-from pendulum_env.render.paint import Floats, Image, blend
+from pendulum_env.render.paint import Floats, Image, blend, loops
 from pendulum_env.render.pixels import PARTS
 
 PIECE = 3.0
@@ -33,13 +31,13 @@ def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats
     """
     pad = width / 2 + 1
     rows = np.empty((max(0, len(path) - 1), 6))
-    count, *box = plain_functions(pixels).clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad, rows)
+    count, *box = loops().clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad, rows)
     if not count:
         return
     far = pad + 1.0  # a pixel more than the pieces touch, because their ends are rounded
     left, top, right, bottom = (math.floor(end + away) for end, away in zip(box, (-far, -far, far, far), strict=True))
     shown = np.zeros((bottom - top + 1, right - left + 1), dtype=np.float32)
-    plain_functions(pixels).pieces(shown, rows, count, left, top, width, PIECE)
+    loops().pieces(shown, rows, count, left, top, width, PIECE)
     x, y = max(0, -left), max(0, -top)
     patch = image[top + y : top + len(shown), left + x : left + shown.shape[1]]
     blend(patch, shown[y : y + patch.shape[0], x : x + patch.shape[1]], colour)
@@ -58,7 +56,7 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
         return
     pad, columns = math.ceil(width / 2 + rim), right - left
     shifts, rises, opacities, tones = _bands(width, rim, colour.tobytes(), b"" if casing is None else casing.tobytes())
-    plain_functions(pixels).graph(
+    loops().graph(
         image, left, top, right, bottom, xs, ys, pad, FINE // PARTS, shifts, rises, opacities, tones,
         np.empty((columns + 2 * pad) * FINE + 1, dtype=np.float32),
         np.empty((len(tones), 2, PARTS * columns), dtype=np.float32))

@@ -256,7 +256,8 @@ def pieces(shown: Any, rows: Any, count: int, left: int, top: int, width: float,
                     along = min(max((x * dx + y * dy) / square, NONE), FULL)
                     off_x, off_y = x - along * dx, y - along * dy
                     if off_x * off_x + off_y * off_y < near:  # a root takes longer than all else here
-                        cover = min(edge - distance(off_x, off_y), most) * float32(first + float64(along) * (last - first))
+                        strength = float32(first + float64(along) * (last - first))
+                        cover = min(edge - distance(off_x, off_y), most) * strength
                         if cover > shown[row - top + i, column - left + j]:
                             shown[row - top + i, column - left + j] = cover
 
