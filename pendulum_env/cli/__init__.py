@@ -2,47 +2,33 @@
 
 from __future__ import annotations
 
+import ast
+import builtins
 import sys
 import traceback
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache
+from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 import typer.core
+import typer.main
 
-from pendulum_env.cli.acquire import acquire
-from pendulum_env.cli.auto import auto
-from pendulum_env.cli.code import code
-from pendulum_env.cli.compare import compare
 from pendulum_env.cli.console import open_streams, say
-from pendulum_env.cli.cost import cost
-from pendulum_env.cli.demo import demo
-from pendulum_env.cli.effects import effects
-from pendulum_env.cli.exercise import exercise
-from pendulum_env.cli.fit import fit
-from pendulum_env.cli.list import list_
-from pendulum_env.cli.measure import measure
-from pendulum_env.cli.record import record
-from pendulum_env.cli.section import section
-from pendulum_env.cli.show import show
-from pendulum_env.cli.stress import stress
-from pendulum_env.cli.web import web
 from pendulum_env.common.texts import clean
 from pendulum_env.common.version import __version__, sources
 
 NAME = "lab-pendulum"
 """Name of the program."""
-COMMANDS: dict[str, Callable[..., None]] = {
-    "compare": compare, "cost": cost, "demo": demo, "auto": auto, "acquire": acquire, "fit": fit, "measure": measure,
-    "exercise": exercise, "show": show, "stress": stress, "effects": effects, "section": section, "code": code,
-    "web": web, "record": record, "list": list_,
-}
-"""Every command by its name, in the order of the help. A command imports the code that it runs only when it is run."""
+COMMANDS = ("compare", "cost", "demo", "auto", "acquire", "fit", "measure", "exercise", "show", "stress", "effects",
+            "section", "code", "web", "record", "list")
+"""Every command, in the order of the help: the function of this name in the module of this name, which is imported only
+when the command is run."""
 
 DEBUG = "--debug"
 """Option of all commands, which shows the traceback of an error."""
@@ -50,8 +36,46 @@ SAID = (ValueError, TypeError, OSError, RuntimeError)
 """Errors that are printed as one sentence, without a traceback."""
 
 
+PLAIN: dict[str, Any] = {
+    "pretty_exceptions_enable": False, "context_settings": {"help_option_names": ["-h", "--help"]},
+    "rich_markup_mode": None,  # with boxes, typer imports a third of a second of other packages
+}
+"""Settings of the program, and of each command."""
+
+
+class Loaded(Mapping[str, Any]):
+    """The commands as typer has them, each imported when it is looked up; ``others`` are those of this module."""
+
+    def __init__(self, others: Mapping[str, Any]) -> None:
+        self._others = others
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in COMMANDS:
+            return self._others[name]
+        return typer.main.get_command(_alone(name, getattr(import_module(f"{__name__}.{name}"), _function(name))))
+
+    def __iter__(self) -> Iterator[str]:
+        yield from (*COMMANDS, *self._others)
+
+    def __len__(self) -> int:
+        return len(COMMANDS) + len(self._others)
+
+
 class Commands(typer.core.TyperGroup):
     """The commands; an unknown option is answered with the nearest ones."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = Loaded(self.commands)  # type: ignore[assignment]
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the commands, without importing them."""
+        return list(self.commands)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the list of commands with the first sentences of their docstrings, which are read, not imported."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, _in_short(name)) for name in self.list_commands(ctx)])
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command of a context."""
@@ -74,8 +98,7 @@ class Commands(typer.core.TyperGroup):
 app = typer.Typer(
     cls=Commands,
     help="A university lab's pendulum: compare integrators, measure the cost of accuracy, film runs.",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    **PLAIN,
 )
 
 
@@ -89,8 +112,24 @@ def _help(command: Callable[..., None]) -> str:
                        for paragraph in paragraphs)
 
 
-for _name, _command in COMMANDS.items():
-    app.command(name=_name, help=_help(_command))(_command)
+def _alone(name: str | None, command: Callable[..., None]) -> typer.Typer:
+    """Return the program of a command alone, called ``name``."""
+    alone = typer.Typer(add_completion=False, **PLAIN)
+    alone.command(name=name, help=_help(command))(command)
+    return alone
+
+
+def _function(name: str) -> str:
+    """Return the name of a command's function: its own or, if that is one of Python's, with an underscore."""
+    return f"{name}_" if hasattr(builtins, name) else name
+
+
+def _in_short(name: str) -> str:
+    """Return the first paragraph of a command's docstring."""
+    path = Path(__file__) if name not in COMMANDS else Path(__file__).with_name(f"{name}.py")
+    found = next(node for node in ast.parse(path.read_text(encoding="utf-8")).body
+                 if isinstance(node, ast.FunctionDef) and node.name == _function(name))
+    return " ".join((ast.get_docstring(found) or "").partition("\n\n")[0].split())
 
 
 @app.command("help")
@@ -113,10 +152,7 @@ def main() -> None:
 
 def run_alone(command: Callable[..., None]) -> None:
     """Run a command on its own, with the options of the command line, as :func:`main` runs those of the program."""
-    alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False,
-                        context_settings={"help_option_names": ["-h", "--help"]})
-    alone.command(help=_help(command))(command)
-    _run(alone, Path(sys.argv[0]).name, [])
+    _run(_alone(None, command), Path(sys.argv[0]).name, [])
 
 
 def _run(program: typer.Typer, name: str, otherwise: list[str]) -> None:

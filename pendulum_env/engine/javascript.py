@@ -11,13 +11,14 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterable
-from functools import singledispatchmethod
+from functools import lru_cache, singledispatchmethod
 from typing import Any
 
 from pendulum_env.common.checks import printable
 from pendulum_env.common.sources import parsed
 from pendulum_env.engine.generate import Program
 from pendulum_env.engine.reading import ProgramError
+from pendulum_env.engine.source import blocks_of, words_of
 from pendulum_env.engine.syntax import is_nan, names_set, parameters_of
 
 EXPORTED = ("run", "info")
@@ -67,21 +68,46 @@ def javascript(program: Program) -> str:
 
 def translated(text: str) -> str:
     """Return the JavaScript of a program's text; raises ProgramError for a statement or a name without translation."""
-    tree = parsed(text)
-    return _Module(tree).text()
+    blocks = blocks_of(text)
+    functions, constants = (frozenset(name for block in blocks for name in _defined(block)[i]) for i in range(2))
+    parts, chosen = list[str](), set[str]()
+    for block in blocks:
+        texts, called = _part(block, functions & words_of(block), constants & words_of(block))
+        parts += texts
+        chosen |= called
+    own = [f"function {name}(a, b) {{\n  return {CHOSEN[name]};\n}}" for name in sorted(chosen)]
+    return "\n\n".join([*parts[:1], *own, *parts[1:]]) + "\n"
+
+
+@lru_cache(maxsize=4096)
+def _defined(block: str) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the names of the functions and of the constants that a part of a program defines."""
+    body = parsed(block).body
+    return (frozenset(node.name for node in body if isinstance(node, ast.FunctionDef)),
+            frozenset(names_set(*(node for node in body if isinstance(node, ast.Assign)))))
+
+
+@lru_cache(maxsize=4096)
+def _part(
+    block: str, functions: frozenset[str], constants: frozenset[str]
+) -> tuple[tuple[str, ...], frozenset[str]]:
+    """Return the translations of a part's statements, and those of CHOSEN that they call.
+
+    ``functions`` and ``constants`` are the names of the program's own that the part uses.
+    """
+    module = _Module(parsed(block), functions, constants)
+    return tuple(module.parts()), frozenset(module.chosen)
 
 
 class _Module:
-    """The translation of one program."""
+    """The translation of a part of a program; ``functions`` and ``constants`` are names of the whole program."""
 
-    def __init__(self, tree: ast.Module) -> None:
-        self._tree = tree
-        self._functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
-        self._constants = {*names_set(*(node for node in tree.body if isinstance(node, ast.Assign)))}
-        self._chosen: set[str] = set()
+    def __init__(self, tree: ast.Module, functions: frozenset[str], constants: frozenset[str]) -> None:
+        self._tree, self._functions, self._constants = tree, functions, constants
+        self.chosen: set[str] = set()
 
-    def text(self) -> str:
-        """Return the module's text."""
+    def parts(self) -> list[str]:
+        """Return the translations of the statements."""
         parts: list[str] = []
         for node in self._tree.body:
             if isinstance(node, ast.Expr):
@@ -96,8 +122,7 @@ class _Module:
                 parts.append("\n".join(_Body(self, set(), self._constants).lines(node)))
             else:
                 raise _unknown(node, "the statement")
-        chosen = [f"function {name}(a, b) {{\n  return {CHOSEN[name]};\n}}" for name in sorted(self._chosen)]
-        return "\n\n".join([*parts[:1], *chosen, *parts[1:]]) + "\n"
+        return parts
 
     def _function(self, node: ast.FunctionDef) -> list[str]:
         """Return the lines of one function."""
@@ -125,7 +150,7 @@ class _Module:
         if name in self._functions:
             return _name(name)
         if name in CHOSEN and len(node.args) == 2:
-            self._chosen.add(name)
+            self.chosen.add(name)
             return name
         if name in SAME and len(node.args) == 1:
             return SAME[name]

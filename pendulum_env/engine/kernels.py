@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
+from time import perf_counter
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, Literal, Protocol
 
@@ -255,19 +256,22 @@ def compiled(text: str, title: str, kind: str = "kernel", own: bool = False) -> 
     return vars(module)
 
 
-def plain_functions(module: ModuleType) -> SimpleNamespace:
+def plain_functions(module: ModuleType, patience: float = 0.0) -> SimpleNamespace:
     """Return the functions in a module's ``__all__``, compiled at their first call unless programs are interpreted.
+
+    A function whose machine code is not stored is compiled only after Python has run it for ``patience`` seconds, so
+    that nobody waits for the compiler who needs it a few times. The backend "compiled" has no patience.
 
     They are plain Python on numbers and arrays, without decorators, and make no objects; they may call the module's
     other functions. The names in PREAMBLE must not be the module's. The machine code is cached on disk. Python runs the
     functions where numba does not work, and while the environment variable LAB_PENDULUM_BACKEND says so, with the
     same results.
     """
-    return _plain_functions(module, os.environ.get(VARIABLE))
+    return _plain_functions(module, os.environ.get(VARIABLE), patience)
 
 
 @cache
-def _plain_functions(module: ModuleType, named: str | None) -> SimpleNamespace:
+def _plain_functions(module: ModuleType, named: str | None, patience: float) -> SimpleNamespace:
     """Return the same while the environment variable has the value ``named``."""
     own = {name: function for name, function in vars(module).items()
            if isinstance(function, FunctionType) and function.__module__ == module.__name__}
@@ -279,11 +283,34 @@ def _plain_functions(module: ModuleType, named: str | None) -> SimpleNamespace:
         for name, function in own.items():
             kind = names["entry" if name in module.__all__ else "inline"]
             own[name] = names[name] = kind(FunctionType(function.__code__, names, name))
+        stored: set[str] = set()
         try:
-            _cache_code(own.values(), own_folder(cache_folder()) / start, False)
+            folder = own_folder(cache_folder())
+            _cache_code(own.values(), folder / start, False)
+            stored = {path.name.split(".")[1] for path in folder.glob(f"{start}.*.nbc")}
         except OSError as error:
             _warn_uncached(_reason(error))
+        if patience and named != "compiled":
+            own |= {name: _first_by_python(getattr(module, name), own[name], patience)
+                    for name in {*module.__all__} - stored}
     return SimpleNamespace(**{name: own[name] for name in module.__all__})
+
+
+def _first_by_python(plain: Callable[..., Any], fast: Callable[..., Any], patience: float) -> Callable[..., Any]:
+    """Return the function ``fast``, in whose place Python runs ``plain`` until it has taken ``patience`` seconds."""
+    spent = 0.0
+
+    def run(*given: Any) -> Any:
+        nonlocal spent
+        if spent > patience:
+            return fast(*given)
+        begun = perf_counter()
+        try:
+            return plain(*given)
+        finally:
+            spent += perf_counter() - begun
+
+    return run
 
 
 def _digest(text: str) -> str:

@@ -101,31 +101,54 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
     since the program would compute with a wrong number, and for two functions of the same name.
     """
     names = set(coefficients)
-    taken = names & {"control", "side", "direction"}
-    try:
-        tables = symtable(text, "<program>", "exec").get_children()
-    except SyntaxError as error:  # a coefficient that is an argument twice
-        twice = {name for name in names if f"'{name}'" in str(error)}
-        if not twice:
-            raise
-        raise _taken(twice) from None
-    defined = [table.get_name() for table in tables]
+    taken, defined = names & {"control", "side", "direction"}, list[str]()
+    for block in blocks_of(text):
+        functions, wrong = _checked(block, words_of(block) & names)
+        defined += functions
+        taken |= wrong
     for name in defined:
         if defined.count(name) > 1:
             raise ProgramError(f"Two functions of the generated program have the name {name}; rename one of them.")
     taken |= names & {*defined}
+    if taken:
+        raise _taken(taken)
+
+
+@lru_cache(maxsize=4096)
+def _checked(block: str, names: frozenset[str]) -> tuple[tuple[str, ...], frozenset[str]]:
+    """Return the names of the functions in a part of a program, and those of ``names`` that it uses otherwise."""
+    try:
+        tables = symtable(block, "<program>", "exec").get_children()
+    except SyntaxError as error:  # a coefficient that is an argument twice
+        twice = {name for name in names if f"'{name}'" in str(error)}
+        if not twice:
+            raise
+        return (), frozenset(twice)
+    taken: set[str] = set()
     starts = [table.get_lineno() - 1 for table in tables]
     for table, start, end in zip(tables, starts, [*starts[1:], None], strict=True):
         own = {name for name in names.intersection(table.get_identifiers()) if table.lookup(name).is_assigned()}
         twice = {name for name in own if table.lookup(name).is_parameter()}
         if own - twice:
             # A decorator in the line before stands with the function before, and is dropped.
-            lines = text.split("\n")[start:end]
+            lines = block.split("\n")[start:end]
             stored = names_set(parsed("\n".join(line for line in lines if not line.startswith("@"))))
             twice |= {name for name in own if stored.count(name) > 1}
         taken |= twice
-    if taken:
-        raise _taken(taken)
+    return tuple(table.get_name() for table in tables), frozenset(taken)
+
+
+def blocks_of(text: str) -> tuple[str, ...]:
+    """Return the parts of a program, all of them but the first a function, which many programs share."""
+    blocks = tuple(re.split(r"\n\n+(?=@|def )", text))
+    whole = all(block.count(quotes) % 2 == 0 for block in blocks for quotes in ('"""', "'''"))
+    return blocks if whole else (text,)
+
+
+@lru_cache(maxsize=4096)
+def words_of(block: str) -> frozenset[str]:
+    """Return all words in a part of a program, among them all names."""
+    return frozenset(re.findall(r"\w+", block))
 
 
 def _taken(names: set[str]) -> ProgramError:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -104,19 +104,18 @@ class Reel:
         """Return the recorded samples of the only environment, or of the one at the index ``place`` of a vector."""
         if self.past is None:
             return None
-        values = chain.from_iterable(self.past) if place is None else chain.from_iterable(
-            row[:, place] for row in self.past)
-        rows = np.fromiter(values, float).reshape(-1, len(self.names))
-        rows = rows[~np.isnan(rows[:, 0])]
-        return PastSamples(**{LEDGER.get(name, name): rows[:, i] for i, name in enumerate(self.names)})
+        samples = (np.frombuffer(b"".join(self.past)).reshape(-1, len(self.names)) if place is None else
+                   np.array([row[:, place] for row in self.past]))
+        columns = samples[~np.isnan(samples[:, 0])].T.copy()  # each in one piece, as frames read them column by column
+        return PastSamples(**{LEDGER.get(name, name): columns[i] for i, name in enumerate(self.names)})
 
     def _row(self, motion: Sequence[Any], info: Mapping[str, Any]) -> Any:
-        """Return a sample as a list of floats or, for a vector, as an array with a column per environment.
+        """Return a sample as an array of Python's or, for a vector, as one of NumPy's with a column per environment.
 
         The values are ``motion`` (time, angle, velocity) and, if energies are recorded, those of ``info``.
         """
         values = [*motion, *(info[name] for name in self.names[len(MOTION):])]
-        return np.array(values) if isinstance(values[0], np.ndarray) else values
+        return np.array(values) if isinstance(values[0], np.ndarray) else array("d", values)
 
     def saved(self) -> dict[str, Any]:
         """Return the samples of one environment as a dict of plain lists, to be passed to :meth:`checked` later."""
@@ -149,5 +148,5 @@ class Reel:
         if self.trail is not None:
             self.trail = deque(trail, maxlen=self.trail.maxlen)
         if self.past is not None:
-            self.past = deque(past, maxlen=self.past.maxlen)
+            self.past = deque((array("d", row) for row in past), maxlen=self.past.maxlen)
             self._steps = steps

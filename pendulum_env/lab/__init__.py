@@ -5,25 +5,24 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.lab.cycles import Cycles, corrected_periods
-from pendulum_env.lab.driven.log import DrivenLog
-from pendulum_env.lab.gates import GateSheet, measure_gate
-from pendulum_env.lab.losses import Losses, losses
-from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period, small_amplitude_period
-from pendulum_env.lab.noise import noise_level, quantum_level, scatter_level
-from pendulum_env.lab.recording import Recording, RecordingError
-from pendulum_env.lab.sensor import VirtualSensor
-from pendulum_env.lab.sheet import LabSheet, measure
-from pendulum_env.lab.simulated import simulated_recording
-from pendulum_env.lab.tracks import Circle, fit_circle, track_angle
-from pendulum_env.lab.turning import TurningPoints, turning_points
-
 if TYPE_CHECKING:
+    from pendulum_env.lab.cycles import Cycles, corrected_periods
     from pendulum_env.lab.driven.fit import fit_driven
+    from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
     from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
+    from pendulum_env.lab.gates import GateSheet, measure_gate
+    from pendulum_env.lab.losses import Losses, losses
+    from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period, small_amplitude_period
+    from pendulum_env.lab.noise import noise_level, quantum_level, scatter_level
+    from pendulum_env.lab.recording import Recording, RecordingError
+    from pendulum_env.lab.sensor import VirtualSensor
+    from pendulum_env.lab.sheet import LabSheet, measure
+    from pendulum_env.lab.simulated import simulated_recording
+    from pendulum_env.lab.tracks import Circle, fit_circle, track_angle
+    from pendulum_env.lab.turning import TurningPoints, turning_points
 
 __all__ = [
     "Circle",
@@ -61,11 +60,40 @@ __all__ = [
 ]
 
 _LAZY = {
-    "DrivenFit": "pendulum_env.lab.driven.result", "DrivenPrediction": "pendulum_env.lab.driven.result",
-    "Fit": "pendulum_env.lab.fitting.result", "fit": "pendulum_env.lab.fitting.fit",
-    "fit_driven": "pendulum_env.lab.driven.fit", "Posterior": "pendulum_env.lab.fitting.posterior",
+    "Circle": "pendulum_env.lab.tracks",
+    "Cycles": "pendulum_env.lab.cycles",
+    "DrivenFit": "pendulum_env.lab.driven.result",
+    "DrivenLog": "pendulum_env.lab.driven.log",
+    "DrivenPrediction": "pendulum_env.lab.driven.result",
+    "Fit": "pendulum_env.lab.fitting.result",
+    "GateSheet": "pendulum_env.lab.gates",
+    "LabSheet": "pendulum_env.lab.sheet",
+    "Losses": "pendulum_env.lab.losses",
+    "Measurement": "pendulum_env.lab.measures",
+    "Posterior": "pendulum_env.lab.fitting.posterior",
+    "Recording": "pendulum_env.lab.recording",
+    "RecordingError": "pendulum_env.lab.recording",
+    "TurningPoints": "pendulum_env.lab.turning",
+    "VirtualSensor": "pendulum_env.lab.sensor",
+    "corrected_periods": "pendulum_env.lab.cycles",
+    "crossings": "pendulum_env.lab.measures",
+    "decay_rate": "pendulum_env.lab.measures",
+    "fit": "pendulum_env.lab.fitting.fit",
+    "fit_circle": "pendulum_env.lab.tracks",
+    "fit_driven": "pendulum_env.lab.driven.fit",
+    "losses": "pendulum_env.lab.losses",
+    "measure": "pendulum_env.lab.sheet",
+    "measure_gate": "pendulum_env.lab.gates",
+    "noise_level": "pendulum_env.lab.noise",
+    "period": "pendulum_env.lab.measures",
+    "quantum_level": "pendulum_env.lab.noise",
+    "scatter_level": "pendulum_env.lab.noise",
+    "simulated_recording": "pendulum_env.lab.simulated",
+    "small_amplitude_period": "pendulum_env.lab.measures",
+    "track_angle": "pendulum_env.lab.tracks",
+    "turning_points": "pendulum_env.lab.turning",
 }
-"""Names that are imported on first use, because their modules load the simulation engine."""
+"""Public names that are imported on first use, and their modules."""
 
 
 def __getattr__(name: str) -> Any:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.kernels import plain_functions
-from pendulum_env.render import pixels
 from pendulum_env.render.layout import Box
-from pendulum_env.render.paint import Floats, Image, blend
+from pendulum_env.render.paint import Floats, Image, blend, loops
+from pendulum_env.render.pixels import PARTS
 
 PIECE = 3.0
 """Longest straight piece in which a path is painted [px]."""
-PARTS = 3
-"""Number of strips into which a graph divides each column of pixels."""
 FINE = 12
 """Points at which a graph is evaluated in each column of pixels; a multiple of 2 PARTS."""
 DIRECTIONS = tuple(math.radians(degrees) for degrees in (-90, -67.5, -45, -22.5, 0, 22.5, 45, 67.5, 90))
@@ -32,52 +30,17 @@ def fading(image: Image, path: NDArray[np.float64], width: float, colour: Floats
     opaque one is visible. A strength of nan interrupts the path.
     """
     pad = width / 2 + 1
-    rows = _pieces(_clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad))
-    if not len(rows):
+    rows = np.empty((max(0, len(path) - 1), 6))
+    count, *box = loops().clipped(path, image.shape[1] + pad, image.shape[0] + pad, -pad, rows)
+    if not count:
         return
-    side = math.ceil(PIECE + width) + 3
-    ends = rows[:, [0, 1, 3, 4]].reshape(-1, 2)
-    (left, top), (right, bottom) = (np.floor(far - pad).astype(int) for far in (ends.min(axis=0), ends.max(axis=0)))
-    shown = np.zeros((bottom - top + side, right - left + side), dtype=np.float32)
-    plain_functions(pixels).pieces(shown, rows, int(left), int(top), side, width)
+    far = pad + 1.0  # a pixel more than the pieces touch, because their ends are rounded
+    left, top, right, bottom = (math.floor(end + away) for end, away in zip(box, (-far, -far, far, far), strict=True))
+    shown = np.zeros((bottom - top + 1, right - left + 1), dtype=np.float32)
+    loops().pieces(shown, rows, count, left, top, width, PIECE)
     x, y = max(0, -left), max(0, -top)
     patch = image[top + y : top + len(shown), left + x : left + shown.shape[1]]
     blend(patch, shown[y : y + patch.shape[0], x : x + patch.shape[1]], colour)
-
-
-def _clipped(path: NDArray[np.float64], right: float, bottom: float, least: float) -> NDArray[np.float64]:
-    """Return the straight pieces of a path that are inside a box, as rows (x0, y0, strength, x1, y1, strength).
-
-    Each row has the ends of a piece [px] and the opacity there. The box reaches from `least` to `right` and from
-    `least` to `bottom` [px].
-    """
-    rows = np.hstack((path[:-1], path[1:]))
-    rows = rows[~np.isnan(rows).any(axis=1)]
-    begin, end = np.zeros(len(rows)), np.ones(len(rows))
-    for start, stop, most in ((rows[:, 0], rows[:, 3], right), (rows[:, 1], rows[:, 4], bottom)):
-        span = stop - start
-        step = np.where(span == 0, 1.0, span)
-        near, far = (least - start) / step, (most - start) / step
-        outside = (span == 0) & ((start < least) | (start > most))
-        begin = np.where(span == 0, np.where(outside, 2.0, begin), np.maximum(begin, np.minimum(near, far)))
-        end = np.where(span == 0, end, np.minimum(end, np.maximum(near, far)))
-    inside = begin < end
-    rows, begin, end = rows[inside], begin[inside, None], end[inside, None]
-    span = rows[:, 3:] - rows[:, :3]
-    return np.hstack((rows[:, :3] + begin * span, rows[:, :3] + end * span))
-
-
-def _pieces(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Divide the straight pieces of a path into pieces of at most three pixels.
-
-    Rows are (x0, y0, strength, x1, y1, strength): the two ends of a piece [px], each followed by the opacity there.
-    """
-    steps = np.hypot(rows[:, 3] - rows[:, 0], rows[:, 4] - rows[:, 1])
-    counts = np.maximum(np.ceil(steps / PIECE), 1).astype(np.intp)
-    which = np.arange(len(rows)).repeat(counts)
-    place = (np.arange(len(which)) - (counts.cumsum() - counts).repeat(counts))[:, None]
-    start, span = rows[which, :3], (rows[:, 3:] - rows[:, :3])[which] / counts[which, None]
-    return np.hstack((start + place * span, start + (place + 1) * span))
 
 
 def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float64], width: float, colour: Floats,
@@ -91,21 +54,21 @@ def graph(image: Image, area: Box, xs: NDArray[np.float64], ys: NDArray[np.float
     right, bottom = min(round(area.right), image.shape[1]), min(round(area.bottom), image.shape[0])
     if len(xs) < 2 or right <= left or bottom <= top:
         return
-    pad, step = math.ceil(width / 2 + rim), FINE // PARTS
-    fine = left - pad + np.arange((right - left + 2 * pad) * FINE + 1) / FINE
-    heights = (np.interp(fine, xs, ys) - top).astype(np.float32)
-    begin, end = fine.searchsorted((xs[0], xs[-1]))
-    bands = [(tone, thick) for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone is not None]
-    shifts, rises = zip(*(_reach(thick) for _, thick in bands), strict=True)
-    plain_functions(pixels).graph(
-        image, left, top, right, bottom, heights, int(begin), int(end), pad * FINE + step // 2, step, np.array(shifts),
-        np.array(rises), np.array([min(1.0, thick) for _, thick in bands]), np.array([tone for tone, _ in bands]),
-        np.empty((len(bands), 2, PARTS), dtype=np.float32))
+    pad, columns = math.ceil(width / 2 + rim), right - left
+    shifts, rises, opacities, tones = _bands(width, rim, colour.tobytes(), b"" if casing is None else casing.tobytes())
+    loops().graph(
+        image, left, top, right, bottom, xs, ys, pad, FINE // PARTS, shifts, rises, opacities, tones,
+        np.empty((columns + 2 * pad) * FINE + 1, dtype=np.float32),
+        np.empty((len(tones), 2, PARTS * columns), dtype=np.float32))
 
 
 @lru_cache(maxsize=64)
-def _reach(thick: float) -> tuple[NDArray[np.intp], Floats]:
-    """Return how far a graph's line reaches from its middle in DIRECTIONS: along, in points of 1/FINE px, and up [px].
+def _bands(width: float, rim: float, colour: bytes, casing: bytes) -> tuple[Any, ...]:
+    """Return the bands of a graph's line, the casing first: how far each reaches from its middle in DIRECTIONS, along,
+    in points of 1/FINE px, and up [px], and its opacity and tone. Colours are the bytes of arrays.
     """
-    along = [round(thick / 2 * FINE * math.sin(turn)) for turn in DIRECTIONS]
-    return np.array(along), np.array([thick / 2 * math.cos(turn) for turn in DIRECTIONS], dtype=np.float32)
+    bands = [(tone, thick) for tone, thick in ((casing, width + 2 * rim), (colour, width)) if tone]
+    along = [[round(thick / 2 * FINE * math.sin(turn)) for turn in DIRECTIONS] for _, thick in bands]
+    up = [[thick / 2 * math.cos(turn) for turn in DIRECTIONS] for _, thick in bands]
+    return (np.array(along), np.array(up, dtype=np.float32), np.array([min(1.0, thick) for _, thick in bands]),
+            np.array([np.frombuffer(tone, dtype=np.float32) for tone, _ in bands]))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,15 @@ Floats = NDArray[np.float32]
 
 _CENTRES: Floats = np.arange(65_536, dtype=np.float32) + np.float32(0.5)
 _SHADES = 256
+PATIENCE = 0.15
+"""Time [s] for which Python runs a loop before it is compiled, if it never was: enough for the first frames."""
+LARGE = 16.0
+"""Radius from which on a disc is painted by NumPy, as the loop takes seconds where Python runs it [px]."""
+
+
+def loops() -> SimpleNamespace:
+    """Return the loops over pixels of :mod:`pendulum_env.render.pixels`, compiled unless programs are interpreted."""
+    return plain_functions(pixels, PATIENCE)
 
 
 def blend(patch: Image, cover: Floats, colour: Floats) -> None:
@@ -33,7 +43,7 @@ def blend(patch: Image, cover: Floats, colour: Floats) -> None:
     """
     if patch.shape[:2] != cover.shape:
         raise ValueError(f"cover must have the shape {patch.shape[:2]} of the pixels, not {cover.shape}")
-    plain_functions(pixels).blend(patch, cover, colour)
+    loops().blend(patch, cover, colour)
 
 
 def _span(low: float, high: float, limit: int) -> tuple[int, int]:
@@ -59,8 +69,13 @@ def _clip(values: Any) -> Floats:
 
 def disc(image: Image, x: float, y: float, radius: float, colour: Floats, share: float = 1.0) -> None:
     """Fill a circle in an image, with the opacity `share` from 0 to 1."""
-    patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
-    blend(patch, _clip(radius + 0.5 - np.hypot(xs - x, ys - y)) * np.float32(share), colour)
+    if radius > LARGE:
+        patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
+        blend(patch, _clip(radius + 0.5 - np.hypot(xs - x, ys - y)) * np.float32(share), colour)
+        return
+    left, right = _span(x - radius - 1, x + radius + 1, image.shape[1])
+    top, bottom = _span(y - radius - 1, y + radius + 1, image.shape[0])
+    loops().disc(image, left, top, right, bottom, float(x), float(y), float(radius), float(share), colour)
 
 
 class Stamp:
@@ -86,7 +101,7 @@ def ball(image: Image, x: float, y: float, radius: float, colour: Floats) -> Non
     """Fill a circle with the shading of a ball that is lit from the upper left."""
     left, right = _span(x - radius - 1, x + radius + 1, image.shape[1])
     top, bottom = _span(y - radius - 1, y + radius + 1, image.shape[0])
-    plain_functions(pixels).ball(image, left, top, right, bottom, float(x), float(y), float(radius),
+    loops().ball(image, left, top, right, bottom, float(x), float(y), float(radius),
                                  _shades(colour.tobytes()))
 
 
@@ -106,7 +121,7 @@ def bar(image: Image, left: float, top: int, right: float, bottom: int, colour: 
     Nothing is painted if right <= left.
     """
     if right > left:
-        plain_functions(pixels).bar(image, float(left), int(top), float(right), int(bottom), colour)
+        loops().bar(image, float(left), int(top), float(right), int(bottom), colour)
 
 
 def box(
@@ -166,5 +181,5 @@ def _stroke(image: Image, swapped: bool, x0: float, y0: float, x1: float, y1: fl
     rows, columns = image.shape[1::-1] if swapped else image.shape[:2]
     top, bottom = _span(y0 - width / 2 - 1, y1 + width / 2 + 1, rows)
     count = min(math.ceil(2 * reach) + 1, columns)
-    plain_functions(pixels).line(image, swapped, top, bottom, count, x0, y0, ux, uy, length, reach, width,
+    loops().line(image, swapped, top, bottom, count, x0, y0, ux, uy, length, reach, width,
                                  colour.reshape(-1, 3))

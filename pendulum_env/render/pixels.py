@@ -14,9 +14,11 @@ from typing import Any
 
 from numpy import ceil, float32, float64, uint8
 
-__all__ = ["arrow", "ball", "bar", "blend", "graph", "line", "passages", "pieces", "trail"]
+__all__ = ["arrow", "ball", "bar", "blend", "clipped", "disc", "graph", "line", "passages", "pieces", "trail"]
 
 NONE, HALF, FULL, NOWHERE = float32(0.0), float32(0.5), float32(1.0), float32(math.inf)
+PARTS = 3
+"""Number of strips into which a graph divides each column of pixels."""
 TURN = 2 * math.pi
 LARGEST = 2.0**53
 """Angle [rad] from which on numbers are more than a radian apart, so that no place on a circle belongs to them."""
@@ -38,7 +40,22 @@ def blend(image: Any, cover: Any, colour: Any) -> None:
     """Mix a colour, (3,), into all pixels of an image; `cover` (H, W), 0 to 1, is its fraction in each."""
     for row in range(image.shape[0]):
         for column in range(image.shape[1]):
-            mix(image, row, column, cover[row, column], colour)
+            if cover[row, column] > NONE:
+                mix(image, row, column, cover[row, column], colour)
+
+
+def disc(
+    image: Any, left: int, top: int, right: int, bottom: int, x: float, y: float, radius: float, share: float,
+    colour: Any
+) -> None:
+    """Paint a disc with its centre at (x, y) and the opacity `share`, inside a box of whole pixels."""
+    edge = float32(radius + 0.5)
+    for row in range(top, bottom):
+        for column in range(left, right):
+            away = distance(float32(column) + HALF - float32(x), float32(row) + HALF - float32(y))
+            cover = min(edge - away, FULL)
+            if cover > NONE:
+                mix(image, row, column, cover * float32(share), colour)
 
 
 def line(
@@ -179,70 +196,128 @@ def arrow(
             mix(image, rows[k], columns[k], min(share, FULL), colour)
 
 
-def pieces(shown: Any, rows: Any, left: int, top: int, side: int, width: float) -> None:
-    """Raise the opacities `shown` (h, w) to those of straight pieces of a line, `width` pixels wide.
+def clipped(path: Any, right: float, bottom: float, least: float, rows: Any) -> tuple[int, float, float, float, float]:
+    """Write the straight pieces of a path that are inside a box to `rows` (n, 6): (x0, y0, strength, x1, y1, strength).
 
-    The rows (n, 6) are (x0, y0, strength, x1, y1, strength): the ends of a piece and the opacities there. Around each
-    piece, a square of `side` pixels is looked at. The first pixel of `shown` is the one at (left, top) of the image.
+    The points (x, y, strength) of the path are joined by straight lines; where one is nan, the path is interrupted. The
+    box reaches from `least` to `right` and from `least` to `bottom`. Returns the number of pieces, and the box that
+    their ends fill: left, top, right and bottom.
     """
-    pad, edge, most = width / 2 + 1, float32(width / 2 + 0.5), float32(min(1.0, width))
-    for k in range(len(rows)):
-        x0, y0, first, x1, y1, last = rows[k]
-        dx, dy = float32(x1 - x0), float32(y1 - y0)
-        square = dx * dx + dy * dy
-        column, row = math.floor(min(x0, x1) - pad), math.floor(min(y0, y1) - pad)
-        for i in range(side):
-            y = float32(row + 0.5 - y0) + float32(i)
-            for j in range(side):
-                x = float32(column + 0.5 - x0) + float32(j)
-                along = min(max((x * dx + y * dy) / (square if square > NONE else FULL), NONE), FULL)
-                cover = min(max(edge - distance(x - along * dx, y - along * dy), NONE), most)
-                cover *= float32(first + float64(along) * (last - first))
-                if cover > shown[row - top + i, column - left + j]:
-                    shown[row - top + i, column - left + j] = cover
+    count, first_x, first_y, last_x, last_y = 0, math.inf, math.inf, -math.inf, -math.inf
+    for k in range(len(path) - 1):
+        begin, end = 0.0, 1.0
+        for i in range(3):
+            if math.isnan(path[k, i]) or math.isnan(path[k + 1, i]):
+                begin = 2.0
+        for i in range(2):
+            start, span = path[k, i], path[k + 1, i] - path[k, i]
+            most = right if i == 0 else bottom
+            if span == 0.0:
+                if start < least or start > most:
+                    begin = 2.0
+            else:
+                near, far = (least - start) / span, (most - start) / span
+                begin, end = max(begin, min(near, far)), min(end, max(near, far))
+        if begin < end:
+            for i in range(3):
+                span = path[k + 1, i] - path[k, i]
+                rows[count, i], rows[count, 3 + i] = path[k, i] + begin * span, path[k, i] + end * span
+            first_x, last_x = min(first_x, rows[count, 0], rows[count, 3]), max(last_x, rows[count, 0], rows[count, 3])
+            first_y, last_y = min(first_y, rows[count, 1], rows[count, 4]), max(last_y, rows[count, 1], rows[count, 4])
+            count += 1
+    return count, first_x, first_y, last_x, last_y
+
+
+def pieces(shown: Any, rows: Any, count: int, left: int, top: int, width: float, longest: float) -> None:
+    """Raise the opacities `shown` (h, w) to those of `count` straight lines, `width` pixels wide.
+
+    The rows are (x0, y0, strength, x1, y1, strength): the ends of a line and the opacities there. A line is painted in
+    pieces of at most `longest` pixels. The first pixel of `shown` is the one at (left, top) of the image.
+    """
+    edge, most = float32(width / 2 + 0.5), float32(min(1.0, width))
+    near = edge * edge
+    for k in range(count):
+        parts = max(math.ceil(math.hypot(rows[k, 3] - rows[k, 0], rows[k, 4] - rows[k, 1]) / longest), 1)
+        step_x, step_y = (rows[k, 3] - rows[k, 0]) / parts, (rows[k, 4] - rows[k, 1]) / parts
+        fade = (rows[k, 5] - rows[k, 2]) / parts
+        for part in range(parts):
+            x0, y0, first = rows[k, 0] + part * step_x, rows[k, 1] + part * step_y, rows[k, 2] + part * fade
+            x1, y1 = rows[k, 0] + (part + 1) * step_x, rows[k, 1] + (part + 1) * step_y
+            last = rows[k, 2] + (part + 1) * fade
+            dx, dy = float32(x1 - x0), float32(y1 - y0)
+            square = dx * dx + dy * dy
+            square = square if square > NONE else FULL
+            pad = width / 2 + 1.0
+            column, row = math.floor(min(x0, x1) - pad), math.floor(min(y0, y1) - pad)
+            for i in range(math.floor(max(y0, y1) + pad) - row + 1):
+                y = float32(row + 0.5 - y0) + float32(i)
+                for j in range(math.floor(max(x0, x1) + pad) - column + 1):
+                    x = float32(column + 0.5 - x0) + float32(j)
+                    along = min(max((x * dx + y * dy) / square, NONE), FULL)
+                    off_x, off_y = x - along * dx, y - along * dy
+                    if off_x * off_x + off_y * off_y < near:  # a root takes longer than all else here
+                        strength = float32(first + float64(along) * (last - first))
+                        cover = min(edge - distance(off_x, off_y), most) * strength
+                        if cover > shown[row - top + i, column - left + j]:
+                            shown[row - top + i, column - left + j] = cover
 
 
 def graph(
-    image: Any, left: int, top: int, right: int, bottom: int, heights: Any, begin: int, end: int, start: int, step: int,
-    shifts: Any, rises: Any, opacities: Any, tones: Any, edges: Any
+    image: Any, left: int, top: int, right: int, bottom: int, xs: Any, ys: Any, pad: int, step: int, shifts: Any,
+    rises: Any, opacities: Any, tones: Any, heights: Any, edges: Any
 ) -> None:
-    """Paint a graph into a box of whole pixels, as bands one over the other, the widest first.
+    """Paint a graph, the line through the points (xs, ys), into a box of whole pixels, in bands, the widest first.
 
-    `heights` has the height of the graph below the top of the box, at points evenly spaced along it; it begins at
-    `begin` and ends at `end`. Each column of pixels has parts of `step` points, the first at the point `start`. A band
-    reaches from each point of the graph by `shifts` (bands, n), in points, and `rises` (bands, n), in pixels; it has an
-    opacity and a tone (3,). Heights of nan are left out. The array `edges` (bands, 2, parts) is for scratch.
+    The arrays `heights` and `edges` (bands, 2, parts of all columns) are for scratch: the first has room for the
+    heights of the graph below the top of the box at points of which each part of a column has `step`, from `pad` pixels
+    left of the box to `pad` right of it. A band reaches from each point of the graph by `shifts` (bands, n), in points,
+    and `rises` (bands, n), in pixels; it has an opacity and a tone (3,). Heights of nan are left out.
     """
-    bands, _, parts = edges.shape
+    bands, _, count = edges.shape
+    fine, last = PARTS * step, len(xs) - 1
+    begin, end, place = 0, 0, 0
+    for i in range(len(heights)):
+        x = float(left - pad) + i / fine
+        begin, end = begin + (x < xs[0]), end + (x < xs[last])
+        if x < xs[0]:
+            height = ys[0]
+        elif x >= xs[last]:
+            height = ys[last]
+        else:
+            while xs[place + 1] <= x:
+                place += 1
+            height = ys[place]
+            if x != xs[place]:
+                height += (ys[place + 1] - ys[place]) / (xs[place + 1] - xs[place]) * (x - xs[place])
+        heights[i] = float32(height - top)
+    for band in range(bands):
+        for i in range(count):
+            edges[band, 0, i], edges[band, 1, i] = NOWHERE, -NOWHERE
+        for k in range(shifts.shape[1]):
+            shift, rise = pad * fine + step // 2 + shifts[band, k], rises[band, k]
+            for i in range(max(0, -((shift - begin) // step)), min(count, (end - shift) // step + 1)):
+                level = heights[shift + i * step]
+                if level - rise < edges[band, 0, i]:
+                    edges[band, 0, i] = level - rise
+                if level + rise > edges[band, 1, i]:
+                    edges[band, 1, i] = level + rise
     for column in range(left, right):
-        for band in range(bands):
-            for part in range(parts):
-                middle = start + ((column - left) * parts + part) * step
-                above, below = NOWHERE, -NOWHERE
-                for k in range(shifts.shape[1]):
-                    place = middle + shifts[band, k]
-                    if begin <= place <= end:
-                        if heights[place] - rises[band, k] < above:
-                            above = heights[place] - rises[band, k]
-                        if heights[place] + rises[band, k] > below:
-                            below = heights[place] + rises[band, k]
-                edges[band, 0, part], edges[band, 1, part] = above, below
+        place = (column - left) * PARTS
         highest, lowest = NOWHERE, -NOWHERE
-        for part in range(parts):
+        for part in range(place, place + PARTS):
             highest, lowest = min(highest, edges[0, 0, part]), max(lowest, edges[0, 1, part])
         if not highest < lowest:
             continue
         first = int(min(max(highest, NONE), float32(bottom - top)))
-        last = math.ceil(min(max(lowest, NONE), float32(bottom - top)))
-        for row in range(first, last):
+        for row in range(first, math.ceil(min(max(lowest, NONE), float32(bottom - top)))):
             red, green, blue = (float32(image[top + row, column, 0]), float32(image[top + row, column, 1]),
                                 float32(image[top + row, column, 2]))
             for band in range(bands):
                 cover = NONE
-                for part in range(parts):
+                for part in range(place, place + PARTS):
                     above, below = edges[band, 0, part], edges[band, 1, part]
                     cover += max(min(float32(row) + FULL, below) - max(float32(row), above), NONE)
-                cover *= float32(opacities[band] / parts)
+                cover *= float32(opacities[band] / PARTS)
                 red += (tones[band, 0] - red) * cover
                 green += (tones[band, 1] - green) * cover
                 blue += (tones[band, 2] - blue) * cover

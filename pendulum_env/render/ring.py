@@ -9,9 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.kernels import plain_functions
 from pendulum_env.render import pixels
-from pendulum_env.render.paint import Floats, Image
+from pendulum_env.render.paint import Floats, Image, loops
 from pendulum_env.render.pixels import TURN
 
 HEAD = 0.6
@@ -64,7 +63,7 @@ class Ring:
         self._check(image)
         end, whole = start + sweep, abs(sweep) * self.radius
         for first, last, turns in self._between(min(start, end), max(start, end)):
-            plain_functions(pixels).arrow(
+            loops().arrow(
                 image, self.rows, self.columns, self.angle, self.side, self.cone, _SLOPE, first, last, end + turns,
                 math.copysign(self.radius, sweep), head * self.radius, whole, colour)
 
@@ -81,9 +80,9 @@ class Ring:
             return
         strength = np.zeros(self.bins, dtype=np.float32)
         path, sizes = np.array(angles, dtype=float), np.empty(len(angles) - 1)
-        low, high = plain_functions(pixels).passages(strength, path, sizes, _fade(len(path), strongest))
+        low, high = loops().passages(strength, path, sizes, _fade(len(path), strongest))
         for first, last, _ in self._between(low, high):
-            plain_functions(pixels).trail(image, self.rows, self.columns, self.bin, self.cover, first, last, strength,
+            loops().trail(image, self.rows, self.columns, self.bin, self.cover, first, last, strength,
                                           colour)
 
     def _check(self, image: Image) -> None:

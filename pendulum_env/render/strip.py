@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from pendulum_env.render.palette import ENERGY_COLOURS, rgb
 from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
 from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import View
+
+Floats64 = NDArray[np.float64]
 
 WINDOW = 10.0
 """Time that a plot covers [s]; the present is at its right end."""
@@ -84,22 +86,23 @@ class Strip:
             y = min(max(y, self.plot.top + half), self.plot.bottom - half)
             write(image, text, self.area.right, y, self.font, self.theme.faint_ink, (1.0, 0.5), self.theme.paper)
 
-    def curve(self, image: Image, view: View, name: str, scale: float, zero: float, unit: float) -> None:
-        """Draw the graph of one energy over time into the plot.
+    def curves(self, image: Image, view: View, series: Mapping[str, Floats64], scale: float, zero: float,
+               unit: float) -> None:
+        """Draw the graphs of energies over time, of :func:`recent`, into the plot.
 
         The value 0 J is at the height `zero` [px]; `scale` [J] is `unit` pixels above it.
         """
-        times, values = _series(view, name)
-        xs = self.plot.right - (view.time - times) * (self.plot.width / WINDOW)
-        with np.errstate(over="ignore"):
-            shares = np.clip(values / scale, -1e3, 1e3)
-        ys = np.clip(zero - shares * unit, self.plot.top - 9.0, self.plot.bottom + 9.0)
-        tone = rgb(ENERGY_COLOURS[name])
-        graph(image, self.plot, xs, ys, self.line, tone, self.line * 0.35, rgb(self.theme.casing))
-        inside = Box(self.plot.left, self.plot.top, self.plot.right, self.plot.bottom)
-        dot, y = 1.1 * self.line, min(max(float(ys[-1]), inside.top), inside.bottom)
-        part = image[int(inside.top):int(inside.bottom), :int(inside.right)]
-        disc(part, inside.right - dot, y - int(inside.top), dot, tone)
+        plot, casing = self.plot, rgb(self.theme.casing)
+        xs = plot.right - (view.time - _times(view)) * (plot.width / WINDOW)
+        part, dot = image[int(plot.top):int(plot.bottom), :int(plot.right)], 1.1 * self.line
+        for name, values in series.items():
+            with np.errstate(over="ignore"):
+                shares = (values / scale).clip(-1e3, 1e3)
+            ys, tone = (zero - shares * unit).clip(plot.top - 9.0, plot.bottom + 9.0), rgb(ENERGY_COLOURS[name])
+            if len(ys) == len(xs):
+                graph(image, plot, xs, ys, self.line, tone, self.line * 0.35, casing)
+            y = min(max(float(ys[-1]), plot.top), plot.bottom)
+            disc(part, plot.right - dot, y - int(plot.top), dot, tone)
 
 
 class History(Strip):
@@ -141,25 +144,24 @@ class History(Strip):
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         """Paint the graphs of the energies up to the shown instant, and the scale of the axis; ``tone`` is not used."""
-        names = [name for name in self.names if getattr(view, name) is not None]
-        scale, zero, unit = self.axis(view, names)
+        series = {name: recent(view, name) for name in self.names if getattr(view, name) is not None}
+        scale, zero, unit = self.axis(view, series.values())
         self.zero_line(image, zero)
         level = round(zero - unit)
         image[level:level + self.rule, self.dashes] = rgb(self.theme.rule)
-        for name in names:
-            self.curve(image, view, name, scale, zero, unit)
+        self.curves(image, view, series, scale, zero, unit)
         self.label(image, joules(scale), zero - unit)
         if unit == self.unit or self.plot.height > 3 * self.high:
             self.label(image, "0 J", zero)
         if unit != self.unit and self.plot.height > 2 * self.high:
             self.label(image, joules(-scale), zero + unit)
 
-    def axis(self, view: View, names: Sequence[str]) -> tuple[float, float, float]:
+    def axis(self, view: View, series: Iterable[Floats64]) -> tuple[float, float, float]:
         """Return the scale of the energy axis [J], the height of 0 J [px], and the distance between the two [px].
 
         The scale is the energy at which the axis has its dashed line.
         """
-        scale, energies = energy_scale(view), np.concatenate([[0.0], *(_series(view, name)[1] for name in names)])
+        scale, energies = energy_scale(view), np.concatenate([[0.0], *series])
         energies = energies[np.isfinite(energies)]
         most, least = float(energies.max()), float(energies.min())
         far = max(most, -least)
@@ -187,9 +189,10 @@ class Residual(Strip):
 
     def moving(self, image: Image, view: View, tone: Floats) -> None:
         """Paint the graph of the residual up to the shown instant, and the scale of the axis; ``tone`` is not used."""
-        scale = view.residual_scale or round_up(largest(view))
+        series = recent(view, "residual")
+        scale = view.residual_scale or round_up(_largest(series))
         if view.residual is not None:
-            self.curve(image, view, "residual", scale, self.zero, self.unit)
+            self.curves(image, view, {"residual": series}, scale, self.zero, self.unit)
             value, head = joules(view.residual), measure(self.title, self.font)[0]
             if self.titled and head + self.font + measure(value, self.font)[0] <= self.area.width:
                 write(image, value, self.area.right, self.area.top + self.high / 2, self.font, self.theme.ink,
@@ -210,22 +213,33 @@ def shared_scale(views: Sequence[View]) -> float:
 
 def largest(view: View) -> float:
     """Return the largest finite |residual| of the energy balance [J] in the ten seconds that a plot covers."""
-    sizes = np.abs(_series(view, "residual")[1])
+    return _largest(recent(view, "residual"))
+
+
+def _largest(values: Floats64) -> float:
+    """Return the largest finite absolute value, 0 if there is none."""
+    sizes = np.abs(values)
     return float(sizes[np.isfinite(sizes)].max(initial=0.0))
 
 
-def _series(view: View, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return times [s] and values [J] of one energy over the last ten seconds, up to the shown instant."""
+def _times(view: View) -> Floats64:
+    """Return the times [s] of the last ten seconds, up to the shown instant."""
+    if view.past is None:
+        return np.array([view.time])
+    times = np.append(view.past.time, view.time)
+    return times[_within(times, view.time)]
+
+
+def recent(view: View, name: str) -> Floats64:
+    """Return the values [J] of one energy at :func:`_times` or, without those before, at the shown instant alone."""
     past, now = view.past, getattr(view, name)
     before = None if past is None else getattr(past, name)
     if past is None or before is None or now is None:
-        return np.array([view.time]), np.array([0.0 if now is None else now])
-    times = np.append(past.time, view.time)
-    keep = _within(times, view.time)
-    return times[keep], np.append(before, now)[keep]
+        return np.array([0.0 if now is None else now])
+    return np.append(before[_within(past.time, view.time)], now)
 
 
-def _within(times: NDArray[np.float64], now: float) -> slice:
+def _within(times: Floats64, now: float) -> slice:
     """Return the slice of ascending times that a plot of the last ten seconds covers, and one time before them."""
     return slice(max(0, int(times.searchsorted(now - WINDOW)) - 1), len(times))
 

@@ -111,6 +111,7 @@ def _inks(paper: str, colour: str) -> NDArray[np.uint8]:
     return np.rint(rgb(paper) * (1 - share) + rgb(colour) * share).astype(np.uint8)
 
 
+@lru_cache(maxsize=1024)
 def measure(text: str, size: int) -> tuple[int, int]:
     """Return the (width, height) of one line of text in pixels."""
     pieces = [piece(part, size) for part in _PART.findall(text)] or [piece("0", size)[:, :0]]

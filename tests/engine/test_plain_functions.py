@@ -131,3 +131,19 @@ def test_the_environment_variable_counts_at_every_call(
     for backend in ("python", "auto", "python"):
         monkeypatch.setenv(kernels.VARIABLE, backend)
         assert (plain_functions(module).total is module.total) == (backend == "python")
+
+
+def test_a_function_is_compiled_when_patience_ends_or_its_machine_code_is_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    """The clock is the test's own: every call of Python's takes a second."""
+    monkeypatch.setattr(kernels, "perf_counter", iter(range(100)).__next__)
+    module = written(tmp_path, TEXT)
+    patient = plain_functions(module, 2.0)
+    for calls, files in enumerate((0, 0, 0, 1, 1)):
+        assert patient.total(VALUES) == 6.75
+        assert len(list(folder.glob("loops_*"))) == files, calls
+    kernels.forget()
+    assert plain_functions(module, 2.0).total.stats.cache_hits == {}, "loaded at its first call, as it is stored"
+    monkeypatch.setenv(kernels.VARIABLE, "compiled")
+    assert plain_functions(module, 2.0).total.signatures == []

@@ -20,7 +20,7 @@ from pendulum_env.physics.units import si
 from pendulum_env.render import Apparatus, FrameStyle, Orbits, PastSamples, View, frame
 from pendulum_env.render.layout import Box
 from pendulum_env.render.portrait import wide_enough
-from pendulum_env.render.strip import History
+from pendulum_env.render.strip import History, recent
 from pendulum_env.render.text import MINUS
 from pendulum_env.render.theme import LIGHT
 
@@ -146,7 +146,7 @@ def test_energies_are_on_the_bars_scale_or_on_one_that_holds_them(
 def test_a_history_leaves_its_plot_nowhere(energies: tuple[float, float]) -> None:
     view = history(*energies, 0.277)
     panel = History(Box(0, 0, 400, 200), 15, LIGHT, True, ("kinetic", "work"), True)
-    scale, zero, unit = panel.axis(view, ["kinetic", "work"])
+    scale, zero, unit = panel.axis(view, [recent(view, name) for name in panel.names])
     for energy in energies:
         assert panel.plot.top < zero - energy / scale * unit < panel.plot.bottom
 

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 
 from pendulum_env.engine import kernels
-from pendulum_env.engine.kernels import plain_functions
 from pendulum_env.render import Apparatus, View, frame, paint, pixels
 from pendulum_env.render.curves import fading, graph
 from pendulum_env.render.layout import Box
@@ -72,19 +71,22 @@ def by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     def call(function: Callable[..., Any], *given: Any) -> Any:
         with monkeypatch.context() as patch:
             patch.setenv(kernels.VARIABLE, "python")
-            assert plain_functions(pixels).line is pixels.line
+            assert paint.loops().line is pixels.line
             return function(*given)
 
     return call
 
 
-def test_compiled_and_interpreted_loops_paint_the_same(by_python: Callable[..., Any]) -> None:
+def test_compiled_and_interpreted_loops_paint_the_same(
+    by_python: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
     def painted() -> list[Any]:
         images = [paper(seed) for seed in range(25)]
         for seed, image in enumerate(images):
             shapes(image, seed)
         return images
 
+    monkeypatch.setenv(kernels.VARIABLE, "compiled")  # which has no patience
     one, two = painted(), by_python(painted)
     for seed, (compiled, plain) in enumerate(zip(one, two, strict=True)):
         np.testing.assert_array_equal(compiled, plain, err_msg=str(seed))
@@ -93,12 +95,12 @@ def test_compiled_and_interpreted_loops_paint_the_same(by_python: Callable[..., 
 
 def test_the_shapes_call_every_loop(monkeypatch: pytest.MonkeyPatch) -> None:
     called = set()
-    for name, loop in vars(plain_functions(pixels)).items():
+    for name, loop in vars(paint.loops()).items():
         def noted(*given: Any, name: str = name, loop: Any = loop) -> Any:
             called.add(name)
             return loop(*given)
 
-        monkeypatch.setattr(plain_functions(pixels), name, noted)
+        monkeypatch.setattr(paint.loops(), name, noted)
     for seed in range(9):
         shapes(paper(seed), seed)
     assert called == set(pixels.__all__)
@@ -114,7 +116,7 @@ def test_no_index_is_out_of_bounds(tmp_path: Path) -> None:
     """numba checks the indices of loops that it compiles with NUMBA_BOUNDSCHECK."""
     code = ("import sys; sys.path.insert(0, sys.argv[1]); import test_pixels as t\n"
             "for seed in range(200): t.shapes(t.paper(seed), seed)")
-    settings = {"NUMBA_BOUNDSCHECK": "1", "LAB_PENDULUM_CACHE": str(tmp_path)}
+    settings = {"NUMBA_BOUNDSCHECK": "1", "LAB_PENDULUM_CACHE": str(tmp_path), kernels.VARIABLE: "compiled"}
     run = subprocess.run([sys.executable, "-c", code, str(Path(__file__).parent)], env={**os.environ, **settings},
                          capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
@@ -184,7 +186,7 @@ def test_distances_are_rounded_once() -> None:
     for k in range(5):
         x, y, radius = 20.3 + k / 7, 22.1 + k / 11, 17.0 + k
         image = np.zeros((HIGH, WIDE, 3), np.uint8)
-        plain_functions(pixels).ball(image, 0, 0, WIDE, HIGH, x, y, radius, shades)
+        paint.loops().ball(image, 0, 0, WIDE, HIGH, x, y, radius, shades)
         rows, columns = (np.indices((HIGH, WIDE)) + 0.5).astype(np.float32)
         dx, dy = columns - np.float32(x), rows - np.float32(y)
         right, down = dx + np.float32(0.36 * radius), dy + np.float32(0.40 * radius)
@@ -224,7 +226,7 @@ def test_a_trail_shows_its_newest_passage() -> None:
     bins = 5000
     strength = np.zeros(bins, np.float32)
     path, fade = np.array([0.1, 1.3, 0.4, 0.9]), np.array([0.0, 0.2, 0.5, 0.6])
-    low, high = plain_functions(pixels).passages(strength, path, np.empty(3), fade)
+    low, high = paint.loops().passages(strength, path, np.empty(3), fade)
     assert (low, high) == (0.1, 1.3)
     angles = np.arange(bins) * 2 * np.pi / bins
     newest = np.select(
@@ -238,7 +240,7 @@ def test_a_trail_shows_its_newest_passage() -> None:
 def test_steps_of_more_than_a_turn_are_cut_to_one() -> None:
     """Beyond a turn only the newest turn is visible, and the newest angle stays where it is."""
     path, sizes = np.array([0.0, 100.0, 100.5, -1e6]), np.empty(3)
-    low, high = plain_functions(pixels).passages(np.zeros(99, np.float32), path, sizes, np.array([0.0, 0.1, 0.2, 0.3]))
+    low, high = paint.loops().passages(np.zeros(99, np.float32), path, sizes, np.array([0.0, 0.1, 0.2, 0.3]))
     turn = 2 * np.pi
     np.testing.assert_allclose(sizes, [turn, 0.5, turn])
     np.testing.assert_allclose(path + 1e6, [-0.5, turn - 0.5, turn, 0.0], atol=1e-9)

@@ -16,7 +16,7 @@ from pendulum_env.study.audit.swing import METHOD
 
 STEPS_PER_PERIOD = 512
 """Steps per period in timings."""
-TIMINGS: dict[str, tuple[int, int, int]] = {"compiled": (15, 20_000, 500), "python": (3, 60, 60)}
+TIMINGS: dict[str, tuple[int, int, int]] = {"compiled": (15, 5_000, 500), "python": (3, 60, 60)}
 """For each backend: number of timings, steps per timing, and steps after which the bob is released again."""
 
 

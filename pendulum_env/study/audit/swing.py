@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from pendulum_env.engine.kernels import Backend
@@ -22,6 +23,10 @@ METHOD = "rk4"
 """Integrator of all audits."""
 POINTS = 6
 """Number of steps before a turning point whose polynomial locates it; points after it may lie beyond a jump."""
+POWERS = np.arange(POINTS)
+"""Powers in a polynomial through these points."""
+COEFFICIENTS = np.linalg.inv(np.vander(np.arange(1.0 - POINTS, 1.0), increasing=True))
+"""Matrix from the values at these points, a step apart and the last at 0, to the coefficients of the polynomial."""
 SAMPLES = 128
 """Instants per period at which angles are compared, for every step."""
 
@@ -116,14 +121,14 @@ def turning_points(time: Array, angle: Array, velocity: Array) -> list[tuple[flo
     """
     before, after = velocity[:-1], velocity[1:]
     turns = []
-    nodes = np.arange(1.0 - POINTS, 1.0)
     for i in np.flatnonzero((before != 0.0) & (before * after <= 0.0)):
         if i + 1 < POINTS:
             continue
         part = slice(i + 1 - POINTS, i + 1)
-        speed, place = (np.polynomial.Polynomial.fit(nodes, values[part], POINTS - 1) for values in (velocity, angle))
+        speed, place = (COEFFICIENTS @ values[part] for values in (velocity, angle))
+        slope = POWERS[1:] * speed[1:]
         x = float(before[i] / (before[i] - after[i]))
         for _ in range(6):
-            x -= float(speed(x) / speed.deriv()(x))
-        turns.append((float(time[i] + x * (time[i + 1] - time[i])), float(place(x))))
+            x -= float(polyval(x, speed) / polyval(x, slope))
+        turns.append((float(time[i] + x * (time[i + 1] - time[i])), float(polyval(x, place))))
     return turns
