@@ -97,8 +97,6 @@ def write(
         for i, draw in enumerate(drawn):
             tell(i / len(drawn), f"drawing {draw.__name__.replace('_', ' ')}")
             figure = draw(worked, labels)
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")  # laid out once, for both files
             paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
             figures[draw.__name__] = Drawing(i + 1, inlined(paths[-1].read_text(encoding="utf-8"), draw.__name__))
         tell(1.0, "writing the report")

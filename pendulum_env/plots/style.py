@@ -263,6 +263,28 @@ def save(made: Any, path: str | os.PathLike[str], facts: Mapping[str, str] | Non
 def save_all(made: Any, stem: Path, facts: Mapping[str, str], svg: bool = True) -> list[Path]:
     """Write a figure as ``stem.png`` and, unless ``svg`` is False, as ``stem.svg``; return the paths.
 
-    Raises OSError if a file cannot be written.
+    The figure is laid out once, for both. Raises OSError if a file cannot be written.
     """
-    return [save(made, stem.with_name(f"{stem.name}.{ending}"), facts) for ending in ("png", "svg")[: 1 + svg]]
+    with laid_out(made):
+        return [save(made, stem.with_name(f"{stem.name}.{ending}"), facts) for ending in ("png", "svg")[: 1 + svg]]
+
+
+@contextmanager
+def laid_out(made: Any) -> Iterator[None]:
+    """Lay a figure out for the resolution in which it is saved, and keep the places of its axes in a ``with`` block.
+
+    Otherwise Matplotlib lays the figure out for every file, and draws it once more to do so.
+    """
+    engine, shown = made.get_layout_engine(), made.dpi
+    if engine is None:
+        yield
+        return
+    with styled():
+        made.dpi = STYLE["savefig.dpi"]
+        engine.execute(made)
+        made.set_layout_engine(None)  # "none" would have the figure drawn once more, too
+    try:
+        yield
+    finally:
+        made.set_layout_engine(engine)
+        made.dpi = shown

@@ -33,6 +33,9 @@ MOST_GIF_DELAY = 10_000
 """Longest time between a gif's frames [1/100 s]."""
 LONGEST = 65535
 """Longest time that a gif can show a picture, of one frame or of several that are equal [1/100 s]."""
+QUALITY = "-preset veryfast -crf 16"
+"""Options of x264. Its usual preset, with -crf 18, takes 1.6 times as long and a sixth fewer bytes, as good to look at.
+"""
 LOSSLESS_AND_PALETTE = (
     "-filter_complex split[film][colours];[colours]palettegen[palette] -map [film] -c:v libx264rgb -qp 0 "
     "-preset ultrafast film.mkv -map [palette] palette.png")
@@ -145,7 +148,7 @@ def _write_mp4(part: Path, frames: Iterator[Frame], fps: float, title: str, comm
     """Write frames as an H.264 mp4."""
     pad = "pad=ceil(iw/2)*2:ceil(ih/2)*2:0:0:white"
     options = (f"-vf {pad},scale=out_color_matrix=bt709:out_range=tv -colorspace bt709 -color_primaries bt709 "
-               "-color_trc bt709 -color_range tv -c:v libx264 -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4")
+               f"-color_trc bt709 -color_range tv -c:v libx264 {QUALITY} -pix_fmt yuv420p -movflags +faststart -f mp4")
     _encode(frames, fps, [*options.split(), "-metadata", f"title={title}", "-metadata", f"comment={comment}",
                           str(part.absolute())])
 
