@@ -260,8 +260,9 @@ class FunctionWriter(ast.NodeTransformer):
         self.outside: dict[str, Any] = dict(zip(code.co_freevars, function.__closure__ or (), strict=True))
         self.local = {*own_names(self.source.node)}
         self.given = {*inspect.signature(function).parameters}
-        self.renamed = {name: f"{name}_value" for name in self.local - self.given
-                        if name in (*LIBRARY, "abs", "min", "max")}
+        self.names = {one.id if isinstance(one, ast.Name) else one.arg for one in ast.walk(self.source.node)
+                      if isinstance(one, (ast.Name, ast.arg))}
+        self.renamed = self._other_names(self.local - self.given)
         self.calls: dict[str, Function] = {}
 
     def written(self, name: str) -> str:
@@ -269,8 +270,10 @@ class FunctionWriter(ast.NodeTransformer):
         head = f"def {name}({', '.join(self.arguments())}):\n"
         before = self.source.body
         after = self.statements([self.visit(deepcopy(one)) for one in before])
-        if both := self.given.intersection(self.calls):
-            raise self.error(f"calls {min(both)}, and has an argument of this name", self.source.node)
+        variables = {one.id if isinstance(one, ast.Name) else one.arg for part in after for one in ast.walk(part)
+                     if isinstance(one, ast.arg) or (isinstance(one, ast.Name) and isinstance(one.ctx, ast.Store))}
+        if both := (self.given | variables).intersection(self.calls):
+            raise self.error(f"calls {min(both)}, and has an argument or a variable of this name", self.source.node)
         if [*map(ast.dump, before)] == [*map(ast.dump, after)]:
             return head + self.source.body_text()
         return head + textwrap.indent(ast.unparse(ast.fix_missing_locations(ast.Module(after, []))), "    ") + "\n"
@@ -292,6 +295,11 @@ class FunctionWriter(ast.NodeTransformer):
         if number is None:
             raise self.error(f"has the default {shown(parameter.default)} for {parameter.name}", self.source.node)
         return ast.unparse(number)
+
+    def _other_names(self, names: Iterable[str]) -> dict[str, str]:
+        """Return, for variables with names of functions of programs, names that the function does not have."""
+        return {name: next(other for k in count(1) if (other := f"{name}_value{k if k > 1 else ''}") not in self.names)
+                for name in names if name in (*LIBRARY, "abs", "min", "max")}
 
     def error(self, why: str, node: ast.AST | None) -> ValueError:
         """Return the error that this function cannot be read."""
@@ -353,18 +361,28 @@ class FunctionWriter(ast.NodeTransformer):
             return ast.Constant(bool(value))
         if isinstance(value, (int, np.integer)):
             return parsed(f"{int(value)}").body[0].value  # type: ignore[attr-defined, no-any-return]
-        if isinstance(value, (float, np.floating)):
+        if isinstance(value, float) or (isinstance(value, np.floating) and float(value) == value):
             return parsed(float_text(float(value))).body[0].value  # type: ignore[attr-defined, no-any-return]
         return None
 
     def visit(self, node: ast.AST) -> Any:
         """Return what stands for a part of the function; comprehensions and inner functions have names of their own."""
-        outer = self.local
+        outer = self.local, self.renamed
         if isinstance(node, SCOPES):
-            self.local = outer.union(own_names(node))
+            own = {*own_names(node)}
+            self.local, self.renamed = self.local | own, {**self.renamed, **self._other_names(own)}
         made = super().visit(node)
-        self.local = outer
+        self.local, self.renamed = outer
         return made
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        """Rename an argument of a function inside; annotations are left out, as programs do not have their names."""
+        return ast.copy_location(ast.arg(self.renamed.get(node.arg, node.arg)), node)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        self.generic_visit(node)
+        node.name, node.returns = self.renamed.get(node.name, node.name), None
+        return node
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         if node.id in self.local or not isinstance(node.ctx, ast.Load):
@@ -398,11 +416,11 @@ class FunctionWriter(ast.NodeTransformer):
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
         if isinstance(node.op, ast.Pow) and isinstance(node.target, ast.Name):
             whole = ast.BinOp(ast.Name(node.target.id, ast.Load()), node.op, node.value)
-            return ast.Assign([node.target], self.visit(whole), lineno=node.lineno)
+            return ast.Assign([self.visit(node.target)], self.visit(whole), lineno=node.lineno)
         return self.generic_visit(node)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:
         """Leave out the annotation, whose names a program does not have."""
         if node.value is None:
             return ast.Pass()
-        return ast.Assign([node.target], self.visit(node.value), lineno=node.lineno)
+        return ast.Assign([self.visit(node.target)], self.visit(node.value), lineno=node.lineno)

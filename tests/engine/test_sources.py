@@ -81,6 +81,11 @@ FORMS = {
     "variables with names of functions": (
         "import numpy as np\ndef own(x, k):\n    max = x + 1.0\n    power2 = max*k\n"
         "    return np.maximum(power2**2, max)\n"),
+    "functions inside with names of functions": (
+        "import math\ndef own(x, k):\n    def sin(cos):\n        return cos*2.0\n    cos, cos_value = sin(x), 5.0\n"
+        "    return sin(cos) + k*(lambda abs: abs + cos_value)(x) + math.fabs(x)\n"),
+    "a name that is renamed and assigned": (
+        "def own(x, k):\n    power2: float = x*k\n    power2 **= 2\n    power2 += k\n    return power2\n"),
     "a power that is assigned": "def own(x, k):\n    x **= 2\n    x += k\n    return x\n",
     "a NumPy float": "import numpy\nBY = numpy.float64(0.1)\ndef own(x, k): return BY*x + k\n",
 }
@@ -129,8 +134,11 @@ REFUSED = {
     "a default that is no number": ("def more(x, how=None): return x\ndef own(x): return more(x)\n",
                                     "more .* has the default None for how"),
     "a name that is not there": ("def own(angle): return angle*nowhere\n", "uses nowhere, which is not defined"),
+    "a variable with the name of a helper": (
+        "def more(x): return x\nless = more\ndef own(x):\n    more = less(x)\n    return more\n",
+        "calls more, and has an argument or a variable of this name"),
     "an argument with the name of a sine": (
-        "import math\ndef own(sin):\n    return math.sin(sin)\n", "calls sin, and has an argument of this name"),
+        "import math\ndef own(sin):\n    return math.sin(sin)\n", "calls sin, and has an argument or a variable of this"),
 }
 
 
