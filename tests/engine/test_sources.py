@@ -138,7 +138,7 @@ REFUSED = {
         "def more(x): return x\nless = more\ndef own(x):\n    more = less(x)\n    return more\n",
         "calls more, and has an argument or a variable of this name"),
     "an argument with the name of a sine": (
-        "import math\ndef own(sin):\n    return math.sin(sin)\n", "calls sin, and has an argument or a variable of this"),
+        "import math\ndef own(sin):\n    return math.sin(sin)\n", "calls sin, and has an argument or a variable"),
 }
 
 
