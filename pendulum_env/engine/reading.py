@@ -6,7 +6,7 @@ source and written anew where that matters:
 - a number from outside the function becomes a constant;
 - sin, cos, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same bits on
   all machines;
-- a power with a whole exponent from 2 to 8 becomes a product;
+- a power with a whole exponent becomes a product;
 - a function that it calls is read, too.
 
 Everything else stays as it stands. :mod:`pendulum_env.tasks.translate` allows less. Nothing is compiled here.
@@ -22,7 +22,7 @@ import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
 from functools import lru_cache
-from itertools import count
+from itertools import count, pairwise
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -38,6 +38,8 @@ MODULE = "pendulum_env.read"
 """Module of the functions that are made here; there is no file of this name."""
 SCOPES = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp, ast.Lambda, ast.FunctionDef)
 """Parts of a function that have names of their own."""
+REFUSED = (ast.Global, ast.Nonlocal, ast.Import, ast.ImportFrom)
+"""Statements that a program cannot have."""
 PROVIDED = frozenset({"NAN", "U", "inline", "entry", "lanes"})
 """Names that every program has, and that no function of a user may have."""
 
@@ -80,6 +82,9 @@ def power8(x: float) -> float:
 POWERS: Mapping[float, Function] = {
     2.0: power2, 3.0: power3, 4.0: power4, 5.0: power5, 6.0: power6, 7.0: power7, 8.0: power8}
 """Whole exponent -> function that multiplies, with the same bits compiled and interpreted."""
+
+LARGEST_PRODUCT = 1024
+"""Largest whole exponent of a power that becomes a product."""
 
 LIBRARY: Mapping[str, Function] = {
     "sin": elementary.sin, "cos": elementary.cos, "exp": elementary.exp, "log": elementary.log,
@@ -241,6 +246,8 @@ def own_names(node: ast.AST) -> Iterator[str]:
             if isinstance(part, ast.FunctionDef):
                 yield part.name
         else:
+            if isinstance(part, (ast.MatchAs, ast.MatchStar, ast.ExceptHandler)) and part.name:
+                yield part.name
             yield from own_names(part)
 
 
@@ -283,7 +290,10 @@ class FunctionWriter(ast.NodeTransformer):
         parameters = inspect.signature(self.function).parameters.values()
         if any(one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD) for one in parameters):
             raise self.error("has * or ** among its arguments", self.source.node)
-        return [one.name if one.default is one.empty else f"{one.name}={self._default(one)}" for one in parameters]
+        texts = [one.name if one.default is one.empty else f"{one.name}={self._default(one)}" for one in parameters]
+        if any("=" in one and "=" not in other for one, other in pairwise(texts)):
+            raise self.error("has an argument without a default behind one with a default", self.source.node)
+        return texts
 
     def statements(self, body: list[ast.stmt]) -> list[ast.stmt]:
         """Return the statements of the function, in which what comes from outside has been replaced."""
@@ -340,18 +350,30 @@ class FunctionWriter(ast.NodeTransformer):
         return ast.Name(function.__name__, ast.Load())
 
     def power(self, base: ast.expr, exponent: ast.expr) -> ast.expr | None:
-        """Return ``base**exponent`` for a constant exponent as a call or a product; None for other exponents.
+        """Return ``base**exponent`` for a constant exponent: whole ones as products, others as calls.
 
-        Whole exponents beyond 8, and negative ones, are left to Python, as the base may be negative.
+        Return None for an exponent that is no constant.
         """
-        value = exponent.value if isinstance(exponent, ast.Constant) and isinstance(exponent.value, (int, float)) else 0
-        if value == 1:
-            return base
-        if value in POWERS:
-            return ast.Call(self.called(POWERS[value]), [base], [])
-        if value == 0.5:
+        negative = isinstance(exponent, ast.UnaryOp) and isinstance(exponent.op, ast.USub)
+        constant = exponent.operand if isinstance(exponent, ast.UnaryOp) and negative else exponent
+        if not isinstance(constant, ast.Constant) or type(constant.value) not in (int, float):
+            return None
+        size = float(constant.value)  # type: ignore[arg-type]
+        if size == 0.5 and not negative:
             return ast.Call(self.called(elementary.sqrt), [base], [])
-        return None if value == int(value) else ast.Call(self.called(elementary.power), [base, exponent], [])
+        if size % 1.0 or size > LARGEST_PRODUCT:
+            return ast.Call(self.called(elementary.power), [base, exponent], [])
+        made = self._product(base, int(size))
+        return ast.BinOp(ast.Constant(1.0), ast.Div(), made) if negative else made
+
+    def _product(self, base: ast.expr, count: int) -> ast.expr:
+        """Return ``base**count`` for a whole number from 0."""
+        if count < 2:
+            return base if count else ast.Constant(1.0)
+        if count in POWERS:
+            return ast.Call(self.called(POWERS[count]), [base], [])
+        half = ast.Call(self.called(power2), [self._product(base, count // 2)], [])
+        return ast.BinOp(half, ast.Mult(), deepcopy(base)) if count % 2 else half
 
     # --- the parts of a function --------------------------------------------------------------------------------------
 
@@ -367,22 +389,35 @@ class FunctionWriter(ast.NodeTransformer):
 
     def visit(self, node: ast.AST) -> Any:
         """Return what stands for a part of the function; comprehensions and inner functions have names of their own."""
-        outer = self.local, self.renamed
-        if isinstance(node, SCOPES):
-            own = {*own_names(node)}
-            self.local, self.renamed = self.local | own, {**self.renamed, **self._other_names(own)}
-        made = super().visit(node)
+        if isinstance(node, REFUSED):
+            raise self.error(f"has the statement {ast.unparse(node)}", node)
+        return self._scope(node) if isinstance(node, SCOPES) else super().visit(node)
+
+    def _scope(self, node: Any) -> ast.AST:
+        """Return a comprehension or a function inside, which have names of their own.
+
+        Python computes the first sequence of a comprehension, and defaults, with the names around it.
+        """
+        inner = isinstance(node, (ast.Lambda, ast.FunctionDef))
+        holder, fields = (node.args, ("defaults", "kw_defaults")) if inner else (node.generators[0], ("iter",))
+        around: dict[str, Any] = {}
+        for name in fields:
+            value = getattr(holder, name)
+            around[name] = [one and self.visit(one) for one in value] if inner else self.visit(value)
+            setattr(holder, name, [] if inner else ast.Constant(0))
+        outer, own = (self.local, self.renamed), {*own_names(node)}
+        self.local, self.renamed = self.local | own, {a: b for a, b in self.renamed.items() if a not in own}
+        self.generic_visit(node)
         self.local, self.renamed = outer
+        vars(holder).update(around)
+        if isinstance(node, ast.FunctionDef):
+            node.name, node.returns = self.renamed.get(node.name, node.name), None
+        made: ast.AST = node
         return made
 
     def visit_arg(self, node: ast.arg) -> ast.arg:
-        """Rename an argument of a function inside; annotations are left out, as programs do not have their names."""
-        return ast.copy_location(ast.arg(self.renamed.get(node.arg, node.arg)), node)
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-        self.generic_visit(node)
-        node.name, node.returns = self.renamed.get(node.name, node.name), None
-        return node
+        """Leave out an annotation, whose names a program does not have."""
+        return ast.copy_location(ast.arg(node.arg), node)
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
         if node.id in self.local or not isinstance(node.ctx, ast.Load):
@@ -407,6 +442,14 @@ class FunctionWriter(ast.NodeTransformer):
         if isinstance(node, ast.Name) and getattr(builtins, node.id, None) is value:
             return node
         raise self.error(f"uses {ast.unparse(node)}, which is {shown(value)}", node)
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Take math.pow and np.power as ``**``, so that a negative base may have a whole exponent."""
+        outside = isinstance(node.func, (ast.Name, ast.Attribute)) and (
+            ast.unparse(node.func).partition(".")[0] not in self.local)
+        if outside and len(node.args) == 2 and self.looked_up(node.func) in (math.pow, np.power):
+            return self.visit_BinOp(ast.copy_location(ast.BinOp(node.args[0], ast.Pow(), node.args[1]), node))
+        return self.generic_visit(node)
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)

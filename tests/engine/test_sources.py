@@ -77,7 +77,15 @@ FORMS = {
     "a variable with the name of a constant": (
         "by = 9.0\ndef own(x, k): return sum([by*x for by in (0.5, 2.0)]) + k*by\n"),
     "a function inside": "by = 9.0\ndef own(x, k):\n    def more(by): return by*x\n    return more(k) + by\n",
-    "powers": "def own(x, k): return x**2 - x**3*k**4 + (x*x + 1.0)**5 + x**1 - x**8\n",
+    "powers": "def own(x, k): return x**2 - x**3*k**4 + (x*x + 1.0)**5 + x**1 - x**8 + x**0\n",
+    "math.pow of a negative number": "import math\ndef own(x, k): return math.pow(x, 2) - math.pow(k, 1.0)\n",
+    "names of a pattern": "by = 9.0\ndef own(x, k):\n    match x:\n        case by: return by*k\n",
+    "a comprehension over its own name": "def own(x, k): return sum([x for x in (x, k)])\n",
+    "a default with the name of its argument": "by = 3.0\ndef own(x, k): return (lambda z, by=by: z*by)(x) + by*k\n",
+    "a variable with the new name of another": (
+        "def own(x, k):\n    sin = x\n    sin_value = k\n    return sin + 2.0*sin_value\n"),
+    "keyword arguments of functions inside": (
+        "def own(x, k):\n    max = k\n    more = lambda max: max*2.0\n    return more(max=x) + max\n"),
     "variables with names of functions": (
         "import numpy as np\ndef own(x, k):\n    max = x + 1.0\n    power2 = max*k\n"
         "    return np.maximum(power2**2, max)\n"),
@@ -131,6 +139,10 @@ REFUSED = {
     "module": ("import math\ndef own(angle): return math.gamma(angle)\n", r"uses math\.gamma, which is"),
     "object": ("class A: k = 2.0\na = A()\ndef own(angle): return a.k*angle\n", r"own \(line 3\) uses a\.k"),
     "a call of itself": ("def own(angle): return own(0.5*angle) if angle > 1.0 else angle\n", "own calls itself"),
+    "global": ("by = 2.0\ndef own(angle):\n    global by\n    return by*angle\n", "has the statement global by"),
+    "import": ("def own(angle):\n    import math\n    return math.sin(angle)\n", "has the statement import math"),
+    "defaults in between": ("def more(x, by=2.0, *, to): return x\ndef own(x): return more(x, to=x)\n",
+                            "more .* an argument without a default behind one with"),
     "a default that is no number": ("def more(x, how=None): return x\ndef own(x): return more(x)\n",
                                     "more .* has the default None for how"),
     "a name that is not there": ("def own(angle): return angle*nowhere\n", "uses nowhere, which is not defined"),
@@ -155,6 +167,18 @@ def test_two_modules_may_have_a_constant_of_one_name(load: Loader) -> None:
     other = load("RATE = 2.0\ndef two(angle): return one(angle) + RATE\n")
     other.two.__globals__["one"] = first
     assert elementwise(other.two, "python")(np.array([0.25])).tolist() == [2.25]
+
+
+POWERS = {"x**-2": lambda x: x**-2, "x**9": lambda x: x**9, "x**-7": lambda x: x**-7, "math.pow(x, 3)": lambda x: x**3,
+          "x**31": lambda x: x**31, "math.pow(x, -2.0)": lambda x: x**-2, "x**70": lambda x: x**70}
+
+
+@pytest.mark.parametrize("formula", POWERS)
+def test_a_whole_exponent_takes_a_negative_base(formula: str, load: Loader) -> None:
+    own, x = load(f"import math\ndef own(x): return {formula}\n").own, np.array([-1.3, 0.7, 2.9])
+    found = elementwise(own, "python")(x)
+    np.testing.assert_allclose(found, [POWERS[formula](one) for one in x.tolist()], rtol=1e-14)
+    assert elementwise(own, "compiled")(x).tolist() == found.tolist()
 
 
 ELEMENTARY = {
