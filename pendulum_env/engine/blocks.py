@@ -24,6 +24,7 @@ from pendulum_env.engine.advance import advanced, attempt, checked, landed
 from pendulum_env.engine.calls import begin
 from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import AHEAD, BLOCK, Layout, block_loop, side_of_turns
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.shape import (
     ADAPTED,
     DIVERGED,
@@ -37,7 +38,7 @@ from pendulum_env.engine.shape import (
     indent,
     joined,
 )
-from pendulum_env.engine.source import Plain, arguments
+from pendulum_env.engine.source import Plain
 from pendulum_env.engine.stages import TURNED, StageValue, StepStage
 
 REFUSED = -1

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from integrators.steps.terms import docstring
 from pendulum_env.common.sources import ours
 from pendulum_env.engine.kernels import Backend, functions
-from pendulum_env.engine.source import Plain, arguments, constants_text, copied, with_callees
+from pendulum_env.engine.reading import arguments
+from pendulum_env.engine.source import Plain, constants_text, copied, with_callees
 
 Array = NDArray[np.float64]
 

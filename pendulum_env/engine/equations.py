@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from pendulum_env.engine import air
 from pendulum_env.engine.problem import AT_REST, Problem, slipping, timed
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.shape import joined
-from pendulum_env.engine.source import arguments
 from pendulum_env.physics.exact.flows import flow_of
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from pendulum_env.common.sources import executed, parsed
-from pendulum_env.engine.reading import Piece, built
-from pendulum_env.engine.source import Plain, arguments, constants_text, copied, with_callees
+from pendulum_env.engine.reading import Piece, arguments, built
+from pendulum_env.engine.source import Plain, constants_text, copied, with_callees
 from pendulum_env.engine.wrap import half_turns
 from pendulum_env.physics.elementary import cos, sin
 

@@ -18,8 +18,8 @@ from integrators import Method
 from pendulum_env.common.warn import warn
 from pendulum_env.engine.machine import BY_ANGLE, INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.problem import moving
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS, TOO_SHORT
-from pendulum_env.engine.source import arguments
 from pendulum_env.engine.starts import at_most
 from pendulum_env.physics.flow import braking, damping_rate, natural_rate, terminal_speed
 from pendulum_env.physics.scene import Scene

@@ -22,9 +22,9 @@ from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.pieces import NOWHERE as NOWHERE
 from pendulum_env.engine.pieces import Pace, run_in_pieces
 from pendulum_env.engine.problem import moving, program_parts, slipping
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.series import untraceable
 from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, STOP_REASONS, WATCHED
-from pendulum_env.engine.source import arguments
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics import random
 from pendulum_env.physics.energy import Ledger

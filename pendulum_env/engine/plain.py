@@ -22,10 +22,10 @@ from integrators.steps.tracing import Symbol, Trace
 from integrators.steps.unroll import unroll
 from pendulum_env.common.checks import printable
 from pendulum_env.engine.problem import by_flow, moving, slipping
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.series import TorqueTracer
 from pendulum_env.engine.source import (
     Plain,
-    arguments,
     names_of,
     text_of,
     with_callees,

@@ -13,8 +13,9 @@ from typing import Any
 
 from integrators import Method
 from pendulum_env.common.sources import ours
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.shape import WATCHED, Shape
-from pendulum_env.engine.source import Plain, arguments, with_callees
+from pendulum_env.engine.source import Plain, with_callees
 from pendulum_env.physics.effects import Effect, Gravity
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError

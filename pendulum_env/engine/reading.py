@@ -21,7 +21,7 @@ import math
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import count, pairwise
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -141,6 +141,13 @@ def _made(name: str, text: str, calls: tuple[tuple[str, Function], ...]) -> Func
     return made
 
 
+@cache
+def arguments(function: Function) -> tuple[str, ...]:
+    """Return the names of a function's parameters, those of its own code, also if it stands for another function."""
+    code = function.__code__
+    return code.co_varnames[:code.co_argcount + code.co_kwonlyargcount]
+
+
 def float_text(value: float) -> str:
     """Return a float as source text, also one that is infinite or not a number."""
     if math.isnan(value):
@@ -187,8 +194,8 @@ class Reader:
             self._under_way.add(function)
             writer = self.writer(function, role)
             name = self.name_of(function, role)
+            self._taken.add(name)  # before helpers, which may have the same name, are read
             text = writer.written(name)
-            self._taken.add(name)
             self.pieces.append(Piece(name, text, tuple(writer.calls)))
             self._made[function] = _made(name, text, tuple(writer.calls.items()))
         return self._made[function]
@@ -266,11 +273,12 @@ class FunctionWriter(ast.NodeTransformer):
         code = function.__code__
         self.outside: dict[str, Any] = dict(zip(code.co_freevars, function.__closure__ or (), strict=True))
         self.local = {*own_names(self.source.node)}
-        self.given = {*inspect.signature(function).parameters}
+        self.given = {*arguments(function)}
         self.names = {one.id if isinstance(one, ast.Name) else one.arg for one in ast.walk(self.source.node)
                       if isinstance(one, (ast.Name, ast.arg))}
         self.renamed = self._other_names(self.local - self.given)
         self.calls: dict[str, Function] = {}
+        self.counting = False
 
     def written(self, name: str) -> str:
         """Return the text of the function under a name; with its comments, if nothing had to be replaced."""
@@ -287,10 +295,13 @@ class FunctionWriter(ast.NodeTransformer):
 
     def arguments(self) -> list[str]:
         """Return the texts of the function's arguments, with their defaults."""
-        parameters = inspect.signature(self.function).parameters.values()
-        if any(one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD) for one in parameters):
+        code, names = self.function.__code__, arguments(self.function)
+        if code.co_flags & (inspect.CO_VARARGS | inspect.CO_VARKEYWORDS):
             raise self.error("has * or ** among its arguments", self.source.node)
-        texts = [one.name if one.default is one.empty else f"{one.name}={self._default(one)}" for one in parameters]
+        values, count = self.function.__defaults__ or (), code.co_argcount
+        defaults = {**dict(zip(names[count - len(values):count], values, strict=True)),
+                    **(self.function.__kwdefaults__ or {})}
+        texts = [f"{name}={self._default(name, defaults[name])}" if name in defaults else name for name in names]
         if any("=" in one and "=" not in other for one, other in pairwise(texts)):
             raise self.error("has an argument without a default behind one with a default", self.source.node)
         return texts
@@ -299,11 +310,13 @@ class FunctionWriter(ast.NodeTransformer):
         """Return the statements of the function, in which what comes from outside has been replaced."""
         return body
 
-    def _default(self, parameter: inspect.Parameter) -> str:
-        """Return the text of a parameter's default; the reader's error for one that is not a number."""
-        number = self.constant(parameter.default)
+    def _default(self, name: str, value: Any) -> str:
+        """Return the text of an argument's default; the reader's error for one that is not a number."""
+        self.counting, before = True, self.counting
+        number = self.constant(value)
+        self.counting = before
         if number is None:
-            raise self.error(f"has the default {shown(parameter.default)} for {parameter.name}", self.source.node)
+            raise self.error(f"has the default {shown(value)} for {name}", self.source.node)
         return ast.unparse(number)
 
     def _other_names(self, names: Iterable[str]) -> dict[str, str]:
@@ -381,8 +394,10 @@ class FunctionWriter(ast.NodeTransformer):
         """Return a number or a truth value as an expression; None for anything else."""
         if isinstance(value, (bool, np.bool_)):
             return ast.Constant(bool(value))
-        if isinstance(value, (int, np.integer)):
-            return parsed(f"{int(value)}").body[0].value  # type: ignore[attr-defined, no-any-return]
+        if isinstance(value, (int, np.integer)) and self.counting:
+            return ast.Constant(int(value))
+        if isinstance(value, (int, np.integer)) and abs(int(value)) <= 2**53:
+            value = float(value)  # whole numbers of compiled programs overflow
         if isinstance(value, float) or (isinstance(value, np.floating) and float(value) == value):
             return parsed(float_text(float(value))).body[0].value  # type: ignore[attr-defined, no-any-return]
         return None
@@ -439,17 +454,30 @@ class FunctionWriter(ast.NodeTransformer):
             return number
         if (own := self.stands_for(value)) is not None:
             return self.called(own)
-        if isinstance(node, ast.Name) and getattr(builtins, node.id, None) is value:
+        if isinstance(node, ast.Name) and value is not None and vars(builtins).get(node.id) is value:
             return node
         raise self.error(f"uses {ast.unparse(node)}, which is {shown(value)}", node)
 
-    def visit_Call(self, node: ast.Call) -> ast.AST:
+    def visit_Call(self, node: ast.Call) -> Any:
         """Take math.pow and np.power as ``**``, so that a negative base may have a whole exponent."""
         outside = isinstance(node.func, (ast.Name, ast.Attribute)) and (
             ast.unparse(node.func).partition(".")[0] not in self.local)
+        if outside and ast.unparse(node.func) == "range":
+            return self._counting(node)
         if outside and len(node.args) == 2 and self.looked_up(node.func) in (math.pow, np.power):
             return self.visit_BinOp(ast.copy_location(ast.BinOp(node.args[0], ast.Pow(), node.args[1]), node))
         return self.generic_visit(node)
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        node.value, node.slice = self.visit(node.value), self._counting(node.slice)
+        return node
+
+    def _counting(self, node: Any) -> Any:
+        """Return a part of the function in which whole numbers from outside stay whole: indices, and calls of range."""
+        before, self.counting = self.counting, True
+        made = self.generic_visit(node) if isinstance(node, ast.Call) else self.visit(node)
+        self.counting = before
+        return made
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         self.generic_visit(node)

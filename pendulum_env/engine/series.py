@@ -17,7 +17,8 @@ from integrators.families.taylor import add_twins, results_of_series
 from integrators.steps.recurrences import CALLS, RecurrenceWriter, times_reciprocal
 from integrators.steps.tracing import Symbol, Trace, TraceError, cos, exp, log, power, sin
 from pendulum_env.engine.problem import Problem, moving, slipping
-from pendulum_env.engine.source import Plain, arguments, names_of, with_callees
+from pendulum_env.engine.reading import arguments
+from pendulum_env.engine.source import Plain, names_of, with_callees
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache, lru_cache
@@ -12,7 +11,7 @@ from types import CodeType, FunctionType
 from typing import Any
 
 from pendulum_env.common.sources import parsed, source_of
-from pendulum_env.engine.reading import ProgramError, Reader, float_text
+from pendulum_env.engine.reading import ProgramError, Reader, arguments, float_text
 from pendulum_env.engine.syntax import names_set
 
 Plain = Callable[..., Any]
@@ -20,12 +19,6 @@ Plain = Callable[..., Any]
 TEXT = "_text"
 """Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
 _CALL = re.compile(r"(\w+)\(")
-
-
-@cache
-def arguments(function: Plain) -> tuple[str, ...]:
-    """Return the names of a function's parameters."""
-    return tuple(inspect.signature(function).parameters)
 
 
 @cache

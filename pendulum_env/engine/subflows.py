@@ -10,9 +10,9 @@ from collections.abc import Collection
 
 from pendulum_env.engine import air
 from pendulum_env.engine.problem import AT_REST, Problem, slipping, timed
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.series import by_time
 from pendulum_env.engine.shape import joined
-from pendulum_env.engine.source import arguments
 
 Hooks = dict[str, tuple[str, ...]]
 """Name of a sub-flow's function -> the quadratures whose increments it returns after the velocity."""

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.checks import boolean, line, nearest, number, shown
 from pendulum_env.engine.goal import BEFORE, FOLLOWED, OFFERED, Goal, Judge, judge
-from pendulum_env.engine.reading import Function
-from pendulum_env.engine.source import arguments
+from pendulum_env.engine.reading import Function, arguments
 from pendulum_env.tasks.translate import TaskError, Translator, is_ours
 
 Numbers = float | NDArray[np.float64]

@@ -15,8 +15,8 @@ from integrators import Method
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, offers
 from pendulum_env.engine.problem import moving
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.shape import STOP_REASONS
-from pendulum_env.engine.source import arguments
 from pendulum_env.physics.effects.coulomb_friction import CoulombFriction
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Array, Truth

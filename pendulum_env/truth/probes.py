@@ -13,7 +13,7 @@ import integrators
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import Machine
-from pendulum_env.engine.source import arguments
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.answer import Truth

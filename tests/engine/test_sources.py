@@ -71,6 +71,18 @@ FORMS = {
         "def made(by):\n    def more(x): return by*x\n    return more\none, two = made(2.0), made(5.0)\n"
         "def own(x, k): return one(x) - two(k)\n"),
     "a whole number of the module": "N = 3\ndef own(x, k):\n    for i in range(N): x = x + k*i\n    return x\n",
+    "a large whole number of the module": "N = 3000000\ndef own(x, k): return N**3*x + k*N*N*N\n",
+    "a whole number as a default": (
+        "def more(x, n=3):\n    for i in range(n): x = x + i\n    return x\n"
+        "def own(x, k): return more(x) + more(k, 2)\n"),
+    "an index of the module": "N = 1\ndef own(x, k):\n    both = [x, k]\n    return both[N] + both[N - 1]*N\n",
+    "a helper that stands for another function": (
+        "import functools\ndef base(a, b): return a\n@functools.wraps(base)\ndef more(b, a): return b - a\n"
+        "def own(x, k): return more(x, k)\n"),
+    "helpers of one name that call each other": (
+        "def made(more):\n    def inner(x): return more(x)*2.0\n    return inner\none = made(lambda x: x + 1.0)\n"
+        "def first(f):\n    def inner(x): return f(x) - 3.0\n    return inner\ntwo = first(one)\n"
+        "def own(x, k): return two(x) + one(k)\n"),
     "a truth value of the module": "ON = False\ndef own(x, k): return x if ON else k\n",
     "an infinite number": "import math\nTOP = math.inf\ndef own(x, k): return k if x < TOP and x > -math.inf else x\n",
     "a number of a module": "import math\ndef own(x, k): return math.pi*x - math.e*k\n",
@@ -139,6 +151,7 @@ REFUSED = {
     "module": ("import math\ndef own(angle): return math.gamma(angle)\n", r"uses math\.gamma, which is"),
     "object": ("class A: k = 2.0\na = A()\ndef own(angle): return a.k*angle\n", r"own \(line 3\) uses a\.k"),
     "a call of itself": ("def own(angle): return own(0.5*angle) if angle > 1.0 else angle\n", "own calls itself"),
+    "none": ("Q = None\ndef own(x): return 1.0 if Q is None else x\n", "uses Q, which is None"),
     "global": ("by = 2.0\ndef own(angle):\n    global by\n    return by*angle\n", "has the statement global by"),
     "import": ("def own(angle):\n    import math\n    return math.sin(angle)\n", "has the statement import math"),
     "defaults in between": ("def more(x, by=2.0, *, to): return x\ndef own(x): return more(x, to=x)\n",

@@ -11,8 +11,8 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.rollout import rollout
-from pendulum_env.engine.source import arguments
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects.predictions import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
