@@ -156,7 +156,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 def _holds(node: ast.Lambda, code: CodeType) -> bool:
     """Return True if a lambda's arguments, and from Python 3.11 on its place in the line, are those of a code."""
-    if tuple(argument.arg for argument in node.args.args) != code.co_varnames[: code.co_argcount]:
+    if [one.arg for one in (*node.args.posonlyargs, *node.args.args)] != [*code.co_varnames[:code.co_argcount]]:
         return False
     if not hasattr(code, "co_positions"):
         return True

@@ -14,7 +14,7 @@ from types import FunctionType
 from typing import Any
 
 from pendulum_env.common.checks import SceneError, shown
-from pendulum_env.engine.reading import CALLABLE, FunctionWriter, Reader, own_names
+from pendulum_env.engine.reading import CALLABLE, FunctionWriter, Reader, arguments, own_names
 from pendulum_env.physics import elementary
 
 
@@ -73,12 +73,12 @@ class TaskWriter(FunctionWriter):
     def __init__(self, translator: Translator, function: FunctionType, role: str) -> None:
         super().__init__(translator, function)
         self.translator, self.role = translator, role
-        given = self.source.node.args.args
-        defaults = function.__defaults__ or ()
-        self.defaults = dict(zip([one.arg for one in given[len(given) - len(defaults):]], defaults, strict=True))
+        names, values = arguments(function)[:function.__code__.co_argcount], function.__defaults__ or ()
+        self.defaults = dict(zip(names[len(names) - len(values):], values, strict=True))
         self.local -= {*self.defaults}
+        self.given -= {*self.defaults}
         self.variables = {self.renamed.get(name, name) for name in self.local}
-        self.kinds = {one.arg: False for one in given}
+        self.kinds = dict.fromkeys(names, False)
         self.returns: bool | None = None
 
     def looked_up(self, node: ast.expr) -> Any:

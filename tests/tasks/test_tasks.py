@@ -327,6 +327,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "print": (lambda: Task("t", lambda phi: print(phi)), "calls print; allowed are"),  # type: ignore[func-returns-value]
     "modulo": (lambda: Task("t", lambda phi: phi % 2.0), "uses %"),
     "arguments": (lambda: Task("t", lambda *phi: 1.0), r"has \*"),
+    "positional default": (lambda: Task("t", lambda phi, k=2.0, /: phi * k), r"has \*, / or \*\*"),
     "number lost": (lambda: Task("t", lambda phi: phi, lambda phi: phi), "a number where a condition is wanted"),
     "one number": (lambda: Task("t", lambda phi: phi, start=lambda first: first), "must return two numbers"),
     "typed": (lambda: Task("t", eval("lambda phi: phi")), "cannot be read"),
@@ -400,6 +401,12 @@ def shadowing(phi: float, velocity: float) -> float:
     cos = math.cos(phi)
     power2 = cos - 0.1 * velocity
     return cos - power2**2
+
+
+def test_defaults_may_have_the_names_of_functions_and_exponents_a_negative_base() -> None:
+    task = Task("t", lambda phi, sin=2.0: sin * math.sin(phi) + phi**9 + (phi - 5.0)**-3 + phi**0)
+    for phi in (-1.3, 0.7):
+        assert task.goal.reward(phi) == pytest.approx(2.0 * math.sin(phi) + phi**9 + (phi - 5.0)**-3 + 1.0, rel=1e-14)
 
 
 def test_variables_may_have_the_names_of_functions() -> None:
