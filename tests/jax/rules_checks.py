@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 from given_effects import Rub
 from jax.test_util import check_grads
+from mp_steps import derivative
 from mpmath import mp, mpf
 from readme_code import block, method_of_readme
 
@@ -103,9 +104,9 @@ def test_friction_with_a_tanh_has_the_derivatives_of_its_closed_form() -> None:
         assert float(last(*map(jnp.array, given))) == pytest.approx(float(true(*map(mpf, given))), rel=1e-9)
         ours = jax.grad(last, (0, 1, 2))(*map(jnp.array, given))
         for k, one in enumerate(ours):
-            ends = [true(*(mpf(x) + (sign if i == k else 0) * mpf(10) ** -12 for i, x in enumerate(given)))
-                    for sign in (1, -1)]
-            assert float(one) == pytest.approx(float((ends[0] - ends[1]) / mpf("2e-12")), rel=1e-7, abs=1e-12)
+            at = [mpf(x) for x in given]
+            (wanted,) = derivative(lambda x, at=at, k=k: [true(*at[:k], x, *at[k + 1:])], at[k])
+            assert float(one) == pytest.approx(float(wanted), rel=1e-7, abs=1e-12)
 
 
 # --- where derivatives end -------------------------------------------------------------------------------------------
