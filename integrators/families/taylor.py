@@ -27,7 +27,7 @@ from integrators.method import Acceleration, Method, MethodError, System
 from integrators.steps.continuous import Extension
 from integrators.steps.recurrences import RecurrenceWriter
 from integrators.steps.terms import Notation, StepLines, Terms, definition, term, text_of, times_step
-from integrators.steps.tracing import LEAST_FUNCTIONS, Symbol, Trace, cos, exp, log, power, sin, sqrt
+from integrators.steps.tracing import LEAST_FUNCTIONS, Symbol, Trace, cos, exp, log, power, sin, sqrt, tanh
 
 LOWEST, HIGHEST, USUAL = 2, 30, 12
 """The lowest, the highest and the usual order of Taylor series.
@@ -235,7 +235,7 @@ def _compiled(acceleration: Acceleration, shape: tuple[int, ...], order: int) ->
     results = ", ".join("zero" if name == "0" else name for name in names)
     lines = [*first, *writer.lines, f"return ({results},)"]
     source = definition(f"series(t, {', '.join(arguments)})", "Coefficients.", lines)
-    namespace: dict[str, Any] = {"sin": sin, "cos": cos, "exp": exp, "log": log, "sqrt": sqrt, "power": power}
+    namespace: dict[str, Any] = {one.__name__: one for one in (sin, cos, tanh, exp, log, sqrt, power)}
     namespace |= {f"k{i}": x.value for i, x in enumerate(trace.operations) if x.name == "steady"}
     exec(compile(source, "<taylor coefficients>", "exec"), namespace)
     series: Callable[..., Any] = namespace["series"]
@@ -252,12 +252,12 @@ def _numbers(values: list[Symbol], shape: tuple[int, ...]) -> Any:
 
 
 def add_twins(trace: Trace) -> None:
-    """Record the cosine of every recorded sine and vice versa, as the recurrences of both need each other."""
+    """Record the cosine of every recorded sine and vice versa, and the slope of every tanh: recurrences need them."""
     for operation in list(trace.operations):
-        for one, other in (("sin", "cos"), ("cos", "sin")):
+        for one, other in (("sin", "cos"), ("cos", "sin"), ("tanh", "slope_of_tanh")):
             if operation.name == one:
                 trace.apply(other, Symbol(trace, operation.operands[0]))
 
 
 __all__ = ["TAYLOR", "Taylor", "coefficients", "cos", "exp", "log", "named_order", "of_order", "sin",
-           "sqrt"]
+           "sqrt", "tanh"]

@@ -6,6 +6,7 @@ Experimental Mathematics 14, 99)::
 
     (x y)_k = sum_j x_j y_(k-j)              (x/y)_k = (x_k - sum_(j>0) y_j (x/y)_(k-j))/y_0
     sin(x)_k = sum_(j>0) j x_j cos(x)_(k-j)/k        exp(x)_k = sum_(j>0) j x_j exp(x)_(k-j)/k
+    tanh(x)_k = sum_(j>0) j x_j (1 - tanh(x)**2)_(k-j)/k
 
 and those of the motion from those of the acceleration: ``v_(k+1) = a_k/(k+1)``, ``q_(k+1) = v_k/(k+1)``. ``abs(x)`` is
 x or -x, by the sign of x at the start of the step, or by the sign of its rate where x is zero there.
@@ -18,7 +19,7 @@ from collections.abc import Callable, Mapping, Sequence
 from integrators.steps.tracing import Symbol, Trace
 
 CALLS: Mapping[str, str] = {
-    **{name: f"{name}({{}})" for name in ("sin", "cos", "exp", "log", "sqrt")}, "power": "power({}, {})"
+    **{name: f"{name}({{}})" for name in ("sin", "cos", "tanh", "exp", "log", "sqrt")}, "power": "power({}, {})"
 }
 """Name of an elementary function -> the template of its call in the source."""
 
@@ -200,7 +201,7 @@ class RecurrenceWriter:
     def _fed(self, k: int, x: int, other: int) -> str:
         """Return the source text of ``sum_(j>0) j x_j y_(k-j)``.
 
-        This sum occurs in the recurrences of the Taylor coefficients of sin, cos and exp.
+        This sum occurs in the recurrences of the Taylor coefficients of sin, cos, tanh and exp.
         """
         return self._products([(self._rate(x, j), self._get(other, k - j)) for j in _latest_last(1, k, k + 1)])
 
@@ -214,8 +215,17 @@ class RecurrenceWriter:
     def _exp(self, k: int, place: int, x: int) -> str:
         return self._sum_over(k, self._fed(k, x, place))
 
+    def _tanh(self, k: int, place: int, x: int) -> str:
+        return self._sum_over(k, self._fed(k, x, self._twin("slope_of_tanh", x)))
+
+    def _slope_of_tanh(self, k: int, place: int, x: int) -> str:
+        """Return the source text of the Taylor coefficient of order k of ``1 - tanh(x)**2``."""
+        tanh = self._twin("tanh", x)
+        square = self._mul(k, place, tanh, tanh)
+        return f"1 - {square}" if k == 0 else f"-({square})" if square else ""
+
     def _twin(self, name: str, x: int) -> int:
-        """Return the index of the recorded operation ``name`` (sin or cos) with the operand at index x."""
+        """Return the index of the recorded operation ``name`` (such as sin or cos) with the operand at index x."""
         return self.trace.places[name, (x,)]
 
     def _log(self, k: int, place: int, x: int) -> str:

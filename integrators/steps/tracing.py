@@ -1,9 +1,9 @@
 """Recording of a plain function's arithmetic as a list of elementary operations, for Taylor series.
 
 The function is called with :class:`Symbol` numbers, which stand for values that are known later. They support
-``+ - * /``, powers with fixed exponents, ``abs``, and the functions :func:`sin`, :func:`cos`, :func:`exp`, :func:`log`
-and :func:`sqrt` of this module; NumPy's functions of these names work too. Operations that need the value at once, such
-as a comparison, raise :class:`TraceError`.
+``+ - * /``, powers with fixed exponents, ``abs``, and the functions :func:`sin`, :func:`cos`, :func:`tanh`,
+:func:`exp`, :func:`log` and :func:`sqrt` of this module; NumPy's functions of these names work too. Operations that
+need the value at once, such as a comparison, raise :class:`TraceError`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-LEAST_FUNCTIONS = ("+ - * /, powers of fixed exponents, abs, and sin, cos, exp, log and sqrt of "
+LEAST_FUNCTIONS = ("+ - * /, powers of fixed exponents, abs, and sin, cos, tanh, exp, log and sqrt of "
                    "integrators.families.taylor")
 
 
@@ -114,7 +114,7 @@ class Symbol:
     __mul__, __rmul__ = _binary("mul"), _binary("mul", swapped=True)
     __truediv__, __rtruediv__ = _binary("div"), _binary("div", swapped=True)
     __neg__, __abs__ = _unary("neg"), _unary("abs")
-    sin, cos, exp, log, sqrt = (_unary(name) for name in ("sin", "cos", "exp", "log", "sqrt"))
+    sin, cos, tanh, exp, log, sqrt = (_unary(name) for name in ("sin", "cos", "tanh", "exp", "log", "sqrt"))
     __lt__ = __le__ = __gt__ = __ge__ = _refused("a comparison")
     __eq__ = __ne__ = __bool__ = __lt__
     __floordiv__ = __mod__ = __rfloordiv__ = __rmod__ = _refused("a division with remainder")
@@ -177,6 +177,7 @@ def _known(name: str, x: Any) -> Any:
 
 sin = _function("sin", "Return the sine")
 cos = _function("cos", "Return the cosine")
+tanh = _function("tanh", "Return the hyperbolic tangent")
 exp = _function("exp", "Return the exponential")
 log = _function("log", "Return the natural logarithm")
 sqrt = _function("sqrt", "Return the square root")

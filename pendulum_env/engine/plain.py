@@ -43,7 +43,7 @@ CALLED = frozenset({"acceleration", "force", "jacobian", "kick", "push", "drag",
 INDENT = "    "
 BASES = {"abs": "speed", "sin": "sine", "cos": "cosine"}
 """Operation -> name of its result in a plain program, where it has a line of its own."""
-NUMPY = {name: f"np.{name}" for name in ("sin", "cos", "exp", "log", "sqrt", "power")}
+NUMPY = {name: f"np.{name}" for name in ("sin", "cos", "tanh", "exp", "log", "sqrt", "power")}
 """Elementary function -> its name in a plain program."""
 STATE = ("t", "theta", "omega", "dt")
 """Names of time, angle, velocity and step in a plain program."""

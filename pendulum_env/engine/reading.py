@@ -4,8 +4,8 @@ A program is a text that Python interprets or numba compiles, with the same bits
 source and written anew where that matters:
 
 - a number from outside the function becomes a constant;
-- sin, cos, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same bits on
-  all machines;
+- sin, cos, tanh, exp, log, sqrt, atan2 and pow, of ``math`` or numpy, become the package's own, which give the same
+  bits on all machines;
 - a power with a whole exponent becomes a product;
 - a function that it calls is read, too.
 
@@ -88,7 +88,7 @@ LARGEST_PRODUCT = 1024
 
 LIBRARY: Mapping[str, Function] = {
     "sin": elementary.sin, "cos": elementary.cos, "exp": elementary.exp, "log": elementary.log,
-    "power": elementary.power, "sqrt": elementary.sqrt, "atan2": atan2,
+    "power": elementary.power, "sqrt": elementary.sqrt, "tanh": elementary.tanh, "atan2": atan2,
     **{function.__name__: function for function in POWERS.values()},
 }
 """Functions of the package that the functions made here may call, by name."""
@@ -96,6 +96,7 @@ LIBRARY: Mapping[str, Function] = {
 KNOWN: Mapping[Any, Function] = {
     math.sin: elementary.sin, np.sin: elementary.sin, elementary.sin: elementary.sin,
     math.cos: elementary.cos, np.cos: elementary.cos, elementary.cos: elementary.cos,
+    math.tanh: elementary.tanh, np.tanh: elementary.tanh, elementary.tanh: elementary.tanh,
     math.exp: elementary.exp, np.exp: elementary.exp, elementary.exp: elementary.exp,
     math.log: elementary.log, np.log: elementary.log, elementary.log: elementary.log,
     math.pow: elementary.power, np.power: elementary.power, elementary.power: elementary.power,
@@ -104,7 +105,7 @@ KNOWN: Mapping[Any, Function] = {
     math.fabs: abs, np.abs: abs, abs: abs, min: min, np.minimum: min, max: max, np.maximum: max,
 }
 """Functions that users' functions may call -> the function that stands for them in programs."""
-CALLABLE = "abs, min, max, sin, cos, exp, log, sqrt, pow, atan2 and plain functions of your own"
+CALLABLE = "abs, min, max, sin, cos, tanh, exp, log, sqrt, pow, atan2 and plain functions of your own"
 """The functions that may be called, in words."""
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from integrators.families.taylor import add_twins, results_of_series
 from integrators.steps.recurrences import CALLS, RecurrenceWriter, times_reciprocal
-from integrators.steps.tracing import Symbol, Trace, TraceError, cos, exp, log, power, sin
+from integrators.steps.tracing import Symbol, Trace, TraceError, cos, exp, log, power, sin, tanh
 from pendulum_env.engine.problem import Problem, moving, slipping
 from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.source import Plain, names_of, with_callees
@@ -23,7 +23,8 @@ from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 
 RECORDED: dict[Plain, Plain] = {
-    elementary.sin: sin, elementary.cos: cos, elementary.exp: exp, elementary.log: log, elementary.power: power
+    elementary.sin: sin, elementary.cos: cos, elementary.exp: exp, elementary.log: log, elementary.power: power,
+    elementary.tanh: tanh
 }
 """Elementary function that torques call -> the function that records its call instead of computing its value."""
 WRITTEN = {**CALLS, "sqrt": "power({}, 0.5)"}

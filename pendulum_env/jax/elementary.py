@@ -37,7 +37,7 @@ def power(x: Any, y: Any) -> Any:
 
 
 ELEMENTARY: Mapping[str, Callable[..., Any]] = {
-    "sin": jnp.sin, "cos": jnp.cos, "exp": jnp.exp, "log": log, "power": power, "sqrt": sqrt,
+    "sin": jnp.sin, "cos": jnp.cos, "exp": jnp.exp, "log": log, "power": power, "sqrt": sqrt, "tanh": jnp.tanh,
     "sin_near_zero": lambda y, low: jnp.sin(y - low), "cos_near_zero": lambda y, low: jnp.cos(y - low),
 }
 """Name of an elementary function in programs -> the function of JAX arrays."""

@@ -52,9 +52,9 @@ class Task:
 
     They may use assignments, if and else, ``+ - * / **``, comparisons, and, or, not, numbers of their module or of an
     outer function (their values when the task is made), arguments with a number as default, abs, min, max, and sin,
-    cos, exp, log, sqrt, pow and atan2 of math or numpy. The package's own functions replace these, with equal bits on
-    every machine, compiled or not. They may call other plain functions. Their source is copied into the generated
-    program, so it must be in a file or a notebook.
+    cos, tanh, exp, log, sqrt, pow and atan2 of math or numpy. The package's own functions replace these, with equal
+    bits on every machine, compiled or not. They may call other plain functions. Their source is copied into the
+    generated program, so it must be in a file or a notebook.
 
     The quantities are those after the control step; those with names in _before are those at its start.
 

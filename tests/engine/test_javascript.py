@@ -11,12 +11,14 @@ from pathlib import Path
 
 import pytest
 from choice import check_pairs, pairs
+from given_effects import Rub
 from in_node import Case, cases_of, differing, in_node, in_python, needs_node
 
 import integrators
-from pendulum_env import SCENES, code
+from pendulum_env import SCENES, Scene, code
 from pendulum_env.engine.javascript import javascript, translated
 from pendulum_env.engine.reading import ProgramError
+from pendulum_env.physics.effects import Gravity
 
 QUICK = (
     Case("textbook", "quinlan8a"), Case("vacuum", "exact"), Case("exercise", "forward_euler"),
@@ -26,6 +28,7 @@ QUICK = (
     Case("kapitza", "yoshida6a", "compensated"), Case("windy", "bs3", "adaptive"), Case("clock_bob", "hht_alpha"),
     Case("moon", "taylor", "adaptive"), Case("lab", "taylor15"), Case("rod", "gauss4"),
     Case("kater", "kahan_li8"), Case("torsion", "verner6"),
+    *(Case(Scene(effects=(Gravity(), Rub())), method) for method in ("rk4", "taylor")),
 )
 """Scenes, each with a method of another family."""
 AXES = (list(SCENES), list(integrators.METHODS))

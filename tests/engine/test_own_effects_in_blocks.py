@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from inspect import signature
@@ -83,10 +84,14 @@ def with_a_comprehension(angle: float, mine_rate: float) -> float:
     return -mine_rate*sum([v*sin(share*angle) for share in (0.5, 1.0)])
 
 
+def with_tanh(angle: float, velocity: float, mine_rate: float) -> float:
+    return -mine_rate*(math.tanh(20.0*velocity) + np.tanh(angle))
+
+
 FORMS: tuple[Callable[..., float], ...] = (
     with_a_constant, with_two_targets, with_a_keyword, with_a_keyword_of_the_sine, with_a_walrus, with_truth_values,
     with_nested_targets, with_a_guard, the_same_for_all, with_lists,
-    with_a_comprehension)
+    with_a_comprehension, with_tanh)
 
 
 def scene_with(form: Callable[..., float], scene: str) -> Scene:
@@ -143,7 +148,7 @@ def test_stages_end_with_the_whole_force() -> None:
     assert "sin_block" not in text
 
 
-@pytest.mark.parametrize("form", [with_lists, with_a_comprehension, with_a_constant])
+@pytest.mark.parametrize("form", [with_lists, with_a_comprehension, with_a_constant, with_tanh])
 def test_compiled_programs_with_functions_of_a_user(form: Callable[..., float]) -> None:
     """A user's functions may make lists, which needs numba's memory, and comprehensions, which need all its passes."""
     own, angle = scene_with(form, "vacuum"), np.array([-0.5, 0.3, 1.0])

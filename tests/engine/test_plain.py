@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import Here
+from given_effects import Rub
 from scipy.integrate import solve_ivp
 
 from integrators import METHODS, MethodError, from_step
@@ -111,6 +112,11 @@ def test_several_drags_are_composed_as_in_the_engine() -> None:
         Gravity(), LinearDrag(gamma=0.3), QuadraticDrag(c=0.4), BearingFriction(bearing_viscosity=0.01)))
     for method in ("velocity_verlet", "forest_ruth", "yoshida6a"):
         assert "def quadratic_drag_flow" in check(place, method)
+
+
+def test_a_tanh_is_numpys() -> None:
+    program = check(SCENES["torsion"].with_effects((*SCENES["torsion"].effects, Rub())), "rk4")
+    assert "*np.tanh(omega/rub_width)" in program
 
 
 def test_a_step_of_one_s_own_has_one() -> None:

@@ -197,7 +197,8 @@ def test_a_whole_exponent_takes_a_negative_base(formula: str, load: Loader) -> N
 ELEMENTARY = {
     "math.sin(x)": math.sin, "np.cos(x)": math.cos, "m.exp(x)": math.exp, "math.log(x)": math.log,
     "sqrt(x)": math.sqrt, "math.fabs(-x)": math.fabs, "x**1.5": lambda x: x**1.5, "x**0.5": math.sqrt,
-    "math.pow(x, 2.5)": lambda x: x**2.5, "math.atan2(x, 1.0)": math.atan, "np.minimum(x, 0.5)": lambda x: min(x, 0.5),
+    "math.pow(x, 2.5)": lambda x: x**2.5, "math.atan2(x, 1.0)": math.atan,
+    "math.tanh(x)": math.tanh, "np.tanh(-x)": lambda x: -math.tanh(x), "np.minimum(x, 0.5)": lambda x: min(x, 0.5),
 }
 """A formula with a function of a module -> what Python computes."""
 

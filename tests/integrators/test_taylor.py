@@ -11,6 +11,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from given_effects import Rub
 
 import integrators
 from integrators import MethodError, System, solve
@@ -22,7 +23,7 @@ from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.effects import Effect, Gravity, LinearDrag, QuadraticDrag
-from pendulum_env.physics.elementary import exp, log, power, sin
+from pendulum_env.physics.elementary import exp, log, power, sin, tanh
 from pendulum_env.physics.exact import pendulum
 
 # --- the recurrences: q'' = f(t) for every operation, whose coefficients mpmath finds by differentiating --------------
@@ -37,11 +38,14 @@ FUNCTIONS: dict[str, tuple[Any, Any]] = {
     "cosine": (lambda x: taylor.cos(x / 3), lambda x: mpmath.cos(x / 3)),
     "exponential": (lambda x: taylor.exp(-x * x), lambda x: mpmath.exp(-x * x)),
     "logarithm": (lambda x: taylor.log(2 + x * x), lambda x: mpmath.log(2 + x * x)),
+    "hyperbolic tangent": (lambda x: taylor.tanh(3 * x * x - x) + taylor.tanh(x),
+                           lambda x: mpmath.tanh(3 * x * x - x) + mpmath.tanh(x)),
     "root": (lambda x: taylor.sqrt(1 + 3 * x), lambda x: mpmath.sqrt(1 + 3 * x)),
     "power": (lambda x: (2 + x) ** 2.5 + recorded_power(1 + x, -1.5), lambda x: (2 + x) ** 2.5 + (1 + x) ** -1.5),
     "whole powers": (lambda x: x**5 + (1 + x) ** -3 + x**0 + x**1, lambda x: x**5 + (1 + x) ** -3 + 1 + x),
     "modulus": (lambda x: abs(x - 7) * x + abs(x), lambda x: (7 - x) * x + x),
-    "of NumPy": (lambda x: np.sin(x) * np.exp(x) + np.abs(x), lambda x: mpmath.sin(x) * mpmath.exp(x) + x),
+    "of NumPy": (lambda x: np.sin(x) * np.exp(x) + np.abs(x) + np.tanh(x),
+                 lambda x: mpmath.sin(x) * mpmath.exp(x) + x + mpmath.tanh(x)),
     "of constants": (lambda x: taylor.sin(mpmath.mpf(2)) * x - -x, lambda x: mpmath.sin(2) * x + x),
 }
 
@@ -281,7 +285,7 @@ def test_work_and_heat_are_series_too() -> None:
 
 
 def bumpy(angle: float, time: float, bump_rate: float) -> float:
-    return bump_rate * exp(-angle * angle) * log(2.0 + sin(time)) + helper(angle)
+    return bump_rate * exp(-angle * angle) * log(2.0 + sin(time)) * tanh(angle + time) + helper(angle)
 
 
 def helper(angle: float) -> float:
@@ -327,6 +331,29 @@ def test_effects_of_ones_own_are_recorded_as_they_are() -> None:
     ours, theirs = (rollout(scene, integrator=name, dt=0.05, **asked) for name in ("taylor20", "verner9"))
     assert ours.angle == pytest.approx(theirs.angle, abs=1e-13)
     assert ours.ledger.work == pytest.approx(theirs.ledger.work, abs=1e-12)
+
+
+@pytest.mark.parametrize("order", [4, 9, 16])
+def test_the_series_of_a_tanh_has_its_order(order: int) -> None:
+    """``v' = -c tanh(v/w)`` is solved by ``sinh(v/w) = sinh(v0/w) exp(-c t/w)``; 60 digits, with c = 2 and w = 1/3."""
+    with mpmath.workdps(60):
+        c, w, start, end = mpmath.mpf(2), mpmath.mpf(1) / 3, mpmath.mpf(1), mpmath.mpf("0.25")
+        truth = w * mpmath.asinh(mpmath.sinh(start / w) * mpmath.exp(-c * end / w))
+        errors = [abs(solve(lambda t, q, v: -c * taylor.tanh(v / w), 0 * c, start, [0 * c, end], h=end / count,
+                            method=f"taylor{order}").v[-1] - truth) for count in (40, 80)]
+        assert float(mpmath.log(errors[0] / errors[1], 2)) == pytest.approx(order, abs=0.3)
+
+
+def test_friction_with_a_tanh_falls_by_its_closed_form() -> None:
+    """``sinh(v/w) = sinh(v0/w) exp(-c t/w)`` without gravity, from far in saturation through rest's neighbourhood."""
+    found = Rub()
+    run = rollout(Scene(effects=(found,)), integrator="taylor", angle=0.0, velocity=0.4, duration=1.2, dt=0.002,
+                  backend="python")
+    with mpmath.workdps(30):
+        wanted = [float(found.rub_width * mpmath.asinh(
+            mpmath.sinh(mpmath.mpf(0.4) / found.rub_width) * mpmath.exp(-found.rub_rate * t / found.rub_width)))
+            for t in run.time.tolist()]
+    assert run.velocity == pytest.approx(wanted, abs=1e-14)
 
 
 def test_effects_with_branches_are_refused_by_name() -> None:

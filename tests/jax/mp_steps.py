@@ -24,7 +24,7 @@ mp.dps = 40
 DELTA = mpf(10) ** -12
 ROUNDING = 5e-13
 """Error of :func:`slopes` by rounding, over the number and the parameter: some ulps over a step of 0.0025."""
-ELEMENTARY = {"exp": mp.exp, "log": mp.log, "sin": mp.sin, "cos": mp.cos, "sqrt": mp.sqrt,
+ELEMENTARY = {"exp": mp.exp, "log": mp.log, "sin": mp.sin, "cos": mp.cos, "sqrt": mp.sqrt, "tanh": mp.tanh,
               "power": lambda x, y: x**y if x else mpf(0)}
 
 

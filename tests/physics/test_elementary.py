@@ -23,7 +23,7 @@ from pendulum_env.physics import elementary
 INF, NAN = math.inf, math.nan
 TINIEST, NORMAL, HUGE = 5e-324, 2.2250738585072014e-308, 1.7976931348623157e308
 FUNCTIONS = {n: f for n, f in vars(elementary).items() if isinstance(f, types.FunctionType)}
-TRUTH = {"sin": mpmath.sin, "cos": mpmath.cos, "exp": mpmath.exp, "log": mpmath.log, "power": mpmath.power}
+TRUTH = {name: getattr(mpmath, name) for name in elementary.__all__}
 SPECIAL = (0.0, TINIEST, NORMAL, 1e-300, 1e-16, 0.5, 1.0, math.pi, 750.0, 8.5e8, 1e16, 1e300, HUGE, INF, NAN)
 
 Point = tuple[float, ...]
@@ -93,8 +93,19 @@ def bases_and_powers() -> list[Point]:
     return [(x, y) for x, y in points]
 
 
+def slopes_and_saturation() -> list[Point]:
+    """From 1e-300 to 400, most of them around the ends of tanh's three formulas and where it is not yet 1."""
+    rng = random.Random(5)
+    x = [y for end in (0.5493061443340549, 1.05) for y in around(end)]
+    x += [10.0 ** rng.uniform(-300.0, math.log10(400.0)) for _ in range(1000)] + [TINIEST, NORMAL, 1e-300, 400.0]
+    x += [rng.uniform(0.5, 0.62) for _ in range(2000)] + [rng.uniform(0.9, 1.2) for _ in range(2000)]
+    x += [rng.uniform(0.0, 20.0) for _ in range(2000)]
+    return [(sign * y,) for y in x for sign in (1.0, -1.0)]
+
+
 POINTS: dict[str, Callable[[], list[Point]]] = {
-    "sin": angles, "cos": angles, "exp": exponents, "log": positives, "power": bases_and_powers
+    "sin": angles, "cos": angles, "exp": exponents, "log": positives, "power": bases_and_powers,
+    "tanh": slopes_and_saturation,
 }  # fmt: skip
 
 
@@ -138,6 +149,9 @@ SPECIAL_VALUES = [
     ("power", (INF, 0.0), 1.0), ("power", (-1.0, 2.0), NAN), ("power", (NAN, 0.0), NAN),
     ("power", (1.0, NAN), NAN), ("power", (2.0, -1074.0), TINIEST), ("power", (2.0, 1023.0), 2.0**1023),
     ("power", (TINIEST, 1.0), TINIEST),
+    ("tanh", (0.0,), 0.0), ("tanh", (-0.0,), -0.0), ("tanh", (TINIEST,), TINIEST), ("tanh", (-1e-300,), -1e-300),
+    ("tanh", (19.1,), 1.0), ("tanh", (-400.0,), -1.0), ("tanh", (HUGE,), 1.0), ("tanh", (INF,), 1.0),
+    ("tanh", (-INF,), -1.0), ("tanh", (NAN,), NAN), ("tanh", (0.5493061443340549,), 0.5),
 ]  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-LIBM = r"sin|cos|sincos|tan|exp|exp2|expm1|log|log2|log1p|pow|powi|ldexp|frexp|fma|fmuladd|floor|rint|sqrt"
+LIBM = r"sin|cos|sincos|tan|tanh|exp|exp2|expm1|log|log2|log1p|pow|powi|ldexp|frexp|fma|fmuladd|floor|rint|sqrt"
 
 
 def library_calls(function: Any) -> set[str]:

@@ -1,7 +1,8 @@
-"""An example of each effect, as geometry and medium determine it or with numbers where they cannot; and one made up."""
+"""An example of each effect, as geometry and medium determine it or with numbers where they cannot; and two made up."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from pendulum_env.physics.body import Body
@@ -50,3 +51,24 @@ class Blow(Effect):
 
     def coefficients(self, scene: Scene) -> dict[str, float]:
         return {"blow_rate": 0.5}
+
+
+def rub(velocity: float, rub_rate: float, rub_width: float) -> float:
+    return -rub_rate * math.tanh(velocity / rub_width)
+
+
+@dataclass(frozen=True)
+class Rub(Effect):
+    """v' = -c tanh(v/w), dry friction without its jump: sinh(v/w) falls as exp(-c t/w)."""
+
+    rub_rate: float = 0.5
+    rub_width: float = 0.05
+
+    name = "rub"
+    kind = "dissipative"
+    equation = "- {rub_rate} tanh(theta'/{rub_width})"
+    source = "made up"
+    torque = staticmethod(rub)
+
+    def coefficients(self, scene: Scene) -> dict[str, float]:
+        return {"rub_rate": self.rub_rate, "rub_width": self.rub_width}

@@ -44,7 +44,7 @@ def shaped(phi: float, velocity: float, action: float, phi_before: float, time: 
         reward += 1
     elif phi > 2 or action > 0.5:
         reward -= 0.5 * math.atan2(phi, 1 + abs(velocity)) ** 3 + (phi if 0 < phi < 1 else -phi)
-    return reward + hump(phi_before) - abs(phi) ** 1.5 + math.log(1 + phi * phi) + min(phi, 1, action)
+    return reward + hump(phi_before) - abs(phi) ** 1.5 + math.log(1 + phi * phi) + min(phi, 1, np.tanh(2 * action))
 
 
 MINE = Task("mine", shaped, lambda phi, time: abs(phi) < 0.02 or (time > 0.7 and phi > 3),
