@@ -3,7 +3,8 @@
 ``--against COMMIT`` clones that commit into a temporary folder; then this state and that one run in turn, each in new
 processes with caches and byte code of their own. "Cold" rows begin with no compiled programs, all others run once
 before they are timed. Every number is a median, every ratio the median of pairs in turn. The goals of times are ratios,
-too: those on two cores of a Zen 5 when they were set. ``--rows help,make`` takes some rows alone. Run it by hand.
+too: those on two cores of a Zen 5 when they were set. ``--rows help,make`` takes some rows alone, ``--cpu`` measures
+processor time, for a machine that is not alone (threads need one that is). Run it by hand.
 """
 
 from __future__ import annotations
@@ -33,6 +34,13 @@ COMPARE = ("compare --scene exercise --damping none --integrators forward_euler,
 COST = ("cost --scene exercise_large --angle 60 --integrators "
         "forward_euler,symplectic_euler,velocity_verlet,rk4,yoshida6a,kahan_li8,gauss4,dop853,verner9,taylor")
 FRAMES, STEPS, LARGE = 60, 100, 65_536
+CPU = "FELT_CPU"
+"""Environment variable that says to measure processor time."""
+
+
+def clock() -> float:
+    """Return the time of day or, with --cpu, the processor time of this process and of those that it has run [s]."""
+    return time.process_time() + sum(os.times()[2:4]) if CPU in os.environ else time.perf_counter()
 
 
 # --- what a new process measures ---------------------------------------------------------------------------------
@@ -45,20 +53,20 @@ def first_step() -> float:
 
     import pendulum_env  # noqa: F401
 
-    begun = time.perf_counter()
+    begun = clock()
     env = gym.make("LabPendulum-v0")
     env.reset(seed=0)
     env.step(np.zeros(1, np.float32))
-    return time.perf_counter() - begun
+    return clock() - begun
 
 
 def first_frame() -> float:
     """Return the time of the first frame of all [s], after one step."""
     env, actions = drawn("LabPendulum-v0")
     env.step(actions[0])
-    begun = time.perf_counter()
+    begun = clock()
     env.render()
-    return time.perf_counter() - begun
+    return clock() - begun
 
 
 def frames(*panels: str) -> float:
@@ -91,9 +99,9 @@ def us_per_frame(env: Any, actions: Any) -> float:
     taken = 0.0
     for action in actions:
         env.step(action)
-        begun = time.perf_counter()
+        begun = clock()
         env.render()
-        taken += time.perf_counter() - begun
+        taken += clock() - begun
     return 1e6 * taken / len(actions)
 
 
@@ -109,10 +117,10 @@ def two_threads(integrator: str, *diagnostics: str) -> float:
                          diagnostics=diagnostics) for threads in (1, 2)]
 
     def taken(env: Any) -> float:
-        begun = time.perf_counter()
+        begun = clock()
         for _ in range(STEPS):
             env.step(actions)
-        return time.perf_counter() - begun
+        return clock() - begun
 
     for env in envs:
         env.reset(seed=0)
@@ -190,10 +198,10 @@ class Tree(NamedTuple):
             words = ["-m", "pendulum_env", *shlex.split(row.work)]
         else:
             words = [__file__, "--measure", row.work.__name__, *row.arguments]
-        begun = time.perf_counter()
+        begun = clock()
         done = subprocess.run([sys.executable, *words], cwd=self.folder, env=environment, capture_output=True,
                               text=True)
-        taken = time.perf_counter() - begun
+        taken = clock() - begun
         if done.returncode:
             raise SystemExit(f"In {self.root}, {shlex.join(words)} failed:\n{done.stderr}")
         return taken if isinstance(row.work, str) else float(done.stdout)
@@ -235,6 +243,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Time what a person waits for.")
     parser.add_argument("--against", metavar="COMMIT", help="commit to compare with; without it, this state alone")
     parser.add_argument("--rows", default=",".join(ROWS), help=f"rows to measure, of {', '.join(ROWS)}; default all")
+    parser.add_argument("--cpu", action="store_true", help="measure processor time: on a machine that is not alone")
     parser.add_argument("--repeats", type=int, default=5, help="number of pairs of each row")
     parser.add_argument("--measure", nargs="+", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -242,6 +251,8 @@ def main() -> None:
         name, *arguments = options.measure
         print(globals()[name](*arguments))
         return
+    if options.cpu:
+        os.environ[CPU] = "1"
     names = options.rows.split(",")
     if unknown := [name for name in names if name not in ROWS]:
         parser.error(f"no row {unknown[0]!r}; there are {', '.join(ROWS)}")

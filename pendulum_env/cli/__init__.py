@@ -19,7 +19,7 @@ import typer
 import typer.core
 import typer.main
 
-from pendulum_env.cli.console import open_streams, say
+from pendulum_env.cli.console import LINE, open_streams, say
 from pendulum_env.common.texts import clean
 from pendulum_env.common.version import __version__, sources
 
@@ -37,7 +37,8 @@ SAID = (ValueError, TypeError, OSError, RuntimeError)
 
 
 PLAIN: dict[str, Any] = {
-    "pretty_exceptions_enable": False, "context_settings": {"help_option_names": ["-h", "--help"]},
+    "pretty_exceptions_enable": False, "context_settings": {"help_option_names": ["-h", "--help"],
+                                                               "max_content_width": LINE},
     "rich_markup_mode": None,  # with boxes, typer imports a third of a second of other packages
 }
 """Settings of the program, and of each command."""
@@ -70,7 +71,7 @@ class Commands(typer.core.TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands, without importing them."""
-        return list(self.commands)
+        return [*self.commands]  # list is here the module of that command, once it is imported
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the list of commands with the first sentences of their docstrings, which are read, not imported."""

@@ -58,8 +58,11 @@ def list_(
             print((integrators_data() if name == "integrators" else tables[name]()).csv(), end="")
         elif markdown:
             print(f"### {name}\n\n{tables[name]().markdown()}\n")
+        elif what is None and not whole:  # the table of all integrators takes a while
+            names = METHODS if name == "integrators" else (row[0] for row in tables[name]().rows)
+            print(printable(names_of(name, names, width)))
         elif not whole:
-            print(printable((names_of if what is None else brief)(name, tables[name](), width)))
+            print(printable(brief(name, tables[name](), width)))
         elif name == "integrators":
             print(methods.listing(METHODS.values(), terminal_width()))
         elif name == "effects":

@@ -339,6 +339,28 @@ def test_help_in_three_ways(run_here: Here) -> None:
     assert all(name in whole[1] for name in (*cli.COMMANDS, "--install-completion", "--debug"))
 
 
+@pytest.mark.parametrize(("words", "own"), [("--help", 0), ("--version", 0), ("list", 1)])
+def test_a_short_answer_waits_for_no_import(words: str, own: int) -> None:
+    """Beyond what Gymnasium and typer import, help imports no command, and a list nothing that computes or draws."""
+    done = subprocess.run([sys.executable, "-c", f"""
+import sys
+import gymnasium, typer
+before = {{name.partition(".")[0] for name in sys.modules}}
+from pendulum_env import cli
+sys.argv = ["lab-pendulum", "{words}"]
+try:
+    cli.main()
+finally:
+    loaded = {{name.partition(".")[0] for name in sys.modules}} - before - {{*sys.stdlib_module_names}}
+    print(*loaded, *(name for name in sys.modules if name.startswith("pendulum_env.")), file=sys.stderr)
+"""], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    loaded = {*done.stderr.split()}
+    assert not {"rich", "numba", "llvmlite", "scipy", "matplotlib", "pygame", "PIL", "imageio_ffmpeg"} & loaded
+    assert len({f"pendulum_env.cli.{name}" for name in cli.COMMANDS} & loaded) == own
+    assert ("integrators" in loaded) == bool(own)
+
+
 def test_debug_stands_before_or_behind_a_command(run_here: Here) -> None:
     for words in (("--debug", "code", "-i", "zzz"), ("code", "-i", "zzz", "--debug")):
         code, printed, told = run_here(*words)

@@ -24,7 +24,7 @@ from pendulum_env.engine.elementwise import elementwise
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.reading import ProgramError
-from pendulum_env.engine.source import text_of, with_callees
+from pendulum_env.engine.source import blocks_of, text_of, with_callees
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.equation import equation_text
 
@@ -300,3 +300,11 @@ def test_the_formula_of_a_wind_is_read_too(text: str, load: Loader) -> None:
 
     found = equation_text((LinearDrag(0.1), Air()), {"blow": 0.5, "linear_drag_rate": 0.1})  # type: ignore[arg-type]
     assert found.split("; ")[-1].split(", ")[-1] == WINDS[text]
+
+
+def test_a_program_is_divided_between_functions_and_never_in_a_text() -> None:
+    parts = ('"""Head."""\n\nA = 1.0', "@inline\ndef f(x):\n    return x", "def g(x):\n    y = x\n\n    return y\n")
+    assert blocks_of("\n\n\n".join(parts)) == parts
+    for quotes in ('"""', "'''"):
+        text = f"def f(x):\n    {quotes}\n\ndef of something\n{quotes}\n    return x\n\n\ndef g(x):\n    return x\n"
+        assert blocks_of(text) == (text,)

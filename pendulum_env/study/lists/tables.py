@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 
 from integrators import METHODS
@@ -61,9 +61,9 @@ ROWS = 21
 """Largest number of rows that a list prints on a screen of 24 lines."""
 
 
-def names_of(name: str, table: Table, width: int, lines: int | None = LINES) -> str:
-    """Return the names in a table, after its own name and their number, in at most so many ``lines``, None for all."""
-    names = [row[0] for row in table.rows]
+def names_of(name: str, names: Iterable[str], width: int, lines: int | None = LINES) -> str:
+    """Return the names in a list, after its own name and their number, in at most so many ``lines``, None for all."""
+    names = list(names)
     for count in range(len(names), 0, -1):
         more = "" if count == len(names) else f", and {len(names) - count} more"
         text = textwrap.fill(f"{name} ({len(names)}): {', '.join(names[:count])}{more}", width,
@@ -79,7 +79,7 @@ def brief(name: str, table: Table, width: int) -> str:
     Of tables with more than 21 rows (ROWS), only the names are given.
     """
     if len(table.rows) > ROWS:
-        return names_of(name, table, width, None)
+        return names_of(name, (row[0] for row in table.rows), width, None)
     column = table.head.index("what it is") if "what it is" in table.head else -1
     room = max(len(row[0]) for row in table.rows)
     lines = [f"{row[0]:{room}}  {row[column]}" for row in table.rows]
