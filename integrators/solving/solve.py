@@ -236,8 +236,9 @@ def solve_unchecked(
     try:
         if march is None:
             lost = (q - q, v - v) if compensated else ()
-            taken, restarts = _equal_steps(
-                chosen, step, begin, marks, gaps, counts, q, v, lost, recorder, unit, rows)
+            with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a step that is not finite is an error
+                taken, restarts = _equal_steps(
+                    chosen, step, begin, marks, gaps, counts, q, v, lost, recorder, unit, rows)
         else:
             march.through(marks, zero, rows)
             taken = march.steps
@@ -286,10 +287,9 @@ def _equal_steps(
             t = start + i * part
             taken += 1
             try:
-                with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-                    if not (i or memory_valid):
-                        memory = begin(t, q, v, part)
-                    values = step(t, q, v, *memory, *lost, part)
+                if not (i or memory_valid):
+                    memory = begin(t, q, v, part)
+                values = step(t, q, v, *memory, *lost, part)
             except MethodError:
                 raise
             except (ArithmeticError, ValueError) as fault:
@@ -333,14 +333,14 @@ def _counts(marks: Sequence[Any], gaps: Sequence[Any], h: Any, unit: Any) -> lis
     a thousandth.
     """
     sizes, excess = [], []
-    for gap, (start, mark) in zip(gaps, pairwise(marks), strict=True):
-        try:
-            with np.errstate(over="ignore"):
+    with np.errstate(over="ignore"):
+        for gap, (start, mark) in zip(gaps, pairwise(marks), strict=True):
+            try:
                 sizes.append(float(abs(gap) / h))
                 excess.append(min(1e-3, max(1e-9, float(unit * (abs(start) + abs(mark)) / h))))
-        except ArithmeticError:
-            sizes.append(math.inf)
-            excess.append(0.0)
+            except ArithmeticError:
+                sizes.append(math.inf)
+                excess.append(0.0)
     if not sum(sizes) <= MOST_STEPS:
         raise MethodError(
             f"Steps of h = {h!r} are too short: they would be {sum(sizes):.3g} steps, and at most {MOST_STEPS:.0e} are "

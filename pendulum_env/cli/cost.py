@@ -18,7 +18,8 @@ def cost(
     angle: options.AngleOrNone = None,
     velocity: options.Velocity = None,
     duration: options.Duration = 20.0,
-    repeats: Annotated[int, options.count("Number of timings of each run; the shortest counts.")] = 5,
+    repeats: Annotated[
+        int, options.count("Number of timings of each run, half for long ones; the shortest counts.")] = 5,
     resume: Annotated[
         bool, options.flag("Continue an interrupted study from its files in the output folder.", "--resume")] = False,
     scheduler: Annotated[str | None, options.option("Run on a Dask cluster, scheduler tcp://HOST:PORT.")] = None,

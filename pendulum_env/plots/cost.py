@@ -192,10 +192,11 @@ def _label(study: CostStudy, name: str) -> str:
 def _note(study: CostStudy) -> str:
     """Return the note below work-precision diagrams: reference solution, shaded area, timing, methods not in colour."""
     rest = [name for name in dict.fromkeys(point.series for point in study.front) if name not in leading(study)]
+    timings = {len(point.times) for point in study.points if point.times} or {study.repeats}
     sentences = {
         f"Reference solution: {study.reference.how}. Shaded: errors below {FLOOR:g} times its own error, "
-        f"{study.reference.error_estimate:.1g} rad. Times: the shortest of {study.repeats} timings, without "
-        "compilation.": True,
+        f"{study.reference.error_estimate:.1g} rad. Times: the shortest of "
+        f"{' to '.join(map(str, sorted({min(timings), max(timings)})))} timings, without compilation.": True,
         f"Also on the Pareto front: {', '.join(map(short, rest))}.": bool(rest),
         "Methods that use a series or a closed form have no force evaluations to count.": any(
             not math.isfinite(p.evaluations) and not p.stop_reason for p in study.points),

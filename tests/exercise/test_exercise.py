@@ -488,9 +488,9 @@ def test_save_writes_the_page_into_a_chosen_file(worked: Worked, tmp_path: Path)
 def test_answers_are_read_from_a_page_as_browsers_save_it(tmp_path: Path) -> None:
     """Browsers write typed lines as elements of their own, or as breaks."""
     (tmp_path / "report.html").write_text(
-        '<html data-report="r" data-saved="5"><p><span data-answer="name"> Ada </span></p>'
+        '<html data-report="r" data-saved="5"><p><span data-answer="name"> Ada </span></p><svg id="a"></svg>'
         '<div data-answer="1">one<div>two &lt; <b>three</b></div><br>four</div><div data-answer="2"><br></div>'
-        '<div data-answer="3">last<img src="#">.</div>after', encoding="utf-8")
+        '<div data-answer="3">last<img src="#">.</div>after<svg id="b">\n<g></svg>', encoding="utf-8")
     found = earlier(tmp_path / "report.html")
     assert (found.report, found.saved, found.number) == ("r", "5", 2)
     assert found.texts == {"name": "Ada", "1": "one\ntwo < three\nfour", "3": "last."}

@@ -387,6 +387,22 @@ def test_saved_figures_carry_their_facts(sheet, tmp_path):
     assert plots.save(figure, drawing, facts).read_bytes() == first
 
 
+def test_a_figure_is_laid_out_once_and_drawn_once_for_each_file(sheet, tmp_path, monkeypatch):
+    """The PNG is that of Matplotlib, which lays out for every file; the figure keeps its layout and its resolution."""
+    figure = plots.angle(sheet).figure
+    drawn, laid, layout, dpi = [], [], figure.get_layout_engine(), figure.dpi
+    alone = plots.save(figure, tmp_path / "alone.png").read_bytes()
+    draw, execute = style.Figure.draw, type(layout).execute
+    monkeypatch.setattr(style.Figure, "draw", lambda *given: drawn.append(1) or draw(*given))
+    monkeypatch.setattr(type(layout), "execute", lambda *given: laid.append(1) or execute(*given))
+    png, svg = plots.save_all(figure, tmp_path / "angle", {})
+    assert (len(drawn), len(laid)) == (2, 1)
+    assert png.read_bytes() == alone
+    assert b"<svg" in svg.read_bytes()
+    assert figure.get_layout_engine() is layout
+    assert figure.dpi == dpi
+
+
 def test_a_figure_that_cannot_be_saved_leaves_the_old_one(sheet, tmp_path, monkeypatch):
     target = tmp_path / "angle.png"
     target.write_text("old")

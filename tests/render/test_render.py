@@ -70,7 +70,10 @@ def test_equal_input_gives_equal_pixels_and_drawing_leaves_no_trace():
     kept = first.copy()
     other = frame(ROD, View(1.0, -2.0, residual=0.5, work=0.0))
     other[:] = 0
-    side_by_side([(ROD, SWING), (WIRE, SWING)], 200)
+    both = side_by_side([(ROD, SWING), (WIRE, SWING)], 200)
+    beside = both.copy()
+    both[:] = 0
+    np.testing.assert_array_equal(side_by_side([(ROD, SWING), (WIRE, SWING)], 200), beside)
     again = frame(ROD, SWING)
     np.testing.assert_array_equal(again, kept)
     np.testing.assert_array_equal(first, kept)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from choice import quick
 from matplotlib.image import imread
+from matplotlib.text import Text
 from PIL import Image
 
 import integrators
@@ -26,6 +27,7 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.cost import draw
+from pendulum_env.study.cost import runs as cost_runs
 from pendulum_env.study.cost import study as cost_plan
 from pendulum_env.study.cost import write
 from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto
@@ -478,6 +480,25 @@ def test_repeats_go_round_all_runs_in_turn():
     found = [(p["repeat"], p["method"], p.get("substeps") or p["rtol"]) for p in plan.points]
     assert found == [(repeat, *run) for repeat in (0, 1) for run in once]
     assert [rung.method for rung in plan.rungs] == ["rk4"] * 2 + ["bs3"] * 4
+
+
+@pytest.mark.parametrize(("repeats", "half"), [(1, 1), (2, 1), (3, 1), (5, 2)])
+def test_long_runs_are_timed_half_as_often_and_the_figure_says_so(monkeypatch, repeats, half):
+    monkeypatch.setattr(cost_plan, "LONG", 200)  # force evaluations: of rk4, 50 steps
+    found = cost("vacuum", ["rk4"], steps=[0.1, 0.05, 0.025], duration=2.0, repeats=repeats, backend="python")
+    assert [len(p.times) for p in found.points] == [half if p.steps * 4 >= cost_plan.LONG else repeats
+                                                   for p in found.points]
+    assert len({p.steps * 4 >= cost_plan.LONG for p in found.points}) == 2
+    note = " ".join(text.get_text() for text in draw(found).figure.findobj(Text)).replace("\n", " ")
+    assert f"the shortest of {repeats if half == repeats else f'{half} to {repeats}'} timings" in note
+
+
+def test_times_of_runs_with_records_are_those_of_runs_without(monkeypatch):
+    """A long run is timed while its records are made: the clock, of which one tick passes per look, says so."""
+    ticks = iter(range(10_000))
+    monkeypatch.setattr(cost_runs, "perf_counter", lambda: float(next(ticks)))
+    monkeypatch.setattr(cost_runs, "_timed", lambda *given: pytest.fail("timed once more"))
+    assert cost("vacuum", ["rk4"], steps=[0.1], duration=0.5, repeats=1, backend="python").points[0].times == (1.0,)
 
 
 def test_long_work_is_left_out_and_said(monkeypatch):

@@ -57,7 +57,7 @@ class CostPoint:
         evaluations: force evaluations; for implicit methods counted in their Newton iterations, for adaptive runs with
             rejected steps; nan for a Taylor series or a closed form. The search of Runge-Kutta methods for the turning
             points under dry friction is not counted, but it is in the times.
-        times: wall times of the run, one per repeat [s], without compilation.
+        times: wall times of the run, one per timing [s], without compilation.
         ns_per_second: shortest wall time, in ns per simulated second.
         floor: True if the angle error is at most ten times the error of the reference solution itself, and so perhaps
             smaller than measured.
@@ -114,7 +114,7 @@ class CostStudy(Result):
         scene, angle, velocity, duration: scene, start and length of the runs [rad, rad/s, s].
         reference: reference solution from which the errors are computed.
         points: measured runs (method, step, errors, times), method by method, from long steps to short ones.
-        repeats: number of timings of each run.
+        repeats: number of timings of each run; long ones are timed half as often.
         complete: False if the study was interrupted, so that some runs are missing.
         left_out: sentence on steps that were left out to save time; "" if there were none.
         machines, versions: processors and package versions of the timings; several where workers of a cluster differ.

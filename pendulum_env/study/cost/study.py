@@ -41,6 +41,8 @@ MOST_STEPS = {"compiled": 2**20, "python": 2**13}
 """Largest number of steps of a run; the default list leaves out step sizes that need more. For each backend."""
 MOST_WORK = {"compiled": 2**24, "python": 2**19}
 """Largest number of force evaluations of a run; the default list leaves out others. For each backend."""
+LONG = 2**20
+"""Force evaluations from which on a run, of 10 ms or more, is timed half as often: disturbances average out in it."""
 SWEEPS = 10.0
 """Estimated cost of an implicit method's force evaluation with its Newton solver; 1 for explicit methods."""
 COMPILING = {"compiled": 1e8, "python": 0.0}
@@ -96,7 +98,8 @@ def cost(
             ``left_out`` lists.
         tolerances: rtol = atol of adaptive runs; by default 1e-2, 1e-3, ... and the smallest that double precision
             allows, or none where ``steps`` are given; () for none.
-        repeats: number of timings of each run.
+        repeats: number of timings of each run; long runs, of a million force evaluations or more, are timed half as
+            often (rounded down, but at least once).
         executor: executor of the runs, see :func:`pendulum_env.study.sweep.study.sweep`. Times are reliable only if
             each worker has a processor core to itself.
         file: journal to which each measurement is written at once, and from which an interrupted study continues.
@@ -283,7 +286,9 @@ class CostPlan:
         lines = [line for method in self.methods for line in (self._steps(method), self._tolerances(method))]
         self.rungs = [rung for line in lines for rung in line]
         rounds = [line[k] for k in range(max(map(len, lines))) for line in lines if k < len(line)]
-        self.points = [rung.point(repeat) for repeat in range(self.repeats) for rung in rounds]
+        long, half = {rung for rung in rounds if self._evaluations(rung) >= LONG}, max(1, self.repeats // 2)
+        self.points = [rung.point(repeat) for repeat in range(self.repeats) for rung in rounds
+                       if repeat < half or rung not in long]
         self._first = {(line[0].method, line[0].rtol is None): line[0] for line in lines if line}
         self.left_out = self._omissions()
 
