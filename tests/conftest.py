@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,10 @@ __all__ = ["bench_clock", "clock", "run_here", "start"]  # fixtures of several t
 
 settings.register_profile("same", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("same")
+if os.environ.pop("PYTHONDONTWRITEBYTECODE", None):  # each file compiled once, but not by each of hundreds of processes
+    sys.dont_write_bytecode = False
+    sys.pycache_prefix = str(Path(__file__).parents[1] / ".pytest_cache" / "bytecode")  # nothing stays beside the files
+    os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # windows that nobody sees, of Gymnasium's checkers too
 
 
