@@ -11,7 +11,7 @@ import inspect
 import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from functools import wraps
 from typing import Any, TypeVar, get_type_hints
 
@@ -39,11 +39,16 @@ class CommonSettings(Checked):
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class SceneSettings(Checked):
-    """Settings of a run that the package and its twin in JAX have; and the scene's parameters by name."""
+class FirstSetting(Checked):
+    """The one setting that may be given without its name."""
 
     scene: SceneLike = setting("lab", "preset name, dict, Scene, or a scene's JSON file")
-    _: KW_ONLY
+
+
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class SceneSettings(FirstSetting):
+    """Settings of a run that the package and its twin in JAX have; and the scene's parameters by name."""
+
     integrator: str | Method | None = setting("rk4", "name of a method (lab-pendulum list), or a Method")
     damping: Damping = setting(
         "scene", 'losses in place of the scene\'s: "none", names as "linear+quadratic", or with numbers, as '

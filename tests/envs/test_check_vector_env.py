@@ -60,10 +60,15 @@ def test_gymnasiums_vector_of_a_small_environment_passes_everything() -> None:
     assert {check.level for check in report.checks} == {"contract", "NextStep", "SameStep", "Disabled", "equality"}
 
 
+BEGUN = pytest.mark.filterwarnings("ignore:.*VectorEnv.__del__:pytest.PytestUnraisableExceptionWarning")
+"""Gymnasium 1.1 fails to close vectors of cart poles that were refused for their keywords."""
+
+
 def cart_poles(**given: Any) -> Any:
     return gym.make_vec("CartPole-v1", vectorization_mode="vector_entry_point", **given)
 
 
+@BEGUN
 def test_cart_pole_passes_the_contract() -> None:
     report = check_vector_env(cart_poles)
     assert {(check.level, check.said) for check in report.skipped} == {
@@ -72,6 +77,7 @@ def test_cart_pole_passes_the_contract() -> None:
     assert ("NextStep", "restarts") in outcomes(report, "passed")
 
 
+@BEGUN
 def test_cart_pole_is_not_sync_vector_env() -> None:
     """Its environments share one random generator, so that only the spaces are those of SyncVectorEnv."""
     report = check_vector_env(cart_poles, partial(gym.make, "CartPole-v1"), raises=False)

@@ -27,6 +27,8 @@ OPTIONAL = {"anywidget", "arviz_base", "corner", "distributed", "emcee", "h5py",
             "torchrl", "traitlets", "godirect", "pasco", "nidaqmx"}
 """Modules that a user installs for one feature, which names the package where it is missing; markupsafe is jinja2's,
 traitlets anywidget's, torch and tensordict TorchRL's, h5py Minari's; serial is pyserial."""
+MAIN_JOB = only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\n```", "the main job")
+"""Words behind ``lab-pendulum`` in README's first command."""
 
 
 def test_every_imported_package_is_declared_and_every_declared_one_is_used() -> None:
@@ -55,6 +57,30 @@ def test_functions_that_are_chosen_by_type_name_one_type_each() -> None:
     assert not [place for place, kind in found if isinstance(kind, ast.BinOp)]
 
 
+def test_no_class_marks_its_keywords_by_an_annotation() -> None:
+    """Python 3.10 cannot read the types of a class with ``_: KW_ONLY``, from which signatures are made."""
+    for path in (*(ROOT / "pendulum_env").rglob("*.py"), *(ROOT / "integrators").rglob("*.py")):
+        assert "KW_ONLY" not in path.read_text(encoding="utf-8"), path
+
+
+def test_workflows_install_declared_packages_and_run_actions_of_known_commits() -> None:
+    """A second list of packages falls behind, and an action's tag can be moved to other code."""
+    extras = re.findall(r"^(\w+) = \[", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), flags=re.M)
+    texts = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / ".github" / "workflows").iterdir()}
+    for name, text in texts.items():
+        installs = [words for words in re.findall(r"\bpip install\b(.*)", text) if words != " uv"]
+        assert installs, name
+        for words in installs:
+            found = re.search(r' --editable "\.\[([\w,]+)\]"$', words)
+            assert {*(found[1].split(",") if found else ["none"])} <= {*extras}, words
+        for action in re.findall(r"\buses:(.*)", text):
+            assert re.fullmatch(r" [\w/-]+@[0-9a-f]{40}  # v\d+\.\d+\.\d+", action), action
+    tests = texts["tests.yml"]
+    assert {*re.findall(r" --editable (\S+)", tests)} == {'".[test]"'}
+    assert [shlex.split(words) for words in re.findall(r"\brun: lab-pendulum (.*)", tests)] == [shlex.split(MAIN_JOB)]
+    assert [path for path in re.findall(r"\btests/[\w/.]+", tests) if not (ROOT / path).exists()] == []
+
+
 @pytest.fixture(scope="module")
 def command(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The command ``lab-pendulum`` of an environment in which the project is installed without any extra."""
@@ -81,8 +107,7 @@ def test_the_core_runs_the_main_job_and_every_commands_help(
     command: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delenv("PYTHONPATH", raising=False)
-    job = only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\n```", "the main job")
-    assert "rk4" in run(command, shlex.split(job), tmp_path)
+    assert "rk4" in run(command, shlex.split(MAIN_JOB), tmp_path)
     assert {path.suffix for path in (tmp_path / "out" / "compare").iterdir()} >= {".png", ".csv", ".mp4"}
     assert "rk4" in run(command, ["list", "integrators"], tmp_path)
     for name in typer.main.get_command(app).commands:  # type: ignore[attr-defined]
