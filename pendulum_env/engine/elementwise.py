@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -47,9 +47,12 @@ def kernel(called: Sequence[Plain], loops: Sequence[str], title: str) -> Kernel:
     return Kernel("\n\n".join([head + constants_text(copies), body]), title, own=not all(map(ours, called)))
 
 
-@cache
-def _loop_over(function: Plain) -> Kernel:
-    """Return the program of a loop that calls a function of floats for every element of arrays."""
+@lru_cache(maxsize=256)
+def _loop_over(function: Plain, copies: tuple[Plain, ...]) -> Kernel:
+    """Return the program of a loop that calls a function of floats for every element of arrays.
+
+    ``copies`` are the functions that it holds, so that it is made anew if a constant of theirs has changed.
+    """
     names = arguments(function)
     loop = "\n".join([
         "@entry",
@@ -66,7 +69,7 @@ def elementwise(function: Plain, backend: Backend) -> Callable[..., Array]:
 
     Raises EngineError for a backend that is not available.
     """
-    fill: Callable[..., Any] = functions(_loop_over(function), backend)["fill"]
+    fill: Callable[..., Any] = functions(_loop_over(function, tuple(with_callees([function]))), backend)["fill"]
 
     def over(*arrays: Array) -> Array:
         out = np.empty(len(arrays[0]))

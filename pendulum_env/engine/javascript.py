@@ -133,8 +133,15 @@ class _Module:
         body, head = node.body, []
         if isinstance(body[0], ast.Expr):
             head, body = [_comment(body[0])], body[1:]
-        loops = [one.target for statement in body for one in ast.walk(statement) if isinstance(one, ast.For)]
-        stored = Counter(names_set(*body)) - Counter(names_set(*loops))  # a loop declares its counter itself
+        loops = [one for statement in body for one in ast.walk(statement) if isinstance(one, ast.For)]
+        counters = names_set(*(loop.target for loop in loops))
+        stored = Counter(names_set(*body)) - Counter(counters)  # a loop declares its counter itself, and keeps it
+        for loop in loops:
+            inside = {id(one) for other in loops if ast.dump(other.target) == ast.dump(loop.target)
+                      for part in (other.target, *other.body) for one in ast.walk(part)}
+            if any(isinstance(one, ast.Name) and one.id in names_set(loop.target) and id(one) not in inside
+                   for statement in body for one in ast.walk(statement)):
+                raise _unknown(loop.target, "the counter of a loop outside of it,")
         once = {name for name in stored if stored[name] == 1} - set(arguments)
         once &= {*names_set(*(one for one in body if isinstance(one, ast.Assign) and len(one.targets) == 1))}
         later = [name for name in stored if name not in once and name not in arguments]

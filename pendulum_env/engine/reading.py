@@ -178,6 +178,7 @@ class Reader:
         self.looked_up: list[tuple[FunctionWriter, ast.expr, Any]] = []
         self._taken = {*taken, *LIBRARY, *PROVIDED, *vars(builtins)}
         self._made: dict[FunctionType, FunctionType] = {}
+        self._forms: dict[FunctionType, tuple[Any, ...]] = {}
         self._under_way: set[FunctionType] = set()
 
     def plain(self, function: Any, role: str = "") -> FunctionType:
@@ -193,6 +194,7 @@ class Reader:
             if function in self._under_way:
                 raise self.error(function, "calls itself")
             self._under_way.add(function)
+            self._forms[function] = form_of(function)
             writer = self.writer(function, role)
             name = self.name_of(function, role)
             self._taken.add(name)  # before helpers, which may have the same name, are read
@@ -202,8 +204,10 @@ class Reader:
         return self._made[function]
 
     def unchanged(self) -> bool:
-        """Return True if what the functions take from outside is the same now; a notebook's cell may define it anew."""
-        return all(writer.looked_up(node) is value for writer, node, value in self.looked_up)
+        """Return True if the functions, and what they take from outside, are the same now; a notebook may change both.
+        """
+        return all(form == form_of(function) for function, form in self._forms.items()) and all(
+            writer.looked_up(node) is value for writer, node, value in self.looked_up)
 
     def keeps(self, function: Any) -> bool:
         """Return True for a function of the package, whose text is copied as it stands."""
@@ -239,6 +243,11 @@ class Reader:
         return self.error_class(f"The function {function.__name__}{self.of}{place} {why}; {self.allowed}.")
 
 
+def form_of(function: FunctionType) -> tuple[Any, ...]:
+    """Return the code and the defaults of a function, which may be replaced in place."""
+    return function.__code__, function.__defaults__, function.__kwdefaults__
+
+
 def own_names(node: ast.AST) -> Iterator[str]:
     """Yield the names that a function, a lambda or a comprehension sets: its arguments and variables.
 
@@ -257,6 +266,14 @@ def own_names(node: ast.AST) -> Iterator[str]:
             if isinstance(part, (ast.MatchAs, ast.MatchStar, ast.ExceptHandler)) and part.name:
                 yield part.name
             yield from own_names(part)
+
+
+def _count_of(function: Any) -> int:
+    """Return the number of arguments of a function of math or numpy that programs know; 0 for any other function."""
+    if isinstance(function, FunctionType) or not getattr(function, "__hash__", None):
+        return 0
+    own = KNOWN.get(function)
+    return 0 if own in (None, min, max) else 1 if own in (abs, elementary.sqrt) else len(arguments(own))
 
 
 class FunctionWriter(ast.NodeTransformer):
@@ -392,14 +409,17 @@ class FunctionWriter(ast.NodeTransformer):
     # --- the parts of a function --------------------------------------------------------------------------------------
 
     def constant(self, value: Any) -> ast.expr | None:
-        """Return a number or a truth value as an expression; None for anything else."""
-        if isinstance(value, (bool, np.bool_)):
-            return ast.Constant(bool(value))
-        if isinstance(value, (int, np.integer)) and self.counting:
+        """Return a number or a truth value as an expression; None for anything else.
+
+        Numbers of NumPy other than float64 are none: Python computes with them in their own precision.
+        """
+        if isinstance(value, bool):
+            return ast.Constant(value)
+        if isinstance(value, int) and self.counting:
             return ast.Constant(int(value))
-        if isinstance(value, (int, np.integer)) and abs(int(value)) <= 2**53:
+        if isinstance(value, int) and abs(value) <= 2**53:
             value = float(value)  # whole numbers of compiled programs overflow
-        if isinstance(value, float) or (isinstance(value, np.floating) and float(value) == value):
+        if type(value) in (float, np.float64):
             return parsed(float_text(float(value))).body[0].value  # type: ignore[attr-defined, no-any-return]
         return None
 
@@ -461,11 +481,16 @@ class FunctionWriter(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> Any:
         """Take math.pow and np.power as ``**``, so that a negative base may have a whole exponent."""
-        outside = isinstance(node.func, (ast.Name, ast.Attribute)) and (
-            ast.unparse(node.func).partition(".")[0] not in self.local)
-        if outside and ast.unparse(node.func) == "range":
+        said = ast.unparse(node.func)
+        if not isinstance(node.func, (ast.Name, ast.Attribute)) or said.partition(".")[0] in self.local:
+            return self.generic_visit(node)
+        if said == "range":
             return self._counting(node)
-        if outside and len(node.args) == 2 and self.looked_up(node.func) in (math.pow, np.power):
+        called = self.looked_up(node.func)
+        count = _count_of(called)
+        if count and (len(node.args) != count or node.keywords):
+            raise self.error(f"calls {said} with other than {count} argument{'s' * (count > 1)}", node)
+        if called in (math.pow, np.power):
             return self.visit_BinOp(ast.copy_location(ast.BinOp(node.args[0], ast.Pow(), node.args[1]), node))
         return self.generic_visit(node)
 

@@ -203,7 +203,10 @@ class Functions:
 
     def _run(self, name: str, arguments: Sequence[Any]) -> Any:
         node = self.named[name]
-        names = dict(zip(parameters_of(node), arguments, strict=True))
+        given = parameters_of(node)
+        left_out = node.args.defaults[len(node.args.defaults) - (len(given) - len(arguments)):]
+        arguments = (*arguments, *(self._value(one, {}) for one in left_out if len(given) > len(arguments)))
+        names = dict(zip(given, arguments, strict=True))
         _, exits = self._block(node.body, names)
         return exits.value
 

@@ -13,6 +13,8 @@ from inspect import signature
 from types import FunctionType
 from typing import Any
 
+import numpy as np
+
 from pendulum_env.common.checks import SceneError, shown
 from pendulum_env.engine.reading import CALLABLE, FunctionWriter, Reader, arguments, own_names
 from pendulum_env.physics import elementary
@@ -80,6 +82,9 @@ class TaskWriter(FunctionWriter):
         self.variables = {self.renamed.get(name, name) for name in self.local}
         self.kinds = dict.fromkeys(names, False)
         self.returns: bool | None = None
+
+    def constant(self, value: Any) -> ast.expr | None:
+        return super().constant(value.item() if isinstance(value, np.generic) else value)
 
     def looked_up(self, node: ast.expr) -> Any:
         """Return what stands outside; so do the defaults of arguments, which are numbers that the function keeps."""

@@ -100,6 +100,7 @@ REFUSED = {
     "def f(x):\n    with x:\n        return x\n": "with x",
     "def f(x):\n    for y in x:\n        return y\n": "loop",
     "def f(x):\n    for i in range(1, 2):\n        return i\n": "loop",
+    "def f(x):\n    for i in range(3):\n        x = x + i\n    return i*x\n": "counter",
     "def f(x):\n    while x:\n        x = 0.0\n    else:\n        x = 1.0\n    return x\n": "loop",
     "def f(x):\n    a, b = x, x, x\n    return a\n": "assignment",
     "def f(x):\n    x.y = 1.0\n": "assignment",

@@ -90,6 +90,10 @@ FORMS = {
         "by = 9.0\ndef own(x, k): return sum([by*x for by in (0.5, 2.0)]) + k*by\n"),
     "a function inside": "by = 9.0\ndef own(x, k):\n    def more(by): return by*x\n    return more(k) + by\n",
     "powers": "def own(x, k): return x**2 - x**3*k**4 + (x*x + 1.0)**5 + x**1 - x**8 + x**0\n",
+    "an infinite number below all": "import math\nLEAST = -math.inf\ndef own(x, k): return k if x > LEAST else x\n",
+    "a closure with the name of a number of the module": (
+        "by = 9.0\ndef made(by):\n    def own(x, k): return by*x + k\n    return own\nown = made(2.5)\n"),
+    "a name that a comprehension sets": "def own(x, k):\n    [last := x*one for one in (1.0, k)]\n    return last\n",
     "math.pow of a negative number": "import math\ndef own(x, k): return math.pow(x, 2) - math.pow(k, 1.0)\n",
     "names of a pattern": "by = 9.0\ndef own(x, k):\n    match x:\n        case by: return by*k\n",
     "a comprehension over its own name": "def own(x, k): return sum([x for x in (x, k)])\n",
@@ -110,6 +114,13 @@ FORMS = {
     "a NumPy float": "import numpy\nBY = numpy.float64(0.1)\ndef own(x, k): return BY*x + k\n",
 }
 """Functions in a form that Python takes, as the text of a module."""
+
+
+INSIDE = "numba compiles functions inside only in part"
+UNCOMPILED = {"names of a pattern": "numba does not compile patterns", "a function inside": INSIDE,
+              "functions inside with names of functions": INSIDE, "keyword arguments of functions inside": INSIDE,
+              "a name that a comprehension sets": "numba does not compile := in a comprehension"}
+"""Form that Python runs and numba does not compile -> the reason."""
 
 
 @pytest.fixture
@@ -151,6 +162,9 @@ REFUSED = {
     "module": ("import math\ndef own(angle): return math.gamma(angle)\n", r"uses math\.gamma, which is"),
     "object": ("class A: k = 2.0\na = A()\ndef own(angle): return a.k*angle\n", r"own \(line 3\) uses a\.k"),
     "a call of itself": ("def own(angle): return own(0.5*angle) if angle > 1.0 else angle\n", "own calls itself"),
+    "two arguments of a logarithm": ("import math\ndef own(x): return math.log(x, 2.0)\n",
+                                      "calls math.log with other than 1 argument;"),
+    "a small number of NumPy": ("import numpy\nBY = numpy.int8(100)\ndef own(x): return BY*x\n", "uses BY, which is"),
     "none": ("Q = None\ndef own(x): return 1.0 if Q is None else x\n", "uses Q, which is None"),
     "global": ("by = 2.0\ndef own(angle):\n    global by\n    return by*angle\n", "has the statement global by"),
     "import": ("def own(angle):\n    import math\n    return math.sin(angle)\n", "has the statement import math"),
@@ -182,8 +196,9 @@ def test_two_modules_may_have_a_constant_of_one_name(load: Loader) -> None:
     assert elementwise(other.two, "python")(np.array([0.25])).tolist() == [2.25]
 
 
-POWERS = {"x**-2": lambda x: x**-2, "x**9": lambda x: x**9, "x**-7": lambda x: x**-7, "math.pow(x, 3)": lambda x: x**3,
-          "x**31": lambda x: x**31, "math.pow(x, -2.0)": lambda x: x**-2, "x**70": lambda x: x**70}
+POWERS = {"x**6": lambda x: x**6, "x**7": lambda x: x**7, "x**9": lambda x: x**9, "x**31": lambda x: x**31,
+          "x**70": lambda x: x**70, "x**-2": lambda x: x**-2, "x**-7": lambda x: x**-7,
+          "math.pow(x, 3)": lambda x: x**3, "math.pow(x, -2.0)": lambda x: x**-2}
 
 
 @pytest.mark.parametrize("formula", POWERS)
@@ -248,6 +263,29 @@ def test_a_constant_and_a_helper_that_were_defined_anew_count(load: Loader) -> N
     new = load("K = 2.25\ndef by(x): return K*x/2.25\ndef own(angle, rate): return 1.0\n").by
     module.own.__globals__["by"] = new
     assert end() == pytest.approx(0.1 * np.cos(2.0), abs=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_that_numba_knows_has_the_same_bits(form: str, load: Loader) -> None:
+    own = load(FORMS[form]).own
+    angle, rate = np.array([-1.3, 0.0, 0.7, 2.9]), np.array([0.5, -0.25, 3.0, 0.1])
+    if form in UNCOMPILED:
+        pytest.skip(UNCOMPILED[form])
+    assert elementwise(own, "compiled")(angle, rate).tolist() == elementwise(own, "python")(angle, rate).tolist()
+
+
+def test_a_function_that_is_changed_in_place_is_read_anew(load: Loader) -> None:
+    own, other = load("def own(x, by=2.0): return by*x\n").own, load("def own(x, by=2.0): return by*x*10.0\n").own
+    assert with_callees([own])[-1](3.0) == 6.0
+    own.__defaults__ = (5.0,)
+    assert with_callees([own])[-1](3.0) == 15.0
+    own.__code__ = other.__code__
+    assert with_callees([own])[-1](3.0) == 150.0
+    module = load("K = 1.0\ndef own(x): return K*x\n")
+    assert elementwise(module.own, "python")(np.array([3.0])).tolist() == [3.0]
+    module.own.__globals__["K"] = 50.0
+    assert elementwise(module.own, "python")(np.array([3.0])).tolist() == [150.0]
 
 
 def test_a_number_of_a_module_and_of_the_function_around_it_may_change(load: Loader) -> None:
