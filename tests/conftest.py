@@ -64,6 +64,14 @@ def pytest_collection() -> Iterator[None]:
         gc.set_threshold(100_000, 20, 20)  # compiling makes many objects, and little garbage
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Half of the tests in a row for each of two processes: a file's fixtures and programs are made in one of them."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log) if config.getoption("dist") == "load" else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[Any]) -> None:
     for item in items:

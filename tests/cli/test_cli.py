@@ -40,11 +40,12 @@ def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 
-def test_compare_does_the_exercise(tmp_path: Path) -> None:
-    done = run("compare", "--scene", "exercise", "--damping", "none", "--integrators", "forward_euler,symplectic_euler",
-               "--dt", "0.01", "--duration", "0.5", "--out", "results", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "forward_euler" in done.stdout
+def test_compare_does_the_exercise(tmp_path: Path, run_here: Here) -> None:
+    code, printed, said = run_here(
+        "compare", "--scene", "exercise", "--damping", "none", "--integrators", "forward_euler,symplectic_euler",
+        "--dt", "0.01", "--duration", "0.5", "--out", "results")
+    assert code == 0, said
+    assert "forward_euler" in printed
     written = {path.name for path in (tmp_path / "results").iterdir()}
     assert {"angle.png", "velocity.png", "phase.png", "energy.png", "comparison.csv", "drift.csv",
             "comparison.mp4"} <= written

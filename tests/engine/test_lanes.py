@@ -207,8 +207,10 @@ def with_power(phi: float, speed: float) -> float:
     return -(abs(phi) ** 1.5) - math.exp(-speed * speed)
 
 
-@pytest.mark.parametrize(("reward", "straight"), [(with_not, True), (with_three, True), (with_if, False),
-                                                  (with_power, False)])
+@pytest.mark.parametrize(("reward", "straight"), [
+    (with_not, True), pytest.param(with_three, True, marks=pytest.mark.slow), (with_if, False),
+    pytest.param(with_power, False, marks=pytest.mark.slow),
+])
 def test_a_task_of_ones_own_has_the_same_bits_compiled(
         reward: Callable[..., float], straight: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A warning that a program cannot be written as instructions would be an error."""

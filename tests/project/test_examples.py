@@ -35,14 +35,9 @@ def test_example(path: Path, backend: str, tmp_path: Path) -> None:
                             env={**environment, "LAB_PENDULUM_BACKEND": backend})
     assert result.returncode == 0, result.stderr
     assert any(character.isdigit() for character in result.stdout)
-
-
-def test_the_exercise_draws_its_figures(tmp_path: Path) -> None:
-    example = next(path for path in EXAMPLES if path.stem == "02_the_exercise")
-    subprocess.run([sys.executable, str(example)], check=True, cwd=tmp_path, capture_output=True,
-                   env={**os.environ, "LAB_PENDULUM_BACKEND": "python"})
-    drawn = {path.name for path in (tmp_path / "out" / "exercise").iterdir()}
-    assert drawn == {"angle.png", "velocity.png", "phase.png", "energy.png", "energy_residual.png"}
+    if path.stem == "02_the_exercise":
+        drawn = {path.name for path in (tmp_path / "out" / "exercise").iterdir()}
+        assert drawn == {"angle.png", "velocity.png", "phase.png", "energy.png", "energy_residual.png"}
 
 
 def test_what_is_missing_for_training_is_said_in_one_sentence(tmp_path: Path) -> None:

@@ -617,7 +617,7 @@ def test_results_that_stay_in_the_file_are_the_same(tmp_path):
 
 
 def test_results_that_stay_in_the_file_take_no_memory(tmp_path):
-    path, size = tmp_path / "large.jsonl", 5000
+    path, size = tmp_path / "large.jsonl", 1500
 
     def series(point):
         return {"values": [point["a"] + i / size for i in range(size)]}
