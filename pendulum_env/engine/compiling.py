@@ -121,7 +121,8 @@ def _rewritten(function: Callable[..., Any], given: Sequence[Any], features: str
         return
     program = LlvmProgram(names[TEXT], function.__name__, given, width(features))
     rest: dict[str, Any] = {"__name__": names["__name__"], CALL: instructions}
-    exec(compile(program.text, function.__code__.co_filename, "exec"), rest)
+    # A name of its own: numba reads the lines of a file that is there, and those of the program's are others.
+    exec(compile(program.text, f"<lab-pendulum {function.__name__}, as instructions>", "exec"), rest)
     try:
         yield rest[function.__name__].py_func
     finally:

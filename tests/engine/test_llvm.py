@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -255,6 +256,22 @@ def test_a_batch_has_the_bits_that_numba_computes_by_itself(
 def test_nothing_of_a_program_is_kept_after_it_has_been_compiled() -> None:
     compiled(HEAD + WHOLE["arithmetic"] + GO.replace("123.0", "124.0"))(1.0, 2.0)
     assert not llvm.WRITTEN
+
+
+def test_numba_reads_no_lines_of_another_text(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Since Python 3.12 it stops where lines of another text begin in the middle of a docstring."""
+    read, lines_of = [], inspect.getsourcelines
+
+    def recorded(function: Any) -> Any:
+        read.append(Path(function.__code__.co_filename))
+        return lines_of(function)
+
+    monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
+    monkeypatch.setattr(inspect, "getsourcelines", recorded)
+    forget()
+    assert compiled(HEAD + WHOLE["arithmetic"] + GO)(1.0, 2.0) is not None
+    assert read
+    assert not [path for path in read if path.exists()]
 
 
 def test_a_program_that_cannot_be_written_is_compiled_by_numba_alone(
