@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from functools import cache, lru_cache
 from pathlib import Path
-from time import perf_counter
+from time import process_time
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any, Literal, Protocol
 
@@ -259,8 +259,9 @@ def compiled(text: str, title: str, kind: str = "kernel", own: bool = False) -> 
 def plain_functions(module: ModuleType, patience: float = 0.0) -> SimpleNamespace:
     """Return the functions in a module's ``__all__``, compiled at their first call unless programs are interpreted.
 
-    A function whose machine code is not stored is compiled only after Python has run it for ``patience`` seconds, so
-    that nobody waits for the compiler who needs it a few times. The backend "compiled" has no patience.
+    A function whose machine code is not stored is compiled only after Python has run it for ``patience`` seconds of
+    processor time, so that nobody waits for the compiler who needs it a few times. The backend "compiled" has no
+    patience.
 
     They are plain Python on numbers and arrays, without decorators, and make no objects; they may call the module's
     other functions. The names in PREAMBLE must not be the module's. The machine code is cached on disk. Python runs the
@@ -297,18 +298,18 @@ def _plain_functions(module: ModuleType, named: str | None, patience: float) -> 
 
 
 def _first_by_python(plain: Callable[..., Any], fast: Callable[..., Any], patience: float) -> Callable[..., Any]:
-    """Return the function ``fast``, in whose place Python runs ``plain`` until it has taken ``patience`` seconds."""
+    """Return the function ``fast``, in whose place Python runs ``plain`` until that took ``patience`` seconds."""
     spent = 0.0
 
     def run(*given: Any) -> Any:
         nonlocal spent
         if spent > patience:
             return fast(*given)
-        begun = perf_counter()
+        begun = process_time()
         try:
             return plain(*given)
         finally:
-            spent += perf_counter() - begun
+            spent += process_time() - begun
 
     return run
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.engine.kernels import plain_functions
 from pendulum_env.render import pixels
+from pendulum_env.render.pixels import HALF, NONE
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float32]
@@ -26,7 +27,7 @@ Floats = NDArray[np.float32]
 _CENTRES: Floats = np.arange(65_536, dtype=np.float32) + np.float32(0.5)
 _SHADES = 256
 PATIENCE = 0.15
-"""Time [s] for which Python runs a loop before it is compiled, if it never was: enough for the first frames."""
+"""Processor time [s] for which Python runs a loop that was never compiled: enough for the first frames."""
 LARGE = 16.0
 """Radius from which on a disc is painted by NumPy, as the loop takes seconds where Python runs it [px]."""
 
@@ -71,7 +72,8 @@ def disc(image: Image, x: float, y: float, radius: float, colour: Floats, share:
     """Fill a circle in an image, with the opacity `share` from 0 to 1."""
     if radius > LARGE:
         patch, xs, ys = _window(image, x - radius - 1, y - radius - 1, x + radius + 1, y + radius + 1)
-        blend(patch, _clip(radius + 0.5 - np.hypot(xs - x, ys - y)) * np.float32(share), colour)
+        cover, under = _clip(radius + 0.5 - np.hypot(xs - x, ys - y))[..., None] * np.float32(share), patch + NONE
+        patch[...] = (colour - under) * cover + under + HALF
         return
     left, right = _span(x - radius - 1, x + radius + 1, image.shape[1])
     top, bottom = _span(y - radius - 1, y + radius + 1, image.shape[0])

@@ -137,7 +137,7 @@ def test_a_function_is_compiled_when_patience_ends_or_its_machine_code_is_stored
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path
 ) -> None:
     """The clock is the test's own: every call of Python's takes a second."""
-    monkeypatch.setattr(kernels, "perf_counter", iter(range(100)).__next__)
+    monkeypatch.setattr(kernels, "process_time", iter(range(100)).__next__)
     module = written(tmp_path, TEXT)
     patient = plain_functions(module, 2.0)
     for calls, files in enumerate((0, 0, 0, 1, 1)):

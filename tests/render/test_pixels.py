@@ -284,6 +284,22 @@ def test_a_level_graph_covers_its_thickness(width: float, opacity: float) -> Non
     np.testing.assert_allclose(image[:, :, 0].sum(axis=0) / 200, width * opacity, atol=0.02)
 
 
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_path_covers_what_is_near_it(width: float) -> None:
+    """Half a pixel more than half its width, by the distance of a pixel's centre from the straight line."""
+    source = np.random.default_rng(1)
+    ys, xs = np.mgrid[:HIGH, :WIDE] + 0.5
+    for _ in range(8):
+        (x0, y0), (x1, y1) = source.uniform((-20, -20), (WIDE + 20, HIGH + 20), (2, 2))
+        share = ((xs - x0) * (x1 - x0) + (ys - y0) * (y1 - y0)) / ((x1 - x0) ** 2 + (y1 - y0) ** 2)
+        along = np.clip(share, 0.0, 1.0)
+        away = np.hypot(xs - x0 - along * (x1 - x0), ys - y0 - along * (y1 - y0))
+        cover = np.clip(width / 2 + 0.5 - away, 0.0, min(1.0, width))
+        image = black()
+        fading(image, np.array([(x0, y0, 1.0), (x1, y1, 1.0)]), width, WHITE)
+        np.testing.assert_allclose(image, (200 * cover)[..., None].repeat(3, axis=2), rtol=0, atol=1.01)
+
+
 def test_a_path_fades_evenly_and_its_stronger_part_is_visible() -> None:
     image = black()
     fading(image, np.array([(10.0, 20.0, 0.0), (50.0, 20.0, 1.0)]), 3.0, WHITE)
