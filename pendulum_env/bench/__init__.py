@@ -19,3 +19,7 @@ def __getattr__(name: str) -> Any:
 
         return acquire
     raise AttributeError(f"module 'pendulum_env.bench' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pendulum_env.lab.losses import Losses, losses  # at once, as the module has the name of the function
+
 if TYPE_CHECKING:
     from pendulum_env.lab.cycles import Cycles, corrected_periods
     from pendulum_env.lab.driven.fit import fit_driven
@@ -14,7 +16,6 @@ if TYPE_CHECKING:
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.gates import GateSheet, measure_gate
-    from pendulum_env.lab.losses import Losses, losses
     from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period, small_amplitude_period
     from pendulum_env.lab.noise import noise_level, quantum_level, scatter_level
     from pendulum_env.lab.recording import Recording, RecordingError
@@ -68,7 +69,6 @@ _LAZY = {
     "Fit": "pendulum_env.lab.fitting.result",
     "GateSheet": "pendulum_env.lab.gates",
     "LabSheet": "pendulum_env.lab.sheet",
-    "Losses": "pendulum_env.lab.losses",
     "Measurement": "pendulum_env.lab.measures",
     "Posterior": "pendulum_env.lab.fitting.posterior",
     "Recording": "pendulum_env.lab.recording",
@@ -81,7 +81,6 @@ _LAZY = {
     "fit": "pendulum_env.lab.fitting.fit",
     "fit_circle": "pendulum_env.lab.tracks",
     "fit_driven": "pendulum_env.lab.driven.fit",
-    "losses": "pendulum_env.lab.losses",
     "measure": "pendulum_env.lab.sheet",
     "measure_gate": "pendulum_env.lab.gates",
     "noise_level": "pendulum_env.lab.noise",
@@ -93,10 +92,14 @@ _LAZY = {
     "track_angle": "pendulum_env.lab.tracks",
     "turning_points": "pendulum_env.lab.turning",
 }
-"""Public names that are imported on first use, and their modules."""
+"""Other public names, which are imported on first use, and their modules."""
 
 
 def __getattr__(name: str) -> Any:
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
     raise AttributeError(f"module 'pendulum_env.lab' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
