@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 from virtual_swings import GRAVITY
 
 from pendulum_env.lab import Recording, fit
+from pendulum_env.lab.fitting import remedies
 from pendulum_env.lab.fitting.result import Fit
 
 Array = NDArray[np.float64]
@@ -153,6 +154,16 @@ def test_a_second_swing_that_stays_is_named() -> None:
     found = fitted(TIME, SWING + wave)
     check(found, "swing", 0.5)
     assert found.remedies[0].option == ""
+
+
+def test_rates_are_tried_only_if_a_scale_explains_some_of_the_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second swing does not look like a wrong scale; rates that are taken for angles do."""
+    tried = []
+    monkeypatch.setattr(remedies, "_as_rates", lambda *given: tried.append(given))
+    check(fitted(TIME, SWING + math.radians(0.5) * np.cos(13.0 * TIME)), "swing", 0.5)
+    assert not tried
+    fitted(TIME, motion(TIME, 10.0, rate=True))
+    assert tried
 
 
 @pytest.mark.parametrize("share", [0.97, 1.04])

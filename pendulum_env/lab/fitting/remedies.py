@@ -72,6 +72,8 @@ UNITS = {
     1.0 / 360.0: ("turns that are read as degrees", "--scale 360"),
 }
 """Ratios of the angles as they are read to the true ones that a mistaken unit makes, its words and its option."""
+ALMOST = 0.97
+"""A scale that leaves more than this share of the residuals explains nothing."""
 DAMPINGS = ("linear", "quadratic", "coulomb")
 """Dampings of which a misfit may show that the model lacks one."""
 
@@ -429,11 +431,14 @@ def _second_swing(q: Array, time: Array, period: float, base: Array) -> tuple[fl
 
 
 def _fitted(solution: FitSolution, swing: Recording, measured: Measured, sigma: float) -> list[TriedFault]:
-    """Return the fits with a scale of the angles, with the readings as angular velocities, with all dampings, and with
-    a period that changes."""
-    found, model = [], solution.model
+    """Return the fits with a scale of the angles, with the readings as angular velocities if a scale explains some of
+    the misfit, with all dampings, and with a period that changes."""
+    found: list[TriedFault] = []
+    model = solution.model
     drift = None if solution.lost else _with_drift(solution, swing)
     for name, fit in (("scale", _with_scale), ("column", _as_rates), ("damping", _with_all_dampings)):
+        if name == "column" and found and _rms(found[0].residual) > ALMOST * _rms(solution.residual):
+            continue  # to the period, rates that are taken for angles are angles with a wrong scale
         try:
             other = fit(model, swing, measured, sigma)
         except (ValueError, ArithmeticError, LookupError, np.linalg.LinAlgError):
