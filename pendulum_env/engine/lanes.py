@@ -11,7 +11,7 @@ import ast
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from llvmlite import ir
+from numba.core.cgutils import ir
 
 NAME = "lanes"
 """Name of the function in a program whose numbers such a loop runs over."""

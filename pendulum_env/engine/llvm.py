@@ -19,9 +19,11 @@ from collections.abc import Mapping, Sequence, Set
 from itertools import count
 from typing import Any, NamedTuple
 
-from llvmlite import ir
 from numba import TypingError, types
 from numba.core import cgutils  # loops; numba has no public way to write them
+from numba.core.cgutils import (
+    ir,  # that of llvmlite, on which numba is built, and which the package does not name itself
+)
 from numba.extending import intrinsic
 
 from pendulum_env.common.sources import parsed

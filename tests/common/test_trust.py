@@ -22,6 +22,7 @@ from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.growing_file import read
 
 MAY_RUN = {
+    "pendulum_env/cli/__init__.py": "imports the module of a command, one of the names in its own list",
     "pendulum_env/cli/options.py": "imports modules of the package that it names itself, whose names a shell completes",
     "pendulum_env/common/sources.py": "texts that the package has written: programs, judges of tasks, and functions "
                                       "written anew from a user's own; and a user's source is compared with its code",

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -463,7 +464,7 @@ def test_the_documents_name_it_and_its_words() -> None:
     assert "stress" in pendulum_env.__all__
     section = READMES["pendulum_env/study/README.md"].split("\n## Hard cases\n")[1].split("\n## ")[0]
     assert "`pendulum_env.stress(" in section
-    help_text = cli.stress.__doc__ or ""
+    help_text = import_module("pendulum_env.cli.stress").stress.__doc__ or ""
     for outcome in OUTCOMES:
         assert f"*{outcome}*" in section
         assert f"{outcome}:" in help_text
