@@ -93,8 +93,10 @@ def test_the_trial_is_made_once(tmp_path: Path) -> None:
     assert code.stat().st_mtime_ns == before
 
 
-NOT_NEEDED = ("numba.core.cgutils", "numba.core.types:unliteral")
-"""Modules, and a name, that only the writing of instructions needs; numba compiles the arithmetic without them."""
+NOT_NEEDED = ("numba.core.cgutils", "numba.core.types:unliteral", "numba.types:unliteral", "numba:types")
+"""Names that only the writing of instructions needs, so that numba compiles the arithmetic without them; and
+``numba:types``, beside which numba has a module of this name.
+"""
 
 
 def without(*names: str) -> list[list[str]]:
