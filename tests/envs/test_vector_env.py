@@ -14,6 +14,7 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +36,29 @@ from pendulum_env.tasks.action import ActionError
 
 DIAGNOSED: tuple[tuple[str, ...], ...] = ((), ("energy",), ("heat_by_effect",), ("energy", "heat_by_effect"))
 AXES = (list(SCENES), list(integrators.METHODS), list(TASKS), MODES, DIAGNOSED)
-PAIRS = [(*case, MODES[i % 3], DIAGNOSED[i % 4]) for i, case in enumerate(pairs(AXES[:3]))]
-"""Each twelve combinations in a row hold every mode with every choice of diagnostics."""
+
+
+def with_modes(rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
+    """Return combinations of scene, method and task with the mode and the diagnostics that add the most new pairs.
+
+    Rows stand twice where a pair would be left out. Pairs of all five axes at once would take seconds to find.
+    """
+    found: list[tuple[Any, ...]] = []
+    seen: set[Any] = set()
+    added = True
+    while added:
+        added = False
+        for row in rows:
+            held = {(*row, *more): {*combinations(enumerate((*row, *more)), 2)} for more in product(MODES, DIAGNOSED)}
+            best = max(held, key=lambda one: len(held[one] - seen))
+            if held[best] - seen:
+                found.append(best)
+                seen |= held[best]
+                added = True
+    return found
+
+
+PAIRS = with_modes(pairs(AXES[:3]))
 
 
 def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[str, ...], steps: int = 40,
