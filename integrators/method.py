@@ -297,13 +297,16 @@ class Method:
         """
         return {}
 
-    def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]] | None:
+    def array_step(
+        self, system: System, dense: bool, increments: bool, estimates: bool = False
+    ) -> Callable[..., tuple[Any, ...]] | None:
         """Return a step function for arrays q with coupled components; None: use the generated source.
 
         Args:
             system: the problem.
             dense: True for a step that also returns its stages.
             increments: True for a step that returns only the changes of q and v.
+            estimates: True for a step with error estimates.
         """
         return None
 

@@ -90,7 +90,9 @@ class DiscreteGradient(Method):
     def calls(self, quadratures: bool, adaptive: bool) -> tuple[str, ...]:
         return (*(("rates",) if quadratures else ()), "mean_acceleration", "mean_jacobian")
 
-    def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]]:
+    def array_step(
+        self, system: System, dense: bool, increments: bool, estimates: bool = False
+    ) -> Callable[..., tuple[Any, ...]]:
         return mean_force_step(system, increments)
 
     def write_step(self, notation: Notation) -> str:

@@ -37,10 +37,20 @@ from integrators.steps.terms import (
 
 @dataclass(frozen=True)
 class Embedded:
-    """Embedded weights b of a Runge-Kutta method: their result ``q + h sum_i b_i V_i`` has a lower ``order``."""
+    """Embedded weights b of a Runge-Kutta method: their result ``q + h sum_i b_i V_i`` has a lower ``order``.
+
+    Attributes:
+        order: order of the result.
+        b: weights of the stages.
+        start: weight of the slope at the start of the step, for implicit methods of which no stage is there. It makes
+            the difference to the method's own result grow with ``h J``, where J is the derivative of the slopes; so
+            the difference is multiplied by ``(1 - start h J)**-1``, which keeps it bounded in stiff problems
+            (Hairer & Wanner 1996, eq. IV.8.19). 0 for other pairs.
+    """
 
     order: int
     b: tuple[Fraction, ...]
+    start: Fraction = Fraction(0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +85,8 @@ class RungeKutta(Method):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        pairs = tuple(replace(pair, b=rational(pair.b, f"{self.name}: embedded b")) for pair in self.embedded)
+        pairs = tuple(replace(pair, b=rational(pair.b, f"{self.name}: embedded b"), start=Fraction(pair.start))
+                      for pair in self.embedded)
         object.__setattr__(self, "embedded", pairs)
         if self.dense is not None:
             b, a = (rational(rows, f"{self.name}: dense") for rows in (self.dense.b, self.dense.a))
@@ -93,7 +104,7 @@ class RungeKutta(Method):
             raise MethodError(f"{self.name}: a must be {stages} rows of {stages} numbers, like b.")
         if any(len(pair.b) != stages for pair in self.embedded):
             raise MethodError(f"{self.name}: embedded weights must be {stages} numbers, like b.")
-        for label, weights in (("b", self.b), *(("embedded", pair.b) for pair in self.embedded)):
+        for label, weights in (("b", self.b), *(("embedded", (*pair.b, pair.start)) for pair in self.embedded)):
             if total(weights) != 1:
                 raise MethodError(f"{self.name}: the weights {label} sum to {total(weights)}, not to 1.")
         if self.dense is not None:
@@ -125,8 +136,15 @@ class RungeKutta(Method):
 
     @property
     def formulas(self) -> tuple[Method, ...]:
-        return (self, *(replace(self, name=f"{self.name}, embedded weights", order=pair.order, b=pair.b, embedded=(),
-                                dense=None) for pair in self.embedded))
+        return (self, *(self._formula(pair) for pair in self.embedded))
+
+    def _formula(self, pair: Embedded) -> RungeKutta:
+        """Return a method with embedded weights; a slope at the start is one more stage, the first."""
+        start = (Fraction(0),) if pair.start else ()
+        rows = tuple((*start, *row) for row in self.a)
+        a = ((Fraction(0),) * (len(rows) + 1), *rows) if start else rows
+        b = (pair.start, *pair.b) if start else pair.b
+        return replace(self, name=f"{self.name}, embedded weights", order=pair.order, a=a, b=b, embedded=(), dense=None)
 
     def reached(self, *rows: tuple[Fraction, ...]) -> tuple[int, ...]:
         """Return the stages, counted from zero, that have a weight other than zero in one of the ``rows``.
@@ -152,11 +170,11 @@ class RungeKutta(Method):
 
     @property
     def embedded_orders(self) -> tuple[int, ...]:
-        return () if self.implicit else tuple(pair.order for pair in self.embedded)
+        return tuple(pair.order for pair in self.embedded)
 
     @property
     def evaluations_tried(self) -> int:
-        return len(self._compared()) - self.first_same_as_last
+        return len(self._compared()) + self.implicit - self.first_same_as_last
 
     @property
     def symplectic(self) -> bool:
@@ -202,8 +220,13 @@ class RungeKutta(Method):
         top = (sum((bottom[i] * moments[k - i] for i in range(k + 1)), Fraction(0)) for k in range(len(moments)))
         return tuple(map(simple, top)), tuple(map(simple, bottom))
 
-    def array_step(self, system: System, dense: bool, increments: bool) -> Callable[..., tuple[Any, ...]] | None:
-        return stages_step(self.a, self.b, self.c, self.coupled, system, dense, increments) if self.implicit else None
+    def array_step(
+        self, system: System, dense: bool, increments: bool, estimates: bool = False
+    ) -> Callable[..., tuple[Any, ...]] | None:
+        if not self.implicit:
+            return None
+        pairs = [(pair.b, pair.start) for pair in self.embedded] if estimates else None
+        return stages_step(self.a, self.b, self.c, self.coupled, system, dense, increments, pairs)
 
     def write_step(self, notation: Notation) -> str:
         further = (self.dense.used(len(self.b)),) if notation.dense and self.dense is not None else ()
@@ -233,8 +256,8 @@ class RungeKutta(Method):
         """Return the source text of a mean over stages with the weights b: ``0.5*v1 + 0.5*v2`` for the name v."""
         return combination([self.b[i] for i in taken], [f"{name}{i + 1}" for i in taken], notation.number)
 
-    def _write_stages(self, step: StepLines, taken: Sequence[int]) -> str:
-        """Append the source lines that compute these stages, counted from zero.
+    def _write_stages(self, step: StepLines, taken: Sequence[int], near: bool = False) -> str:
+        """Append the source lines that compute these stages, counted from zero; ``near`` as for ``simultaneous``.
 
         Returns the source of the function that solves implicit stages; empty for an explicit method.
         """
@@ -249,7 +272,7 @@ class RungeKutta(Method):
                 q = step.sum("q", increment(self.a[i - 1], [f"v{j}" for j in stages]))
                 rates = ", ".join(["_", *(f"{name}{i}" for name in quadratures)])
                 step.line(f"{rates} = rates({time_at(self.c[i - 1], number)}, {q}, v{i}{more})")
-            return simultaneous(self.a, self.c, more, number, notation.refines)
+            return simultaneous(self.a, self.c, more, number, notation.refines, near)
         for i in stages:
             diagonal, t = self.a[i - 1][i - 1], time_at(self.c[i - 1], number)
             before = [j for j in stages if j < i]
@@ -268,42 +291,54 @@ class RungeKutta(Method):
         return one_stage(more, refines=notation.refines) if self.implicit else ""
 
     def write_estimating_step(self, notation: Notation) -> str:
-        quadratures, more, number = notation.quadratures, notation.more, notation.number
         stages = self._compared(notation.dense)
-        kept = ["a", *quadratures]
-
-        def state(weights: Sequence[Fraction], before: Sequence[int]) -> tuple[str, str]:
-            """Return the source texts of q and v at a stage: the start plus h times a weighted sum of earlier slopes.
-
-            ``before`` are the earlier stages, counted from zero.
-            """
-            shares = [weights[i] for i in before]
-            q = plus("q", shares, [f"v{i + 1}" for i in before], number)
-            return q, plus("v", shares, [f"a{i + 1}" for i in before], number)
-
-        lines = ["v1 = v", *(f"{name}1 = {name}" for name in kept)]
-        inner = stages[1:-1] if self.first_same_as_last else stages[1:]
-        for i in inner:
-            q, v = state(self.a[i], [j for j in stages if j < i])
-            lines.append(f"v{i + 1} = {v}")
-            slopes = ", ".join(f"{name}{i + 1}" for name in kept)
-            lines.append(f"{slopes} = {notation.slope}({time_at(self.c[i], number)}, {q}, v{i + 1}{more})")
-        final = [i for i in stages if self.b[i]]
-        lines += [f"{name}_end = {formula}" for name, formula in zip("qv", state(self.b, final), strict=True)]
+        kept, number, final = ["a", *notation.quadratures], notation.number, [i for i in stages if self.b[i]]
+        step = StepLines(notation)
+        before = self._write_stages(step, stages, near=True) if self.implicit else self._write_known_start(step, stages)
+        ends = [plus(y, [self.b[i] for i in final], [f"{slope}{i + 1}" for i in final], number)
+                for y, slope in (("q", "v"), ("v", "a"))]
+        for name, formula in zip(("q_end", "v_end"), ends, strict=True):
+            step.line(f"{name} = {formula}")
         last = [f"{name}{stages[-1] + 1}" if self.first_same_as_last else f"{name}_end" for name in kept]
-        lines.append(f"{', '.join(last)} = {notation.slope}(t + h, q_end, v_end{more})")
+        step.line(f"{', '.join(last)} = {notation.slope}(t + h, q_end, v_end{notation.more})")
         if self.first_same_as_last:
-            lines.append(f"v{stages[-1] + 1} = v_end")
-        sums = [f"h*({combination([self.b[i] for i in final], [f'{name}{i + 1}' for i in final], number)})"
-                for name in quadratures]
-        errors = []
-        for pair in self.embedded:
-            differences = [self.b[i] - pair.b[i] for i in stages]
-            for letter in "va":
-                errors.append(f"h*({combination(differences, [f'{letter}{i + 1}' for i in stages], number)})")
+            step.line(f"v{stages[-1] + 1} = v_end")
+        sums = [f"h*({self._mean_slope(name, final, notation)})" for name in notation.quadratures]
+        errors = [text for k, pair in enumerate(self.embedded) for text in self._write_errors(step, stages, pair, k)]
         inner_stages = self._all_stages(stages) if notation.dense else []
-        lines.append(f"return {', '.join(['q_end', 'v_end', *last, *sums, *errors, *inner_stages])}")
-        return definition(f"step(t, q, v, {', '.join(kept)}, h{more})", self.title, lines)
+        return before + step.source(self.title, ["q_end", "v_end"], dict(zip(kept, last, strict=True)),
+                                    [*sums, *errors, *inner_stages])
+
+    def _write_known_start(self, step: StepLines, stages: Sequence[int]) -> str:
+        """Append the source lines of an explicit method's stages, whose first slope is known; return ""."""
+        notation = step.notation
+        kept, number = ["a", *notation.quadratures], notation.number
+        step.lines += ["v1 = v", *(f"{name}1 = {name}" for name in kept)]
+        for i in stages[1:-1] if self.first_same_as_last else stages[1:]:
+            earlier = [j for j in stages if j < i]
+            shares = [self.a[i][j] for j in earlier]
+            step.line(f"v{i + 1} = {plus('v', shares, [f'a{j + 1}' for j in earlier], number)}")
+            q = plus("q", shares, [f"v{j + 1}" for j in earlier], number)
+            slopes = ", ".join(f"{name}{i + 1}" for name in kept)
+            step.line(f"{slopes} = {notation.slope}({time_at(self.c[i], number)}, {q}, v{i + 1}{notation.more})")
+        return ""
+
+    def _write_errors(self, step: StepLines, stages: Sequence[int], pair: Embedded, k: int) -> list[str]:
+        """Return the source texts of the estimated errors of q and v by the embedded weights number k.
+
+        The lines of a filter, see :class:`Embedded`, are appended to the step.
+        """
+        number = step.notation.number
+        weights = [self.b[i] - pair.b[i] for i in stages]
+        if not pair.start:
+            return [f"h*({combination(weights, [f'{y}{i + 1}' for i in stages], number)})" for y in "va"]
+        for y in "va":
+            names = [y, *(f"{y}{i + 1}" for i in stages)]
+            step.line(f"raw_{y} = h*({combination([-pair.start, *weights], names, number)})")
+        step.line(f"g = {fraction_of(pair.start, number)}")
+        step.line(f"by_q, by_v = jacobian(t, q, v{step.notation.more})")
+        step.line("error_v = (raw_a + g*by_q*raw_v)/(1.0 - g*(by_v + g*by_q))")
+        return ["raw_v + g*error_v", "error_v"]
 
     def _all_stages(self, taken: Sequence[int]) -> list[str]:
         """Return the source texts of two tuples, of all stages' velocities and accelerations; None for unused ones."""

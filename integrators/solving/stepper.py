@@ -39,7 +39,7 @@ def stepper(
     """
     _check_fit(method, system)
     arrays = isinstance(like, np.ndarray)
-    array_step = method.array_step(system, dense, compensated) if arrays else None
+    array_step = method.array_step(system, dense, compensated, estimates) if arrays else None
     if array_step is not None:
         return stepping(array_step) if compensated else array_step, _nothing
     namespace: dict[str, Any] = {

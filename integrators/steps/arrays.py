@@ -22,20 +22,28 @@ SWEEPS = 50
 
 def stages_step(
     a: Sequence[Sequence[Fraction]], b: Sequence[Fraction], c: Sequence[Fraction], coupled: bool, system: System,
-    dense: bool, increments: bool,
+    dense: bool, increments: bool, pairs: Sequence[tuple[Sequence[Fraction], Fraction]] | None = None,
 ) -> Callable[..., tuple[Any, ...]]:
     """Return ``step(t, q, v, h)`` of an implicit Runge-Kutta method with the table (a, b, c), for arrays of any shape.
 
     The step returns the new q and v, or with ``increments`` their changes; with ``dense`` also the velocities and
-    accelerations of its stages. With ``coupled`` all stages are solved together, otherwise one after another.
+    accelerations of its stages. With ``coupled`` all stages are solved together, otherwise one after another. With
+    ``pairs``, embedded weights and the weight of the slope at the start, the function is ``step(t, q, v, a, h)`` with
+    error estimates; see :mod:`integrators.steps.estimates`.
+
+    Newton's matrix is that of the derivatives at the start of the step, for all stages and sweeps (simplified Newton
+    iteration; Hairer & Wanner 1996, section IV.8). Where that converges too slowly, each sweep has its own.
     """
     table = np.array(a, dtype=float)
     weights, nodes = np.array(b, dtype=float), np.array(c, dtype=float)
     every = range(len(weights))
     blocks = [list(every)] if coupled else [[i] for i in every]
+    estimators = [(weights - np.array(other, dtype=float), float(start)) for other, start in pairs or ()]
 
-    def step(t: float, q: Array, v: Array, h: float) -> tuple[Any, ...]:
+    def step(t: float, q: Array, v: Array, *rest: Any) -> tuple[Any, ...]:
+        h = rest[-1]
         slopes = np.zeros((len(weights), *np.shape(v)))
+        by_q, by_v = _derivatives(system, t, q, v)
 
         def motion(rows: list[int]) -> tuple[Array, Array]:
             """Return positions and velocities of the stages ``rows`` (counted from zero) of an implicit step."""
@@ -49,13 +57,43 @@ def stages_step(
                 places = zip(nodes[rows], *motion(rows), strict=True)
                 return np.subtract(k, [system.acceleration(t + c * h, p, w) for c, p, w in places], dtype=float)
 
-            slopes[rows] = _solve(residual, slopes[rows])
+            inner = h * table[np.ix_(rows, rows)]
+            matrix = np.eye(len(rows) * q.size) - np.kron(inner, by_v) - np.kron(inner @ inner, by_q)
+            slopes[rows] = _solve(residual, slopes[rows], matrix)
         speeds = v + h * np.tensordot(table, slopes, 1)
         change_q, change_v = h * np.tensordot(weights, speeds, 1), h * np.tensordot(weights, slopes, 1)
         state = (change_q, change_v) if increments else (q + change_q, v + change_v)
-        return (*state, speeds, slopes) if dense else state
+        errors: list[Array] = []
+        for difference, start in estimators:
+            raw = [h * (np.tensordot(difference, k, 1) - start * k0) for k, k0 in ((speeds, v), (slopes, rest[0]))]
+            errors += _damped(*raw, start * h, by_q, by_v) if start else raw
+        ends = () if pairs is None else (system.acceleration(t + h, *state), *errors)
+        return (*state, *ends, speeds, slopes) if dense else (*state, *ends)
 
     return step
+
+
+def _derivatives(system: System, t: float, q: Array, v: Array) -> tuple[Array, Array]:
+    """Return the matrices of the derivatives of the acceleration by q and by v, by central differences."""
+    matrices = np.empty((2, q.size, q.size))
+    for matrix, values, place in zip(matrices, (q, v), (lambda x: (x, v), lambda x: (q, x)), strict=True):
+        for j in range(q.size):
+            shift = np.zeros(q.size)
+            shift[j] = 1e-6 * (1.0 + abs(values.flat[j]))
+            bump = shift.reshape(q.shape)
+            ahead, back = (system.acceleration(t, *place(values + way)) for way in (bump, -bump))
+            matrix[:, j] = np.ravel(np.subtract(ahead, back, dtype=float)) / (2.0 * shift[j])
+    return matrices[0], matrices[1]
+
+
+def _damped(of_q: Array, of_v: Array, g: float, by_q: Array, by_v: Array) -> list[Array]:
+    """Return estimated errors of q and v times ``(1 - g J)**-1``; see :class:`integrators.RungeKutta`'s weights."""
+    right = of_v.ravel() + g * by_q @ of_q.ravel()
+    try:
+        damped = np.linalg.solve(np.eye(len(right)) - g * (by_v + g * by_q), right).reshape(of_v.shape)
+    except np.linalg.LinAlgError:
+        damped = np.full(of_v.shape, np.nan)
+    return [of_q + g * damped, damped]
 
 
 def mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any, ...]]:
@@ -138,31 +176,42 @@ class Derivative:
         return np.asarray((ahead - back) / (2.0 * shift), dtype=float)
 
 
-def _solve(residual: Callable[[Array], Array], start: Array) -> Array:
+def _solve(residual: Callable[[Array], Array], start: Array, matrix: Array | None = None) -> Array:
     """Return the array at which a residual is zero, by Newton's method with central differences; nan if it fails.
 
-    The iteration ends when its steps no longer shrink.
+    With ``matrix``, the residual's derivative nearby, all sweeps use it, as long as each step is at most a quarter of
+    the one before. The iteration ends when its steps no longer shrink.
     """
     k: Array = start.copy()
     last = np.inf
     for _ in range(SWEEPS):
         r = residual(k)
         if not np.all(np.isfinite(r)):
-            break
-        matrix = np.empty((k.size, k.size))
-        for j in range(k.size):
-            shift = np.zeros(k.size)
-            shift[j] = 1e-6 * (1.0 + abs(k.flat[j]))
-            bump = shift.reshape(k.shape)
-            matrix[:, j] = (residual(k + bump) - residual(k - bump)).ravel() / (2.0 * shift[j])
+            if matrix is None:
+                break
+            k, last, matrix = start.copy(), np.inf, None
+            continue
         try:
-            change = np.linalg.solve(matrix, r.ravel()).reshape(k.shape)
+            change = np.linalg.solve(_differences(residual, k) if matrix is None else matrix, r.ravel())
         except np.linalg.LinAlgError:
             break
-        k = k - change
+        k = k - change.reshape(k.shape)
         size = float(np.max(np.abs(change)))
         if size == 0.0 or (size <= 1e-6 * float(np.max(np.abs(k))) and 2.0 * size >= last):
             return k
+        if matrix is not None and size > 0.25 * last:
+            matrix, size = None, np.inf
         last = size
     unsolved: Array = np.full(k.shape, np.nan)
     return unsolved
+
+
+def _differences(residual: Callable[[Array], Array], k: Array) -> Array:
+    """Return the derivative of a residual at k by central differences, as a matrix."""
+    matrix = np.empty((k.size, k.size))
+    for j in range(k.size):
+        shift = np.zeros(k.size)
+        shift[j] = 1e-6 * (1.0 + abs(k.flat[j]))
+        bump = shift.reshape(k.shape)
+        matrix[:, j] = (residual(k + bump) - residual(k - bump)).ravel() / (2.0 * shift[j])
+    return matrix

@@ -86,7 +86,7 @@ def one_stage(more: str, mean: bool = False, apart: bool = False, refines: bool 
 
 
 def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], more: str, number: Number,
-                 refines: bool = False) -> str:
+                 refines: bool = False, near: bool = False) -> str:
     """Return the source of ``solve_stages(t, q, v, h)``, which solves all stages of a coupled Runge-Kutta table.
 
     It returns the stages' accelerations ``k_i = a(t + c_i h, q_i, v_i)``, by Newton's method with the full Jacobian,
@@ -99,6 +99,8 @@ def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], mor
         more: the text of further arguments of the function, such as ``, p``.
         number: function that returns a coefficient as source text.
         refines: True for the source of ``refine_stages``, too; see :data:`REFINING`.
+        near: True to begin at accelerations of zero, not at those along a straight line, which in a long step of a
+            stiff problem are so large that the iteration ends at another solution of the stage equations.
     """
     stages = range(1, len(a) + 1)
     square = [[sum((x * row[j] for x, row in zip(line, a, strict=True)), Fraction(0)) for j in range(len(a))]
@@ -106,7 +108,8 @@ def simultaneous(a: Sequence[Sequence[Fraction]], nodes: Sequence[Fraction], mor
     times = [time_at(c, number) for c in nodes]
     ks, vs, ds = ([f"{letter}{i}" for i in stages] for letter in "kvd")
     place = [f"q + {number(c)}*h*v" if c else "q" for c in nodes]
-    start = [f"{k} = acceleration({t}, {q}, v{more})" for k, t, q in zip(ks, times, place, strict=True)]
+    start = [f"{k} = v - v" if near else f"{k} = acceleration({t}, {q}, v{more})"
+             for k, t, q in zip(ks, times, place, strict=True)]
     sweep = [
         *(f"{v} = {plus('v', row, ks, number)}" for v, row in zip(vs, a, strict=True)),
         *(f"q{i} = {plus('q', row, vs, number)}" for i, row in zip(stages, a, strict=True)),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from math import comb, isqrt
+from math import comb, isqrt, prod
 
 from integrators.method import exact, total
 from integrators.steps.continuous import Extension
@@ -30,6 +30,21 @@ def root(value: int | Fraction, digits: int = 60) -> Fraction:
     """Return the square root of a non-negative number, rounded down to this many decimal places."""
     square = Fraction(value) * 100**digits
     return Fraction(isqrt(square.numerator // square.denominator), 10**digits)
+
+
+def cube_root(value: int, digits: int = 60) -> Fraction:
+    """Return the cube root of a non-negative whole number, rounded down to this many decimal places."""
+    target, low, high = value * 1000**digits, 0, (value + 1) * 10**digits
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if middle**3 <= target else (low, middle)
+    return Fraction(low, 10**digits)
+
+
+def at_zero(nodes: Sequence[Fraction]) -> tuple[Fraction, ...]:
+    """Return the Lagrange polynomials of the nodes at 0: the weights that extrapolate from the nodes to 0."""
+    return tuple(prod((other / (other - node) for other in nodes if other != node), start=Fraction(1))
+                 for node in nodes)
 
 
 def bernstein(*powers: Fraction) -> Polynomial:

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 from fractions import Fraction
 
-from integrators.families.runge_kutta import RungeKutta
+from integrators.families.runge_kutta import Embedded, RungeKutta
 from integrators.method import exact
-from integrators.tables.butcher import interpolating, root
+from integrators.tables.butcher import at_zero, cube_root, interpolating, root
 
 HALF = Fraction(1, 2)
 R3, R6, R15, R30 = root(3), root(6), root(15), root(30)
@@ -45,6 +45,14 @@ GAUSS8 = RungeKutta(
     a=_gauss8()[0],
     b=_gauss8()[1],
 )
+
+RADAU5 = (
+    ((88 - 7 * R6) / 360, (296 - 169 * R6) / 1800, (-2 + 3 * R6) / 225),
+    ((296 + 169 * R6) / 1800, (88 + 7 * R6) / 360, (-2 - 3 * R6) / 225),
+    ((16 - R6) / 36, (16 + R6) / 36, Fraction(1, 9)),
+)
+RADAU5_START = (6 + cube_root(81) - cube_root(9)) / 30
+"""Weight of the slope at the start of the step in radau5's estimate: the real eigenvalue of its table."""
 
 TABLES = (
     RungeKutta(
@@ -89,13 +97,14 @@ TABLES = (
         a_stable=True,
         l_stable=True,
         source="Ehle 1969, Univ. of Waterloo CSRR 2010; Hairer & Wanner 1996, table IV.5.6",
-        summary="three Radau IIA stages, the last at the step's end: L-stable",
-        a=(
-            ((88 - 7 * R6) / 360, (296 - 169 * R6) / 1800, (-2 + 3 * R6) / 225),
-            ((296 + 169 * R6) / 1800, (88 + 7 * R6) / 360, (-2 - 3 * R6) / 225),
-            ((16 - R6) / 36, (16 + R6) / 36, Fraction(1, 9)),
-        ),
-        b=((16 - R6) / 36, (16 + R6) / 36, Fraction(1, 9)),
+        summary="three Radau IIA stages, the last at the step's end: L-stable, with an error estimate of order 3",
+        a=RADAU5,
+        b=RADAU5[-1],
+        embedded=(Embedded(
+            order=3,  # from the slopes at the start and at the three nodes (Hairer & Wanner 1996, section IV.8)
+            b=tuple(x - RADAU5_START * y for x, y in zip(RADAU5[-1], at_zero([sum(row) for row in RADAU5]), strict=True)),
+            start=RADAU5_START,
+        ),),
     ),
     RungeKutta(
         name="lobatto3c",
