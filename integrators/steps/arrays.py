@@ -65,8 +65,9 @@ def stages_step(
         state = (change_q, change_v) if increments else (q + change_q, v + change_v)
         errors: list[Array] = []
         for difference, start in estimators:
-            raw = [h * (np.tensordot(difference, k, 1) - start * k0) for k, k0 in ((speeds, v), (slopes, rest[0]))]
-            errors += _damped(*raw, start * h, by_q, by_v) if start else raw
+            of_q = h * (np.tensordot(difference, speeds, 1) - start * v)
+            of_v = h * (np.tensordot(difference, slopes, 1) - start * rest[0])
+            errors += _damped(of_q, of_v, start * h, by_q, by_v) if start else [of_q, of_v]
         ends = () if pairs is None else (system.acceleration(t + h, *state), *errors)
         return (*state, *ends, speeds, slopes) if dense else (*state, *ends)
 
@@ -75,15 +76,8 @@ def stages_step(
 
 def _derivatives(system: System, t: float, q: Array, v: Array) -> tuple[Array, Array]:
     """Return the matrices of the derivatives of the acceleration by q and by v, by central differences."""
-    matrices = np.empty((2, q.size, q.size))
-    for matrix, values, place in zip(matrices, (q, v), (lambda x: (x, v), lambda x: (q, x)), strict=True):
-        for j in range(q.size):
-            shift = np.zeros(q.size)
-            shift[j] = 1e-6 * (1.0 + abs(values.flat[j]))
-            bump = shift.reshape(q.shape)
-            ahead, back = (system.acceleration(t, *place(values + way)) for way in (bump, -bump))
-            matrix[:, j] = np.ravel(np.subtract(ahead, back, dtype=float)) / (2.0 * shift[j])
-    return matrices[0], matrices[1]
+    return (_differences(lambda x: np.asarray(system.acceleration(t, x, v), dtype=float), q),
+            _differences(lambda x: np.asarray(system.acceleration(t, q, x), dtype=float), v))
 
 
 def _damped(of_q: Array, of_v: Array, g: float, by_q: Array, by_v: Array) -> list[Array]:
@@ -206,12 +200,12 @@ def _solve(residual: Callable[[Array], Array], start: Array, matrix: Array | Non
     return unsolved
 
 
-def _differences(residual: Callable[[Array], Array], k: Array) -> Array:
-    """Return the derivative of a residual at k by central differences, as a matrix."""
+def _differences(function: Callable[[Array], Array], k: Array) -> Array:
+    """Return the derivative of a function of an array at k by central differences, as a matrix."""
     matrix = np.empty((k.size, k.size))
     for j in range(k.size):
         shift = np.zeros(k.size)
         shift[j] = 1e-6 * (1.0 + abs(k.flat[j]))
         bump = shift.reshape(k.shape)
-        matrix[:, j] = (residual(k + bump) - residual(k - bump)).ravel() / (2.0 * shift[j])
+        matrix[:, j] = (function(k + bump) - function(k - bump)).ravel() / (2.0 * shift[j])
     return matrix

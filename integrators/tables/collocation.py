@@ -9,7 +9,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 from integrators.families.runge_kutta import Embedded, RungeKutta
-from integrators.method import exact
+from integrators.method import exact, total
 from integrators.tables.butcher import at_zero, cube_root, interpolating, root
 
 HALF = Fraction(1, 2)
@@ -53,6 +53,8 @@ RADAU5 = (
 )
 RADAU5_START = (6 + cube_root(81) - cube_root(9)) / 30
 """Weight of the slope at the start of the step in radau5's estimate: the real eigenvalue of its table."""
+RADAU5_LOW = tuple(x - RADAU5_START * y for x, y in zip(RADAU5[-1], at_zero([total(r) for r in RADAU5]), strict=True))
+"""Weights of radau5's stages beside it, exact for slopes of degree 2 (Hairer & Wanner 1996, section IV.8)."""
 
 TABLES = (
     RungeKutta(
@@ -100,11 +102,7 @@ TABLES = (
         summary="three Radau IIA stages, the last at the step's end: L-stable, with an error estimate of order 3",
         a=RADAU5,
         b=RADAU5[-1],
-        embedded=(Embedded(
-            order=3,  # from the slopes at the start and at the three nodes (Hairer & Wanner 1996, section IV.8)
-            b=tuple(x - RADAU5_START * y for x, y in zip(RADAU5[-1], at_zero([sum(row) for row in RADAU5]), strict=True)),
-            start=RADAU5_START,
-        ),),
+        embedded=(Embedded(3, RADAU5_LOW, start=RADAU5_START),),
     ),
     RungeKutta(
         name="lobatto3c",

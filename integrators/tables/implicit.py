@@ -69,7 +69,7 @@ IMPLICIT = (
         ),
         b=exact("25/24", "-49/48", "125/16", "-85/12", "1/4"),
         embedded=(Embedded(3, exact("59/48", "-17/96", "225/32", "-85/12", 0)),),
-        dense=Extension(4, tuple(bernstein(*exact(*powers)) for powers in (
+        dense=Extension(3, tuple(bernstein(*exact(*powers)) for powers in (
             ("11/3", "-463/72", "217/36", "-20/9"),
             ("11/2", "-385/16", "661/24", "-10"),
             ("-125/18", "20125/432", "-8875/216", "250/27"),

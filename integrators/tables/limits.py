@@ -33,6 +33,7 @@ LIMITS: Mapping[str, tuple[float | None, float | None]] = {
     "implicit_midpoint": (inf, inf),
     "trapezoid": (inf, inf),
     "sdirk2": (inf, inf),
+    "sdirk4": (inf, inf),
     "gauss4": (inf, inf),
     "gauss6": (inf, inf),
     "gauss8": (inf, inf),

@@ -184,8 +184,8 @@ def check_order_conditions(method: Method) -> None:
     assert max(zero) < 1e-35 if isinstance(method, (RungeKutta, Nystrom, Splitting, ForceGradient)) else not any(zero)
     assert left > 1e-9
     pairs = method.embedded if isinstance(method, (RungeKutta, Nystrom)) else ()
-    for pair in pairs:
-        conditions = (order_conditions(method, pair.order + 1, weights=pair.b) if isinstance(method, RungeKutta) else
+    for i, pair in enumerate(pairs, 1):
+        conditions = (order_conditions(method.formulas[i], pair.order + 1) if isinstance(method, RungeKutta) else
                       nystrom_conditions(method, pair.order + 1, embedded=pair))
         assert max(abs(c.defect) for c in conditions if c.order <= pair.order) < Fraction(1, 10**35)
         assert max(abs(c.defect) for c in conditions if c.order > pair.order) > 1e-8

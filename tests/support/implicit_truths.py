@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from math import factorial, inf
+from math import comb, factorial, inf
 
 Polynomial = tuple[Fraction, ...]
 
 LIMITS = dict.fromkeys(
-    ("trapezoid", "sdirk2", "gauss4", "gauss6", "gauss8", "radau3", "radau5", "lobatto3c"), inf
+    ("trapezoid", "sdirk2", "sdirk4", "gauss4", "gauss6", "gauss8", "radau3", "radau5", "lobatto3c"), inf
 )
 """All of them are A-stable: no step is too long for the oscillator or for drag."""
 
@@ -25,6 +25,17 @@ def pade(k: int, j: int) -> tuple[Polynomial, Polynomial]:
     return side(k, 1), side(j, -1)
 
 
+def laguerre(stages: int, gamma: Fraction) -> tuple[Polynomial, Polynomial]:
+    """R of a stiffly accurate diagonally implicit method of order s - 1: its numerator, of degree s - 1, by its order.
+
+    R = P/(1 - gamma w)^s, where P is the series of exp w (1 - gamma w)^s up to w^(s - 1) (Hairer & Wanner 1996,
+    eq. IV.6.10 for L-stable methods).
+    """
+    bottom = tuple(comb(stages, i) * (-gamma) ** i for i in range(stages + 1))
+    top = tuple(sum((bottom[i] / factorial(k - i) for i in range(k + 1)), Fraction(0)) for k in range(stages))
+    return top, bottom
+
+
 GAMMA = Fraction("0.2928932188134524755991556378951509607151640623115")
 """1 - sqrt(1/2); Alexander's R is (1 + (1 - 2 gamma) w)/(1 - gamma w)² (Hairer & Wanner 1996, IV.6)."""
 
@@ -33,6 +44,7 @@ GAMMA = Fraction("0.2928932188134524755991556378951509607151640623115")
 RATIONAL: dict[str, tuple[Polynomial, Polynomial]] = {
     "trapezoid": pade(1, 1),
     "sdirk2": ((Fraction(1), 1 - 2 * GAMMA), (Fraction(1), -2 * GAMMA, GAMMA**2)),
+    "sdirk4": laguerre(5, Fraction(1, 4)),
     "gauss4": pade(2, 2),
     "gauss6": pade(3, 3),
     "gauss8": pade(4, 4),
