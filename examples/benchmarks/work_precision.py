@@ -1,10 +1,10 @@
 """Evaluations, time and error of `integrators.solve` beside SciPy and diffrax, on problems of DETEST and of Bari.
 
-Each program gets the same formulas, tolerances (rtol = atol; a thousandth of rtol for VDPOL, whose velocity is small) and
-times, only the last one; each runs in a process of its own, SciPy and diffrax in venvs that the first run makes with pip.
-The programs take turns, and the shortest of five repeats counts, on one thread. diffrax's functions are compiled; its
-first call is left out. Stages of diffrax are counted as steps, taken or not, times stages; its implicit methods count no
-evaluations of Newton's iteration, so none are shown.
+Each program gets the same formulas, tolerances (rtol = atol; a thousandth of rtol for VDPOL, whose velocity is small)
+and times, only the last one; each runs in a process of its own, SciPy and diffrax in venvs that the first run makes
+with pip. The programs take turns, and the shortest of five repeats counts, on one thread. diffrax's functions are
+compiled; its first call is left out. Stages of diffrax are counted as steps, taken or not, times stages; its implicit
+methods count no evaluations of Newton's iteration, so none are shown.
 
     python examples/benchmarks/work_precision.py [--folder ~/.cache/lab-pendulum/venvs] [--problems D1 VDPOL]
 

@@ -1,8 +1,8 @@
 """Problems q'' = a(t, q, v) of two published test sets, with their solutions at the end.
 
-D and E are classes of DETEST (Hull, Enright, Fellen & Sedgwick 1972, SIAM J. Numer. Anal. 9, 603), PLEI and VDPOL of the
-test set of Bari (Mazzia & Magherini 2008, Test Set for IVP Solvers). Functions use only arithmetic and ``lib``, which is
-numpy or jax.numpy, so that every program gets the same formula.
+D and E are classes of DETEST (Hull, Enright, Fellen & Sedgwick 1972, SIAM J. Numer. Anal. 9, 603), PLEI and VDPOL of
+the test set of Bari (Mazzia & Magherini 2008, Test Set for IVP Solvers). Functions use only arithmetic and ``lib``,
+which is numpy or jax.numpy, so that every program gets the same formula.
 """
 
 from __future__ import annotations
