@@ -20,7 +20,7 @@ import numpy as np
 from integrators.errors import shown
 from integrators.method import MethodError
 from integrators.solving.dense import Curve
-from integrators.solving.probing import check_arguments
+from integrators.solving.probing import check_arguments, with_arguments
 from integrators.solving.values import column, is_real
 
 PARTS = 8
@@ -75,11 +75,11 @@ class Ended(Exception):  # noqa: N818 -- not an error: it carries the end of a s
         self.t, self.q, self.v, self.index = t, q, v, index
 
 
-def checked_events(events: Any) -> tuple[Event, ...]:
+def checked_events(events: Any, args: Any = ()) -> tuple[Event, ...]:
     """Return events as a tuple of Event: from None, one function or Event, or several of them.
 
-    A plain function may have attributes ``direction`` and ``terminal``, as SciPy's ``solve_ivp`` reads them. Raises
-    MethodError for anything else.
+    A plain function may have attributes ``direction`` and ``terminal``, as SciPy's ``solve_ivp`` reads them. ``args``
+    are its arguments after t, q and v. Raises MethodError for anything else.
     """
     if events is None:
         return ()
@@ -87,10 +87,10 @@ def checked_events(events: Any) -> tuple[Event, ...]:
         events = [events]
     if isinstance(events, (str, bytes)) or not isinstance(events, Sequence):
         raise MethodError(f"events must be functions g(t, q, v) or Events, not {shown(events)}.")
-    return tuple(_checked(event) for event in events)
+    return tuple(_checked(event, args) for event in events)
 
 
-def _checked(event: Any) -> Event:
+def _checked(event: Any, args: Any) -> Event:
     """Return a function or an Event as an Event; MethodError if it is neither, or its direction or count is wrong."""
     if not isinstance(event, Event):
         event = Event(event, getattr(event, "direction", 0), getattr(event, "terminal", False))
@@ -99,7 +99,8 @@ def _checked(event: Any) -> Event:
     if not is_real(event.direction):
         raise MethodError(f"The direction of event {event.name} must be a number: below zero, zero or above zero, "
                           f"not {shown(event.direction)}.")
-    check_arguments(event.function, f"Event {event.name}", "t, q, v")
+    function = with_arguments(event.function, args, f"Event {event.name}")
+    check_arguments(function, f"Event {event.name}", "t, q, v")
     terminal = bool(event.terminal) if isinstance(event.terminal, np.bool_) else event.terminal
     try:
         count = operator.index(terminal)
@@ -108,7 +109,7 @@ def _checked(event: Any) -> Event:
     if count < 0:
         raise MethodError(f"terminal of event {event.name} must be True, False or the number of the event that ends "
                           f"the solution, not {shown(event.terminal)}.")
-    return Event(event.function, event.direction, terminal)
+    return Event(function, event.direction, terminal)
 
 
 class Watch:

@@ -43,6 +43,29 @@ def check_arguments(function: Callable[..., Any], name: str, arguments: str) -> 
         raise MethodError(f"{name} must be a function of ({arguments}), not of {signature}: {fault}.") from None
 
 
+def with_arguments(function: Any, args: Any, name: str = "The acceleration", arguments: str = "t, q, v") -> Any:
+    """Return a function, or a System of functions, that passes ``args`` on after its own arguments; itself for none.
+
+    Raises MethodError if ``args`` is no tuple or list, or the function does not take so many arguments.
+    """
+    if not isinstance(args, (tuple, list)):
+        raise MethodError(f"args must be a tuple of further arguments, such as args=(k,), not {shown(args)}.")
+    if not args:
+        return function
+    if isinstance(function, System):
+        return replace(function, **{key: with_arguments(getattr(function, key), args, key, ARGUMENTS[key])
+                                    for key in ARGUMENTS if getattr(function, key) is not None})
+    if not callable(function):
+        return function
+    check_arguments(function, name, ", ".join([arguments, *(f"args[{k}]" for k in range(len(args)))]))
+
+    def with_args(*given: Any) -> Any:
+        return function(*given, *args)
+
+    with_args.__name__ = str(getattr(function, "__name__", type(function).__name__))
+    return with_args
+
+
 def problem(acceleration: Acceleration | System, times: Sequence[Any], q: Any, v: Any, double: bool) -> System:
     """Return a System, made from a bare acceleration if need be, whose functions may return an array that they reuse.
 

@@ -198,6 +198,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
 BESIDE_IT: Mapping[str, Mapping[str, Any]] = {
     "rtol": {"integrator": "dopri5", "integrators": ["dopri5"], "method": "dopri5"},
     "atol": {"integrator": "dopri5", "integrators": ["dopri5"], "method": "dopri5", "rtol": 1e-3},
+    **{key: {"method": "dopri5", "rtol": 1e-3, "h": None} for key in ("first_step", "max_step")},
     "even_steps": {"integrator": "dopri5", "rtol": 1e-3},
     "accuracy": {"integrator": "auto"},
     "file": {"angle": [0.1, 0.2]},
