@@ -165,7 +165,9 @@ def solve(
             rounding of the time. As in SciPy's ``solve_ivp`` a function may have attributes ``direction`` (above zero:
             rising changes only; below zero: falling ones) and ``terminal`` (True: the solution ends at the first
             event; n: at the n-th). Two changes of one function are both found if more than an eighth of a step lies
-            between them; see :mod:`integrators.solving.events`. Not with ``compensated``.
+            between them. An ``action``, a function ``(t, q, v) -> (q, v)``, returns the state from which the solution
+            goes on, as after a bounce; at the time of the event itself, ``q_events`` and a time of ``times`` show the
+            state before. See :mod:`integrators.solving.events`. Not with ``compensated``.
 
     A multistep method starts its history anew at a time where the step length changes by more than the rounding of the
     type of ``times``; more than ``FEW_RESTARTS`` restarts give a UserWarning.
@@ -263,11 +265,22 @@ def integrated(
         else max_step)
     rows: list[tuple[Any, ...]] = [(marks[0], q, v, *lost)]
     ended_by: int | None = None
+    end: Ended | None = None
     try:
-        march.through(marks, zero, rows)
-    except Ended as end:
-        ended_by = end.index
-        rows += [(end.t, end.q, end.v)] if end.t != rows[-1][0] else []
+        while end is None or end.after is not None:
+            try:
+                march.through([march.t, *marks[len(rows) :]], zero, rows)
+                break
+            except Ended as found:
+                end = found
+            reached = [mark for mark in marks[len(rows) :] if abs(mark - marks[0]) <= abs(end.t - marks[0])]
+            rows += [(mark, end.q, end.v) for mark in reached]
+            if end.after is not None and recorder is not None:
+                march.t, march.q, march.v = end.t, *end.after
+                recorder.break_off()
+            else:
+                ended_by = end.index
+                rows += [(end.t, end.q, end.v)] if end.t != rows[-1][0] else []
     except TypeError as fault:
         if is_double(q + zero):
             raise MethodError(f"{chosen.name} stopped at a TypeError: {fault}; the acceleration must return real "

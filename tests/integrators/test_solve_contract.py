@@ -2,8 +2,8 @@
 
 Features are tested here where they meet: fixed steps and steps under a tolerance, in floats, lists, arrays, arrays of
 one component, mpmath numbers, and with an acceleration that reuses its own array; plain, dense, with events, backwards,
-far from t = 0, at times read off, and with the other options. What a method refuses is said by :func:`refusal`, with a
-part of its sentence.
+far from t = 0, at times read off, with the other options, and with an action. What a method refuses is said by
+:func:`refusal`, with a part of its sentence.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import integrators
-from integrators import METHODS, Method, MethodError, System, solve
+from integrators import METHODS, Event, Method, MethodError, System, solve
 from integrators.families.taylor import cos
 from integrators.steps.estimates import has_estimates
 
@@ -119,7 +119,7 @@ KINDS = {
     "mpmath": Kind(mpmath.mpf, plain, mpmath.mpf, mpmath),
     "complex": Kind(complex, plain, m=math),
 }
-MODES = ("plain", "dense", "events", "backwards", "far", "t_eval", "options")
+MODES = ("plain", "dense", "events", "backwards", "far", "t_eval", "options", "action")
 
 
 def problem(method: Method, kind: Kind, motion: Motion) -> Any:
@@ -128,6 +128,12 @@ def problem(method: Method, kind: Kind, motion: Motion) -> Any:
     if "exact_flow" not in method.needs:
         return function
     return System(function, velocity_free=True, exact_flow=lambda t, q, v, h: motion.flow(t, q, v, h, kind.m))
+
+
+def reflected(motion: Motion, t: float) -> tuple[Any, Any]:
+    """Return the state of a motion whose velocity is reversed where q becomes zero."""
+    zero = motion.start + motion.zero()
+    return motion.at(t) if t <= zero else motion.flow(zero, 0.0, -motion.at(zero)[1], t - zero, math)
 
 
 def taking_more(function: Any) -> Any:
@@ -182,17 +188,18 @@ def errors(name: str, kind_name: str, rtol: bool, mode: str) -> tuple[float, flo
         options |= {"atol": [kind.given(tolerance), kind.given(2 * tolerance)], "first_step": kind.number(0.02),
                     "max_step": kind.number(0.5)} if rtol else {}
     options |= {"dense": mode in ("dense", "far")} | ({"events": lambda t, q, v: np.ravel(q)[0]} if mode in (
-        "events", "far") else {})
+        "events", "far") else {"events": Event(lambda t, q, v: np.ravel(q)[0], action=lambda t, q, v: (q, -v))}
+        if mode == "action" else {})
     run = solve(function, *(kind.given(x) for x in state), times, method=method, **options)
     assert [*run.t] == [*asked]
-    truth = [motion.at(float(t)) for t in asked]
+    truth = [reflected(motion, float(t)) if mode == "action" else motion.at(float(t)) for t in asked]
     at_times = largest((first(run.q), first(run.v)), tuple(zip(*truth, strict=True)))
     between = 0.0
     if mode in ("dense", "far"):
         places = motion.start + SPAN * (np.arange(40) + 0.37) / 40.4
         found = run(places if kind_name != "mpmath" else np.array([mpmath.mpf(t) for t in places], dtype=object))
         between = largest(tuple(map(first, found)), motion.at(places))
-    if mode in ("events", "far"):
+    if mode in ("events", "far", "action"):
         (at,), *states = run.t_events, first(run.q_events[0]), first(run.v_events[0])
         after, rounding = motion.zero(), ROUNDED if mode == "far" else 0.0
         there = motion.at(motion.start + after) if mode != "far" else replace(motion, start=0.0).at(after)
@@ -210,7 +217,7 @@ def faults(name: str, kind: str) -> list[str]:
         h, tolerance = (LONG, RTOL_LONG) if kind == "mpmath" else (SHORT, RTOL)
         allowed = 100 * tolerance if rtol else 10 * h ** min(method.order, 20) + 1e-11
         more = 0.0 if rtol else 10 * h ** (min(method.dense_order, 20) + 1)
-        allowed += more if mode == "t_eval" else 0.0
+        allowed += more if mode in ("t_eval", "action") else 0.0
         try:
             at_times, between = errors(name, kind, rtol, mode)
         except MethodError as refused:
