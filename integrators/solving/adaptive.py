@@ -91,11 +91,13 @@ class Tolerance:
         return total / len(counted)
 
 
-def checked(method: Method, rtol: Any, atol: Any, shape: tuple[int, ...] | None = None) -> Tolerance:
+def checked(
+    method: Method, rtol: Any, atol: Any, shape: tuple[int, ...] | None = None, of_v: bool = False
+) -> Tolerance:
     """Check rtol and atol for a method and return them as a Tolerance; if ``atol`` is None it equals ``rtol``.
 
     ``shape`` is that of q and v; ``atol`` may then be an array of this shape, or two of them, for q and for v. With
-    None it must be a number.
+    None it must be a number. ``of_v`` is that of the Tolerance, where there are no two.
 
     Raises MethodError for a method without error estimates, or tolerances that are not positive.
     """
@@ -110,15 +112,17 @@ def checked(method: Method, rtol: Any, atol: Any, shape: tuple[int, ...] | None 
         parts, fine = [atol], is_real(atol) and atol > 0
     else:
         try:
-            pair = [np.shape(part) for part in atol] == [shape, shape]
+            pair = not of_v and [np.shape(part) for part in atol] == [shape, shape]
         except ValueError:  # rows of several lengths
             pair = False
         parts = [state(part, "atol") for part in atol] if pair else [state(atol, "atol")]
         fine = all(np.shape(part) == shape and is_finite(part) and np.all(part > 0) for part in parts)
     if not fine:
-        arrays = "" if shape is None else ", an array of them like q, or two such arrays or numbers for q and for v"
+        two = ", or an array of them like y" if of_v else (
+            ", an array of them like q, or two such arrays or numbers for q and for v")
+        arrays = "" if shape is None else two
         raise MethodError(f"atol must be a finite number above zero{arrays}, not {shown(atol)}.")
-    return Tolerance(rtol, *parts)
+    return Tolerance(rtol, parts[0], parts[1] if len(parts) == 2 else None, of_v)
 
 
 class March:

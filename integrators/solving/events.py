@@ -94,35 +94,36 @@ class Ended(Exception):  # noqa: N818 -- not an error: it carries the end of a s
         self.t, self.q, self.v, self.index, self.after = t, q, v, index, after
 
 
-def checked_events(events: Any, args: Any = ()) -> tuple[Event, ...]:
+def checked_events(events: Any, args: Any = (), arguments: str = "t, q, v") -> tuple[Event, ...]:
     """Return events as a tuple of Event: from None, one function or Event, or several of them.
 
     A plain function may have attributes ``direction`` and ``terminal``, as SciPy's ``solve_ivp`` reads them, and
-    ``action``. ``args`` are its arguments after t, q and v. Raises MethodError for anything else.
+    ``action``. ``args`` are its arguments after ``arguments``. Raises MethodError for anything else.
     """
     if events is None:
         return ()
     if isinstance(events, Event) or callable(events):
         events = [events]
     if isinstance(events, (str, bytes)) or not isinstance(events, Sequence):
-        raise MethodError(f"events must be functions g(t, q, v) or Events, not {shown(events)}.")
-    return tuple(_checked(event, args) for event in events)
+        raise MethodError(f"events must be functions g({arguments}) or Events, not {shown(events)}.")
+    return tuple(_checked(event, args, arguments) for event in events)
 
 
-def _checked(event: Any, args: Any) -> Event:
+def _checked(event: Any, args: Any, arguments: str) -> Event:
     """Return a function or an Event as an Event; MethodError if it is neither, or its direction or count is wrong."""
     if not isinstance(event, Event):
         event = Event(event, getattr(event, "direction", 0), getattr(event, "terminal", False),
                       getattr(event, "action", None))
     if not callable(event.function):
-        raise MethodError(f"An event must be a function g(t, q, v) or an Event of one, not {shown(event.function)}.")
+        raise MethodError(f"An event must be a function g({arguments}) or an Event of one, not "
+                          f"{shown(event.function)}.")
     if not is_real(event.direction):
         raise MethodError(f"The direction of event {event.name} must be a number: below zero, zero or above zero, "
                           f"not {shown(event.direction)}.")
     if not (event.action is None or callable(event.action)):
-        raise MethodError(f"The action of event {event.name} must be a function (t, q, v) -> (q, v), not "
+        raise MethodError(f"The action of event {event.name} must be a function of ({arguments}), not "
                           f"{shown(event.action)}.")
-    function, action = (_with_arguments(one, args, name) for one, name in (
+    function, action = (_with_arguments(one, args, name, arguments) for one, name in (
         (event.function, f"Event {event.name}"), (event.action, f"The action of event {event.name}")))
     terminal = bool(event.terminal) if isinstance(event.terminal, np.bool_) else event.terminal
     try:
@@ -135,13 +136,12 @@ def _checked(event: Any, args: Any) -> Event:
     return Event(function, event.direction, terminal, action)
 
 
-def _with_arguments(function: Any, args: Any, name: str) -> Any:
-    """Return a function of (t, q, v) that passes ``args`` on, None for None; MethodError if it takes other arguments.
-    """
+def _with_arguments(function: Any, args: Any, name: str, arguments: str) -> Any:
+    """Return a function that passes ``args`` on after its arguments; MethodError if it takes others. None for None."""
     if function is None:
         return None
-    function = with_arguments(function, args, name)
-    check_arguments(function, name, "t, q, v")
+    function = with_arguments(function, args, name, arguments)
+    check_arguments(function, name, arguments)
     return function
 
 
@@ -206,12 +206,12 @@ class Watch:
             after = tuple(event.action(t, *given))
         except (ArithmeticError, TypeError, ValueError) as fault:
             raise MethodError(f"The action of event {event.name} fails at t = {t}: {fault}; it must return the state "
-                              "(q, v) after it.") from fault
+                              "after it.") from fault
         if len(after) == 2:
             after = tuple(of_kind(t - t, state(x, f"What the action of event {event.name} returns")) for x in after)
         if [np.shape(x) for x in after] != [np.shape(q)] * 2 or not all(map(is_finite, after)):
-            raise MethodError(f"The action of event {event.name} must return the state after it, finite numbers of the "
-                              f"shape {np.shape(q)} for q and for v, not {shown(after)}.")
+            raise MethodError(f"The action of event {event.name} must return the state after it, finite numbers of its "
+                              f"shape, {np.shape(q)}, not {shown(after)}.")
         return after[0], after[1]
 
     def columns(self) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:

@@ -206,14 +206,15 @@ def solve_unchecked(
 def integrated(
     method: str | Method, system_at: Callable[..., System], q: Any, v: Any, times: Sequence[Any], *, h: Any = None,
     rtol: Any = None, atol: Any = None, first_step: Any = None, max_step: Any = None, t_eval: Any = None,
-    dense: bool = False, compensated: bool = False, events: tuple[Event, ...] = (),
+    dense: bool = False, compensated: bool = False, events: tuple[Event, ...] = (), of_v: bool = False,
 ) -> Solution:
-    """Integrate a problem from (q, v); the arguments are those of :func:`solve`, but for two.
+    """Integrate a problem from (q, v); the arguments are those of :func:`solve`, but for three.
 
     Args:
         method, q, v, times, h, rtol, atol, first_step, max_step, t_eval, dense, compensated: see :func:`solve`.
         system_at: returns the System for the times, q, v and True for doubles, False for other numbers.
         events: checked events.
+        of_v: True for a tolerance of v alone.
 
     Raises MethodError as :func:`solve` does, and StepSizeError if steps become too short to meet a tolerance.
     """
@@ -235,7 +236,7 @@ def integrated(
     for name, given in (("dense=True", dense), ("t_eval", t_eval is not None), ("events", events)):
         if compensated and given:
             raise MethodError(f"{name} and compensated=True cannot be combined; pass only one of them.")
-    tolerance = None if rtol is None else checked(chosen, rtol, atol, np.shape(q))
+    tolerance = None if rtol is None else checked(chosen, rtol, atol, np.shape(q), of_v)
     marks, unit = _ordered(times, "times")
     asked = None if t_eval is None else _within(t_eval, marks)
     if not (is_finite(q) and is_finite(v) and np.shape(q) == np.shape(v)):

@@ -347,7 +347,7 @@ def test_bounces_in_forty_digits() -> None:
     (lambda t, q: q, r"The action of event position must be a function of \(t, q, v\)"),
     (lambda t, q, v: -v, "The action of event position fails at t = 1.5.*; it must return the state"),
     (lambda t, q, v: (q, v, t), "The action of event position must return the state after it, finite numbers"),
-    (lambda t, q, v: (q, math.nan), "must return the state after it, finite numbers of the shape"),
+    (lambda t, q, v: (q, math.nan), "must return the state after it, finite numbers of its shape"),
     (lambda t, q, v: (q, np.ones(2)), "must return the state after it"),
     (lambda t, q, v: (q, None), "must return the state after it|must be a number"),
     (lambda t, q, v: (q, 1j), "What the action of event position returns must be real"),

@@ -175,6 +175,7 @@ OWN: Mapping[str, str] = {
     "lab.small_amplitude_period.period": "positive", "lab.small_amplitude_period.amplitude": "positive numbers",
     "film.path": "npy",
     "choose.progress": "function", "integrators.solve.q": "states", "integrators.solve.v": "states",
+    "integrators.solve_first_order.y": "numbers", "integrators.solve_first_order.f": "function",
     "integrators.from_step.step": "none of these", "integrators.from_step.order": "count",
     "integrators.get.name": "none of these", "controllers.SwingUp.scene": "none of these",
     "testing.check_vector_env.steps": "count", "LabPendulumEnv.set_wrapper_attr.value": "anything",
