@@ -1,5 +1,7 @@
 """Numerical methods for ``q'' = a(t, q, v)``: tables of coefficients, and the function ``solve`` that runs any method.
 
+``solve_first_order`` runs those that can on ``y' = f(t, y)``.
+
 >>> import integrators
 >>> integrators.get("rk4").order
 4
@@ -20,6 +22,7 @@ from integrators.method import Method, MethodError, System
 from integrators.registry import ALIASES, METHODS, PAIRS, fitting, get
 from integrators.solving.adaptive import StepSizeError
 from integrators.solving.events import Event
+from integrators.solving.first_order import FirstOrderSolution, solve_first_order
 from integrators.solving.own import from_step
 from integrators.solving.solve import Solution, solve
 from integrators.steps.unroll import unroll
@@ -34,6 +37,7 @@ __all__ = [
     "Event",
     "Exact",
     "Extension",
+    "FirstOrderSolution",
     "ForceGradient",
     "Method",
     "MethodError",
@@ -49,5 +53,6 @@ __all__ = [
     "from_step",
     "get",
     "solve",
+    "solve_first_order",
     "unroll",
 ]

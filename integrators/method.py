@@ -227,6 +227,14 @@ class Method:
         raise NotImplementedError
 
     @property
+    def first_order_form(self) -> bool:
+        """True if the method also integrates ``y' = f(t, y)``: what it computes for v of ``v' = a(t, v)`` needs no q.
+
+        See :mod:`integrators.solving.first_order`.
+        """
+        return False
+
+    @property
     def last_drift(self) -> float:
         """Fraction of a step by which the angle moves at its end with the final velocity, after the last kick.
 

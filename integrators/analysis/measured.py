@@ -115,7 +115,7 @@ def _errors(method: str | Method, damped: str | None, digits: int, span: float) 
         truth = reference(damped, digits, span)
         for steps in counts:
             h = mpmath.mpf(span) / steps
-            solution = solve_unchecked(method, driven_pendulum(damped), q, v, [t, t + span], h)
+            solution = solve_unchecked(method, driven_pendulum(damped), q, v, [t, t + span], h=h)
             error = mpmath.hypot(solution.q[-1] - truth[0], solution.v[-1] - truth[1])
             if error > mpmath.mpf(10) ** (6 - digits):
                 points.append((float(mpmath.log(h)), float(mpmath.log(error))))
@@ -172,7 +172,7 @@ def observed_dense_order(
         t, q, v = (mpmath.mpf(x) for x in START)
         longest = 2.0 ** -(90 // (named(method).dense_order + 1))
         for h in (longest, longest / 2):
-            solution = solve_unchecked(method, driven_pendulum(damped), q, v, [t, t + h], h, dense=True)
+            solution = solve_unchecked(method, driven_pendulum(damped), q, v, [t, t + h], h=h, dense=True)
             state, truth = solution(t + theta * h), reference(damped, digits, theta * h)
             errors.append(mpmath.hypot(state[0] - truth[0], state[1] - truth[1]))
         return float(mpmath.log(errors[0] / errors[1], 2)) - 1.0

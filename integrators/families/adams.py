@@ -37,6 +37,10 @@ class Adams(Started):
                 raise MethodError(f"{self.name}: the weights {label} sum to {sum(row)}, not to 1.")
 
     @property
+    def first_order_form(self) -> bool:
+        return True
+
+    @property
     def memory(self) -> tuple[str, ...]:
         return self.memory_with()
 

@@ -50,6 +50,10 @@ class BackwardDifference(Started):
         return ("begun", *gains)
 
     @property
+    def first_order_form(self) -> bool:
+        return True
+
+    @property
     def past(self) -> int:
         return len(self.alpha) - 2
 

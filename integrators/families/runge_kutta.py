@@ -126,6 +126,10 @@ class RungeKutta(Method):
         return frozenset({"acceleration", "jacobian"}) if self.implicit else frozenset({"acceleration"})
 
     @property
+    def first_order_form(self) -> bool:
+        return True
+
+    @property
     def stages(self) -> tuple[int, ...]:
         """The stages of a Runge-Kutta method, counted from zero, that a step without an error estimate needs."""
         return self.reached(self.b)

@@ -55,6 +55,10 @@ class Taylor(Method):
         return frozenset({"acceleration", "taylor"})
 
     @property
+    def first_order_form(self) -> bool:
+        return True
+
+    @property
     def evaluations(self) -> int:
         """Number of evaluations of a Taylor step: one, of the Taylor series of the acceleration.
 

@@ -14,7 +14,7 @@ from integrators.method import Method, MethodError
 from integrators.registry import METHODS
 from integrators.solving.dense import Curve, Recorder
 from integrators.solving.step_size import next_ratio, step_power
-from integrators.solving.values import is_finite, is_real, like, misshapen
+from integrators.solving.values import is_finite, is_real, like, misshapen, state
 from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
 
 LONGEST = 1e150
@@ -45,10 +45,18 @@ class Tolerance:
 
     The error of a step is measured in units of the tolerance, as the root mean square over all components
     (Hairer, Norsett & Wanner 1993, eq. II.4.11).
+
+    Attributes:
+        rtol: the relative tolerance.
+        atol: the absolute tolerance, a number or an array of the shape of q and v.
+        atol_v: that of v, if it is another one; None for the same.
+        of_v: True measures the errors of v alone, see :mod:`integrators.solving.first_order`.
     """
 
     rtol: Any
     atol: Any
+    atol_v: Any = None
+    of_v: bool = False
 
     def check_rounding(self) -> None:
         """Check that double precision can meet the relative tolerance; raises MethodError if it is too small."""
@@ -73,16 +81,23 @@ class Tolerance:
         ``before`` and ``after`` are the states (q, v) at the ends of the step.
         """
         total: Any = 0
-        for value, old, new in zip(pair, before, after, strict=True):
+        atols, counted = (self.atol, self.atol if self.atol_v is None else self.atol_v), (1,) if self.of_v else (0, 1)
+        for i in counted:
+            value, old, new = pair[i], before[i], after[i]
             is_array = isinstance(value, np.ndarray)
             largest = np.maximum(abs(old), abs(new)) if is_array else max(abs(old), abs(new))
-            ratio = value / (self.atol + self.rtol * largest)
+            ratio = value / (atols[i] + self.rtol * largest)
             total = total + (np.mean(ratio * ratio) if is_array else ratio * ratio)
-        return total / 2
+        return total / len(counted)
 
 
-def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
+def checked(
+    method: Method, rtol: Any, atol: Any, shape: tuple[int, ...] | None = None, of_v: bool = False
+) -> Tolerance:
     """Check rtol and atol for a method and return them as a Tolerance; if ``atol`` is None it equals ``rtol``.
+
+    ``shape`` is that of q and v; ``atol`` may then be an array of this shape, or two of them, for q and for v. With
+    None it must be a number. ``of_v`` is that of the Tolerance, where there are no two.
 
     Raises MethodError for a method without error estimates, or tolerances that are not positive.
     """
@@ -90,11 +105,24 @@ def checked(method: Method, rtol: Any, atol: Any) -> Tolerance:
         pairs = ", ".join(name for name, other in METHODS.items() if has_estimates(other))
         raise MethodError(f"{method.name} does not estimate its error, so rtol cannot choose its steps; methods that "
                           f"do are {pairs}.")
-    atol = rtol if atol is None else atol
-    for name, value in (("rtol", rtol), ("atol", atol)):
-        if not (is_real(value) and value > 0):
-            raise MethodError(f"{name} must be a finite number above zero, not {shown(value)}.")
-    return Tolerance(rtol, atol)
+    if not (is_real(rtol) and rtol > 0):
+        raise MethodError(f"rtol must be a finite number above zero, not {shown(rtol)}.")
+    if shape is None or not (isinstance(atol, (list, tuple)) or np.ndim(atol)):
+        atol = rtol if atol is None else atol
+        parts, fine = [atol], is_real(atol) and atol > 0
+    else:
+        try:
+            pair = not of_v and [np.shape(part) for part in atol] == [shape, shape]
+        except ValueError:  # rows of several lengths
+            pair = False
+        parts = [state(part, "atol") for part in atol] if pair else [state(atol, "atol")]
+        fine = all(np.shape(part) == shape and is_finite(part) and np.all(part > 0) for part in parts)
+    if not fine:
+        two = ", or an array of them like y" if of_v else (
+            ", an array of them like q, or two such arrays or numbers for q and for v")
+        arrays = "" if shape is None else two
+        raise MethodError(f"atol must be a finite number above zero{arrays}, not {shown(atol)}.")
+    return Tolerance(rtol, parts[0], parts[1] if len(parts) == 2 else None, of_v)
 
 
 class March:
@@ -107,6 +135,7 @@ class March:
         t, q, v: the state at the start.
         h: length of the first step to try; None: choose it automatically.
         recorder: stores the steps for dense output.
+        longest: length of the longest step; by default there is none.
 
     Attributes:
         steps, rejected: number of steps taken, and number of steps rejected.
@@ -115,28 +144,29 @@ class March:
     def __init__(
         self, method: Method, step: Callable[..., tuple[Any, ...]], slope: Callable[[Any, Any, Any], Any],
         tolerance: Tolerance, t: Any, q: Any, v: Any, h: Any = None, recorder: Recorder | None = None,
+        longest: Any = math.inf,
     ) -> None:
         self.name, self.step, self.slope, self.tolerance = method.name, step, slope, tolerance
         self.order, self._estimates = order_of_estimate(method), 2 * len(embedded_orders(method))
         self.t, self.q, self.v, self.h = t, q, v, h
+        self.longest = longest * (10**9 + 1) / (101 * 10**7)  # steps that end at a time may be longer by a hundredth
         self.steps = self.rejected = 0
-        self._last = 0.0
         self._fault = ""
         self._recorder, self._step_values = recorder, ()
 
     def through(self, marks: Sequence[Any], zero: Any, rows: list[tuple[Any, ...]]) -> None:
-        """Integrate through the times ``marks``, the first of which is the current time; append (t, q, v) at each.
+        """Integrate through the times ``marks``, the first of which is the current one; append (t, q, v) at the others.
 
         ``zero`` is a zero of the number type to be used, ``rows`` the list to append to. Raises MethodError if the
         acceleration at the start is not finite, and StepSizeError if no step meets the tolerance.
         """
-        rows.append((self.t, self.q, self.v))
+        shape = np.shape(self.q)
         if len(marks) > 1:
             self._start(marks[-1] - marks[0], zero)
         for mark in marks[1:]:
             self._to(mark)
-            if np.shape(self.q) != np.shape(rows[0][1]):
-                raise MethodError(misshapen(np.shape(self.q), np.shape(rows[0][1])))
+            if np.shape(self.q) != shape:
+                raise MethodError(misshapen(np.shape(self.q), shape))
             rows.append((mark, self.q, self.v))
 
     def _start(self, span: Any, zero: Any) -> None:
@@ -156,7 +186,8 @@ class March:
             )
         if np.shape(self.a) != np.shape(self.q):
             raise MethodError(misshapen(np.shape(self.a), np.shape(self.q)))
-        self.h = self._first() if self.h is None else min(self.h, self.span)
+        self.h = min(self._first() if self.h is None else self.h, self.span, self.longest)
+        self._last = 0.0
 
     def _first(self) -> Any:
         """Return a length for the first step, so short that Euler's method would have a small error in it.
@@ -198,13 +229,13 @@ class March:
             if error <= 1.0:
                 ratio = next_ratio(error, True, self._last, self.order)
                 next_length = length * like(self._zero, ratio if last_accepted else min(1.0, ratio))
-                self.h = next_length if full_step else max(next_length, self.h)
+                self.h = min(next_length if full_step else max(next_length, self.h), self.longest)
+                self.steps += 1
                 if self._recorder is not None:
                     self.record(self._recorder, self.t, self.sense * length, (self.q, self.v, self.a), state)
                 self.t = self.t + self.sense * length if full_step else mark
                 self.q, self.v, self.a = state
                 self._last = error if full_step else 0.0
-                self.steps += 1
             else:
                 self.h = length * like(self._zero, next_ratio(error, False, 0.0, self.order))
                 self._last = 0.0

@@ -240,6 +240,10 @@ class Recorder:
         if self.each is not None:
             self.each(curve)
 
+    def break_off(self) -> None:
+        """Let the next step begin anew, from another state than that at the end of the last one."""
+        self._end = None
+
     def output(self, t: Any, q: Any, v: Any) -> DenseOutput:
         """Return the dense output of all steps added so far, which end at the state (q, v) at time t."""
         return DenseOutput(self.method.dense_order, (*self.curves, Curve(t, self.zero + 1, q, v, (), ())))

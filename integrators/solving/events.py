@@ -6,6 +6,12 @@ secant method within a bracket (the Illinois rule, Dowell & Jarratt 1971, BIT 11
 
 Every change of sign is found that is more than 1/PARTS of a step away from the next one of the same function. Of two
 that are closer, both or none are found. A function that touches zero and keeps its sign has no event there.
+
+An event may have an action, such as a bounce: a function that returns the state from which the solution goes on. In the
+first step after it, the start counts as a zero of the event's own function, and the sign with which the function leaves
+it is looked for down to the rounding of the time, so that no bounce is missed however soon it follows. If the action
+changes the sign of another function, that is an event of that function. Actions that follow each other ever faster, as
+those of a ball that comes to rest, end with an error.
 """
 
 from __future__ import annotations
@@ -20,8 +26,8 @@ import numpy as np
 from integrators.errors import shown
 from integrators.method import MethodError
 from integrators.solving.dense import Curve
-from integrators.solving.probing import check_arguments
-from integrators.solving.values import column, is_real
+from integrators.solving.probing import check_arguments, with_arguments
+from integrators.solving.values import column, is_finite, is_real, of_kind, state
 
 PARTS = 8
 """Number of equal parts of a step at whose ends an event function is evaluated."""
@@ -29,8 +35,17 @@ MOST_HALVINGS = 300
 """Maximum number of evaluations that locate one event."""
 FEW_HALVINGS = 40
 """Number of evaluations that look for an extremum between two equal signs."""
+NOISE = 2**16
+"""A value at the start of a step counts as zero if it is less than so many roundings of the largest in the step."""
+LAST_ACTIONS, SHRUNK = 100, 10**3
+"""So many actions of one event come to rest if together they take less than this part of the longest time between two.
+"""
+NEAREST = 2**12
+"""Two actions of one event are further apart than so many roundings of their times."""
+MOST_ACTIONS = 20_000
+"""Maximum number of actions of an event whose ``terminal`` does not say how many it may have."""
 
-EventFunction = Callable[[Any, Any, Any], Any]
+EventFunction = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -42,11 +57,14 @@ class Event:
         direction: above zero only changes from negative to positive values count, below zero only the opposite ones; 0
             counts both.
         terminal: True ends the solution at the first event, a whole number n at the n-th; False never.
+        action: a function ``(t, q, v) -> (q, v)``: the solution goes on from the state that it returns. None for no
+            action. An event that ends the solution has none.
     """
 
     function: EventFunction
     direction: float = 0
     terminal: bool | int = False
+    action: Callable[..., Any] | None = None
 
     @property
     def name(self) -> str:
@@ -64,42 +82,49 @@ class Found:
 
 
 class Ended(Exception):  # noqa: N818 -- not an error: it carries the end of a solution to the loop over its steps
-    """Raised at a terminal event: the solution ends there, in the state (q, v) at time t.
+    """Raised at a terminal event, or at one with an action: the solution ends there, in the state (q, v) at time t.
 
     Attributes:
         index: place of the event function among those given.
+        after: the state (q, v) from which the solution goes on; None if it does not.
     """
 
-    def __init__(self, t: Any, q: Any, v: Any, index: int) -> None:
-        super().__init__(t, q, v, index)
-        self.t, self.q, self.v, self.index = t, q, v, index
+    def __init__(self, t: Any, q: Any, v: Any, index: int, after: tuple[Any, Any] | None = None) -> None:
+        super().__init__(t, q, v, index, after)
+        self.t, self.q, self.v, self.index, self.after = t, q, v, index, after
 
 
-def checked_events(events: Any) -> tuple[Event, ...]:
+def checked_events(events: Any, args: Any = (), arguments: str = "t, q, v") -> tuple[Event, ...]:
     """Return events as a tuple of Event: from None, one function or Event, or several of them.
 
-    A plain function may have attributes ``direction`` and ``terminal``, as SciPy's ``solve_ivp`` reads them. Raises
-    MethodError for anything else.
+    A plain function may have attributes ``direction`` and ``terminal``, as SciPy's ``solve_ivp`` reads them, and
+    ``action``. ``args`` are its arguments after ``arguments``. Raises MethodError for anything else.
     """
     if events is None:
         return ()
     if isinstance(events, Event) or callable(events):
         events = [events]
     if isinstance(events, (str, bytes)) or not isinstance(events, Sequence):
-        raise MethodError(f"events must be functions g(t, q, v) or Events, not {shown(events)}.")
-    return tuple(_checked(event) for event in events)
+        raise MethodError(f"events must be functions g({arguments}) or Events, not {shown(events)}.")
+    return tuple(_checked(event, args, arguments) for event in events)
 
 
-def _checked(event: Any) -> Event:
+def _checked(event: Any, args: Any, arguments: str) -> Event:
     """Return a function or an Event as an Event; MethodError if it is neither, or its direction or count is wrong."""
     if not isinstance(event, Event):
-        event = Event(event, getattr(event, "direction", 0), getattr(event, "terminal", False))
+        event = Event(event, getattr(event, "direction", 0), getattr(event, "terminal", False),
+                      getattr(event, "action", None))
     if not callable(event.function):
-        raise MethodError(f"An event must be a function g(t, q, v) or an Event of one, not {shown(event.function)}.")
+        raise MethodError(f"An event must be a function g({arguments}) or an Event of one, not "
+                          f"{shown(event.function)}.")
     if not is_real(event.direction):
         raise MethodError(f"The direction of event {event.name} must be a number: below zero, zero or above zero, "
                           f"not {shown(event.direction)}.")
-    check_arguments(event.function, f"Event {event.name}", "t, q, v")
+    if not (event.action is None or callable(event.action)):
+        raise MethodError(f"The action of event {event.name} must be a function of ({arguments}), not "
+                          f"{shown(event.action)}.")
+    function, action = (_with_arguments(one, args, name, arguments) for one, name in (
+        (event.function, f"Event {event.name}"), (event.action, f"The action of event {event.name}")))
     terminal = bool(event.terminal) if isinstance(event.terminal, np.bool_) else event.terminal
     try:
         count = operator.index(terminal)
@@ -108,7 +133,16 @@ def _checked(event: Any) -> Event:
     if count < 0:
         raise MethodError(f"terminal of event {event.name} must be True, False or the number of the event that ends "
                           f"the solution, not {shown(event.terminal)}.")
-    return Event(event.function, event.direction, terminal)
+    return Event(function, event.direction, terminal, action)
+
+
+def _with_arguments(function: Any, args: Any, name: str, arguments: str) -> Any:
+    """Return a function that passes ``args`` on after its arguments; MethodError if it takes others. None for None."""
+    if function is None:
+        return None
+    function = with_arguments(function, args, name, arguments)
+    check_arguments(function, name, arguments)
+    return function
 
 
 class Watch:
@@ -124,23 +158,61 @@ class Watch:
         self.found = [Found() for _ in self.events]
         self._positive: list[bool | None] = [None] * len(self.events)
         self._end: list[Any] = [None] * len(self.events)
+        self._acted: set[int] = set()
+        self._longest: list[Any] = [0] * len(self.events)
 
     def step(self, curve: Curve) -> None:
-        """Find the events of one step, in the order of their times; raises Ended at the first terminal one.
+        """Find the events of one step, in the order of their times.
 
-        Raises MethodError for an event function that does not return one finite real number.
+        Raises Ended at the first terminal one, or the first with an action, and MethodError for an event function that
+        does not return one finite real number, or an action that does not return a state.
         """
-        places: list[tuple[Any, int]] = []
+        changes: list[tuple[Any, int, bool]] = []
         for i, event in enumerate(self.events):
-            places += [(place, i) for place in self._places(i, event, curve)]
-        for place, i in sorted(places, key=operator.itemgetter(0)):
+            changes += [(place, i, positive) for place, positive in self._changes(i, event, curve)]
+        acted, self._acted = self._acted, set()
+        for place, i, positive in sorted(changes, key=operator.itemgetter(0)):
+            self._positive[i] = positive
+            event = self.events[i]
+            if event.direction * (1 if positive else -1) < 0:
+                continue
             q, v = curve.at(place)
             t, here = curve.time(place), self.found[i]
             here.t.append(t)
             here.q.append(q)
             here.v.append(v)
-            if self.events[i].terminal and len(here.t) == int(self.events[i].terminal):
+            if event.terminal and len(here.t) == int(event.terminal):
                 raise Ended(t, q, v, i)
+            if event.action is not None:
+                after = self._after(i, event, t, q, v)
+                at_start = acted if place <= 4 * self._width(curve) else set()  # actions of several events at one time
+                self._acted = {i, *at_start}
+                self._positive[i], self._end = not positive, [None] * len(self.events)
+                raise Ended(t, q, v, i, after)
+
+    def _after(self, i: int, event: Event, t: Any, q: Any, v: Any) -> tuple[Any, Any]:
+        """Return the state (q, v) after an event's action at the time t; MethodError if it is none."""
+        times = self.found[i].t
+        gap = abs(t - times[-2]) if len(times) > 1 else None
+        if gap is not None:
+            self._longest[i] = max(self._longest[i], gap)
+            many = len(times) > LAST_ACTIONS and (
+                abs(t - times[-1 - LAST_ACTIONS]) * SHRUNK < self._longest[i])
+            if many or gap <= NEAREST * self.unit * abs(t) or (len(times) > MOST_ACTIONS and not event.terminal):
+                raise _at_rest(event, t)
+        assert event.action is not None
+        given = [x.copy() if isinstance(x, np.ndarray) else x for x in (q, v)]
+        try:
+            after = tuple(event.action(t, *given))
+        except (ArithmeticError, TypeError, ValueError) as fault:
+            raise MethodError(f"The action of event {event.name} fails at t = {t}: {fault}; it must return the state "
+                              "after it.") from fault
+        if len(after) == 2:
+            after = tuple(of_kind(t - t, state(x, f"What the action of event {event.name} returns")) for x in after)
+        if [np.shape(x) for x in after] != [np.shape(q)] * 2 or not all(map(is_finite, after)):
+            raise MethodError(f"The action of event {event.name} must return the state after it, finite numbers of its "
+                              f"shape, {np.shape(q)}, not {shown(after)}.")
+        return after[0], after[1]
 
     def columns(self) -> tuple[tuple[Any, ...], tuple[Any, ...], tuple[Any, ...]]:
         """Return the times, q and v of the events: a tuple each, with an array for each event function."""
@@ -151,15 +223,16 @@ class Watch:
         )
         return ts, qs, vs
 
-    def _places(self, i: int, event: Event, curve: Curve) -> list[Any]:
-        """Return where one event function changes its sign in the wanted direction, as fractions of the step.
+    def _changes(self, i: int, event: Event, curve: Curve) -> list[tuple[Any, bool]]:
+        """Return where one event function changes its sign, as fractions of the step, and whether it is positive then.
 
         The value at the end of a step is that at the start of the next one, and the sign that the function had last is
-        kept: a zero at the end of a step is an event if the next step goes on with the other sign.
+        kept: a zero at the end of a step is an event if the next step goes on with the other sign. Changes in the
+        direction that is not wanted are not located; their place is that at which they are seen.
         """
         one = curve.h / curve.h
 
-        def g(place: Any) -> Any:
+        def value_at(place: Any) -> Any:
             try:
                 value = event.function(curve.time(place), *curve.at(place))
             except (ArithmeticError, TypeError, ValueError) as fault:
@@ -170,22 +243,62 @@ class Watch:
                                   f"value at t = {curve.time(place)}.")
             return value
 
+        g: Callable[[Any], Any] = value_at
         samples = [(one * k / PARTS, g(one * k / PARTS)) for k in range(1, PARTS + 1)]
         samples.insert(0, (0 * one, self._end[i] if self._end[i] is not None else g(0 * one)))
         self._end[i] = samples[-1][1]
-        positive, places = self._positive[i], []
+        if i in self._acted or (event.action is not None and self._positive[i] is None and samples[0][1] == 0):
+            g, samples = self._leaving(i, event, g, samples, curve)
+        positive, changes = self._positive[i], []
         last: Any = None
         for place, value in self._with_extrema(g, samples):
             if value != 0:
-                changed = positive is not None and (value > 0) != positive
-                if changed and event.direction * (1 if value > 0 else -1) >= 0:
-                    between = last is not None and last[1] != 0 and (last[1] > 0) != (value > 0)
-                    places.append(located(g, last[0], last[1], place, value, self._width(curve)) if between
-                                  else place if last is None else last[0])
+                if positive is None:
+                    self._positive[i] = bool(value > 0)
+                elif (value > 0) != positive:
+                    wanted = event.direction * (1 if value > 0 else -1) >= 0
+                    between = wanted and last is not None and last[1] != 0 and (last[1] > 0) != (value > 0)
+                    changes.append((located(g, last[0], last[1], place, value, self._width(curve)) if between
+                                    else place if last is None or not wanted else last[0], bool(value > 0)))
                 positive = bool(value > 0)
             last = place, value
-        self._positive[i] = positive
-        return places
+        return changes
+
+    def _leaving(
+        self, i: int, event: Event, g: Callable[[Any], Any], samples: list[Any], curve: Curve
+    ) -> tuple[Callable[[Any], Any], list[Any]]:
+        """Return an event function and its samples in the first step after its own action, which leaves it at zero.
+
+        The place of the action is known to rounding, and so is the value there; it is subtracted. If the first sample
+        after it is not on the side from which the function came, the function is looked at closer and closer to the
+        start. Raises MethodError if it leaves zero without a slope, so that nothing follows but rest.
+        """
+        (start, rest), *later = samples
+        if abs(rest) > NOISE * self.unit * max(abs(value) for _, value in later):
+            self._positive[i] = bool(rest > 0)  # the action has moved the state to another place
+            return g, samples
+
+        def above_rest(place: Any) -> Any:
+            return g(place) - rest
+
+        later = [(place, value - rest) for place, value in later]
+        place, first = later[0]
+        came = self._positive[i] if self._positive[i] is not None else not first > 0
+        self._positive[i] = None if first == 0 else bool(first > 0)
+        if first != 0 and (first > 0) != came:
+            for _ in range(MOST_HALVINGS):
+                place = place / 2
+                if place <= 4 * self._width(curve):
+                    break
+                value = above_rest(place)
+                if value != 0 and (value > 0) == came:
+                    self._positive[i] = came
+                    later.insert(0, (place, value))
+                    break
+            near = later[-1][0] / 2**12
+            if self._positive[i] != came and not abs(above_rest(2 * near)) < 3.5 * abs(above_rest(near)):
+                raise _at_rest(event, curve.time(start))
+        return above_rest, [(start, 0 * rest), *later]
 
     def _width(self, curve: Curve) -> Any:
         """Return the fraction of a step that is the rounding of its times, or of the fraction itself."""
@@ -203,6 +316,14 @@ class Watch:
                 if value != 0 and (value > 0) != (b > 0):
                     points.append((place, value))
         return sorted(points, key=operator.itemgetter(0))
+
+
+def _at_rest(event: Event, t: Any) -> MethodError:
+    """Return the error that the actions of an event follow each other without end."""
+    return MethodError(
+        f"Event {event.name} has its action again and again at t = {t}: the motion comes to rest there, and no step "
+        "leads beyond it. End the solution before, by terminal=n or by an event of a least speed, and go on with the "
+        f"equation of what rests; terminal=n also allows more than {MOST_ACTIONS} actions.")
 
 
 def _lowest(g: Callable[[Any], Any], low: Any, middle: Any, high: Any, here: Any) -> tuple[Any, Any]:

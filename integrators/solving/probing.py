@@ -43,6 +43,29 @@ def check_arguments(function: Callable[..., Any], name: str, arguments: str) -> 
         raise MethodError(f"{name} must be a function of ({arguments}), not of {signature}: {fault}.") from None
 
 
+def with_arguments(function: Any, args: Any, name: str = "The acceleration", arguments: str = "t, q, v") -> Any:
+    """Return a function, or a System of functions, that passes ``args`` on after its own arguments; itself for none.
+
+    Raises MethodError if ``args`` is no tuple or list, or the function does not take so many arguments.
+    """
+    if not isinstance(args, (tuple, list)):
+        raise MethodError(f"args must be a tuple of further arguments, such as args=(k,), not {shown(args)}.")
+    if not args:
+        return function
+    if isinstance(function, System):
+        return replace(function, **{key: with_arguments(getattr(function, key), args, key, ARGUMENTS[key])
+                                    for key in ARGUMENTS if getattr(function, key) is not None})
+    if not callable(function):
+        return function
+    check_arguments(function, name, ", ".join([arguments, *(f"args[{k}]" for k in range(len(args)))]))
+
+    def with_args(*given: Any) -> Any:
+        return function(*given, *args)
+
+    with_args.__name__ = str(getattr(function, "__name__", type(function).__name__))
+    return with_args
+
+
 def problem(acceleration: Acceleration | System, times: Sequence[Any], q: Any, v: Any, double: bool) -> System:
     """Return a System, made from a bare acceleration if need be, whose functions may return an array that they reuse.
 
@@ -56,27 +79,29 @@ def problem(acceleration: Acceleration | System, times: Sequence[Any], q: Any, v
     for name, function in functions.items():
         check_arguments(function, name, ARGUMENTS[name])
     if isinstance(q, np.ndarray):
-        with unchanged(q, v):
+        with unchanged("The acceleration", q=q, v=v):
             for t in _moments(times):
                 _at(acceleration.acceleration, t, q, v)
     copies: dict[str, Any] = {name: copying(function, double, name in SEVERAL) for name, function in functions.items()}
     return replace(acceleration, **copies)
 
 
-def copying(function: Callable[..., Any], double: bool, several: bool = False) -> Callable[..., Any]:
+def copying(
+    function: Callable[..., Any], double: bool, several: bool = False, name: str = "The acceleration"
+) -> Callable[..., Any]:
     """Return a user's function whose results are copied, see :func:`integrators.solving.values.own_copy`.
 
-    ``several`` is True for a function that returns several values.
+    ``several`` is True for a function that returns several values, ``name`` what errors call it.
     """
     if several:
         return lambda *arguments: [own_copy(value, double) for value in function(*arguments)]
-    return lambda *arguments: filling(own_copy(function(*arguments), double), arguments[1])
+    return lambda *arguments: filling(own_copy(function(*arguments), double, name), arguments[1], name)
 
 
-def filling(value: Any, q: Any) -> Any:
+def filling(value: Any, q: Any, name: str = "The acceleration") -> Any:
     """Return an acceleration in the shape of q, where it is one number for all components.
 
-    Raises MethodError for another shape that does not fit q.
+    Raises MethodError for another shape that does not fit q; ``name`` is what it calls the acceleration.
     """
     shape = np.shape(q)
     if np.shape(value) == shape:
@@ -84,20 +109,50 @@ def filling(value: Any, q: Any) -> Any:
     try:
         return np.broadcast_to(value, shape).copy()
     except ValueError:
-        raise MethodError(misshapen(np.shape(value), shape)) from None
+        raise MethodError(misshapen(np.shape(value), shape, name)) from None
 
 
 @contextmanager
-def unchanged(q: Any, v: Any) -> Iterator[None]:
-    """Restore q and v, arrays, and raise MethodError if an acceleration in this ``with`` block changes them in place.
+def unchanged(function: str, **arrays: Any) -> Iterator[None]:
+    """Restore arrays such as q and v, and raise MethodError if a function in this ``with`` block changes them in place.
+
+    ``function`` is what the error calls it.
     """
-    before = [x.copy() if isinstance(x, np.ndarray) else x for x in (q, v)]
+    before = {name: x.copy() if isinstance(x, np.ndarray) else x for name, x in arrays.items()}
     yield
-    for x, old, name in zip((q, v), before, "qv", strict=True):
-        if isinstance(x, np.ndarray) and not np.array_equal(x, old):
-            x[...] = old
-            raise MethodError(f"The acceleration changes its argument {name} in place; it must leave q and v as they "
-                              "are, and may return an array of its own.")
+    for name, x in arrays.items():
+        if isinstance(x, np.ndarray) and not np.array_equal(x, before[name]):
+            x[...] = before[name]
+            raise MethodError(f"{function} changes its argument {name} in place; it must leave {' and '.join(arrays)} "
+                              "as they are, and may return an array of its own.")
+
+
+def tried(function: Any, name: str, t: Any, double: bool, **arrays: Any) -> Callable[..., Any]:
+    """Return a bare function of the time and of the state ``arrays``, such as q and v, whose results are copied.
+
+    A function of floats stays as it is. ``name`` is what errors call it. Raises MethodError if it is not callable,
+    takes other arguments, changes them, fails at the start, or returns values that are not finite or have the wrong
+    shape.
+    """
+    arguments = ", ".join(["t", *arrays])
+    if not callable(function):
+        more = " or an integrators.System" if len(arrays) > 1 else ""
+        raise MethodError(f"The problem must be a function {'a' if more else name}({arguments}){more}.")
+    check_arguments(function, name, arguments)
+    place = next(iter(arrays.values()))
+    try:
+        with np.errstate(all="ignore"), unchanged(name, **arrays):
+            given = function(t, *arrays.values())
+            first = own_copy(given, double, name)
+            first = filling(first, place, name) if is_finite(first) else first
+    except MethodError:
+        raise
+    except (ArithmeticError, TypeError, ValueError) as fault:
+        raise MethodError(f"{name} fails at the start, t = {t}: {fault}.") from fault
+    if not is_finite(first):
+        raise MethodError(f"{name} at the start, t = {t}, must be finite numbers, not {shown(first)}.")
+    # a function of floats does without the call that copies them
+    return copying(function, double, name=name) if first is not given else function
 
 
 def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any, double: bool) -> System:
@@ -107,9 +162,7 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any, doubl
     them. The derivatives are central differences. Raises MethodError if the acceleration is not callable, takes other
     arguments, changes its arguments, fails at the start, or returns values that are not finite or have the wrong shape.
     """
-    if not callable(acceleration):
-        raise MethodError("The problem must be a function a(t, q, v) or an integrators.System.")
-    check_arguments(acceleration, "The acceleration", ARGUMENTS["acceleration"])
+    acceleration = tried(acceleration, "The acceleration", times[0], double, q=q, v=v)
 
     def jacobian(t: Any, q: Any, v: Any) -> tuple[Any, Any]:
         dq, dv = 1e-5 * (1 + abs(q)), 1e-5 * (1 + abs(v))
@@ -118,22 +171,8 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any, doubl
             (acceleration(t, q, v + dv) - acceleration(t, q, v - dv)) / (2 * dv),
         )
 
-    t = times[0]
-    try:
-        with np.errstate(all="ignore"), unchanged(q, v):
-            given = acceleration(t, q, v)
-            first = own_copy(given, double)
-            first = filling(first, q) if is_finite(first) else first
-    except MethodError:
-        raise
-    except (ArithmeticError, TypeError, ValueError) as fault:
-        raise MethodError(f"The acceleration fails at the start, t = {t}: {fault}.") from fault
-    if not is_finite(first):
-        raise MethodError(f"The acceleration at the start, t = {t}, must be finite numbers, not {shown(first)}.")
-    if first is not given:  # a function of floats does without the call that copies them
-        acceleration = copying(acceleration, double)
     places = (q, q + like(q - q, 0.5772157))
-    with unchanged(q, v):
+    with unchanged("The acceleration", q=q, v=v):
         velocity_free = all(
             _ignores_velocity(acceleration, when, place, v) for when in _moments(times) for place in places)
     mean, by_end = averaged(acceleration)

@@ -72,12 +72,12 @@ def is_complex(value: Any) -> bool:
     return isinstance(value, Complex) and not isinstance(value, Real)
 
 
-def own_copy(value: Any, double: bool) -> Any:
+def own_copy(value: Any, double: bool, name: str = "The acceleration") -> Any:
     """Return what a user's function returned, as it will stay: arrays are copied, as a function may reuse its array.
 
     Lists and tuples become arrays, arrays of numbers those of float64, and an array of shape () a number. ``double``
     says that the state is of doubles, to which other numbers are converted then. Raises MethodError for what is no real
-    number and no array of real numbers.
+    number and no array of real numbers; ``name`` is what it calls the function.
     """
     if type(value) is float:
         return value
@@ -87,16 +87,16 @@ def own_copy(value: Any, double: bool) -> Any:
         except ValueError:  # rows of several lengths
             return value
     if is_complex(value):
-        raise MethodError(f"The acceleration must be real, not {shown(value)}.")
+        raise MethodError(f"{name} must be real, not {shown(value)}.")
     if isinstance(value, np.ma.MaskedArray):  # checks of its numbers would skip those that are masked
-        raise MethodError("The acceleration must be a plain array, not a masked one; fill it, as by .filled(0.0).")
+        raise MethodError(f"{name} must be a plain array, not a masked one; fill it, as by .filled(0.0).")
     if isinstance(value, np.ndarray):
         value = value.astype(np.float64) if value.dtype.kind in "iuf" else value.copy()
         value = value if value.shape else value[()]
     value = widened(value)
     kind = getattr(value, "dtype", None)
     if value is None or isinstance(value, (bool, str, bytes)) or (kind is not None and kind.kind not in "fO"):
-        raise MethodError(f"The acceleration must be finite numbers, not {shown(value)}.")
+        raise MethodError(f"{name} must be finite numbers, not {shown(value)}.")
     if not (double and kind is None and isinstance(value, (Real, Decimal))):
         return value  # also the symbols with which a Taylor method records an acceleration
     try:
@@ -167,9 +167,9 @@ def column(values: list[Any]) -> Any:
     return objects
 
 
-def misshapen(actual: tuple[int, ...], shape: tuple[int, ...]) -> str:
-    """Return the error message for an acceleration whose shape differs from that of the state q and v."""
-    return f"The acceleration must have the shape of q and v, {shape}, not {actual}."
+def misshapen(actual: tuple[int, ...], shape: tuple[int, ...], name: str = "The acceleration") -> str:
+    """Return the error message for a function such as the acceleration whose shape differs from that of the state."""
+    return f"{name} must have the shape of {'q and v' if name == 'The acceleration' else 'y'}, {shape}, not {actual}."
 
 
 def rounding_unit(values: Sequence[Any]) -> Any:

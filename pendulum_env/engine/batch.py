@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
-from integrators.solving.solve import MOST_STEPS
+from integrators.solving.equal import MOST_STEPS
 from integrators.steps.compensated import check_compensated
 from pendulum_env.engine import threads
 from pendulum_env.engine.blocks import REFUSED, WRONG

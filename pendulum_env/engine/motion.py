@@ -46,18 +46,22 @@ LOOKS = 16
 def named_events(events: Any, scene: Scene) -> tuple[Event, ...]:
     """Return the events of a run: names of :data:`EVENTS`, functions g(t, angle, velocity), or Events of either.
 
-    Raises SceneError for an unknown name or one that has no meaning in the scene, MethodError for anything else that
-    is not an event.
+    Raises SceneError for an unknown name or one that has no meaning in the scene, and for an event with an action,
+    MethodError for anything else that is not an event.
     """
-    if isinstance(events, (list, tuple)):
-        return checked_events([_named(event, scene) for event in events])
-    return checked_events(_named(events, scene))
+    several = isinstance(events, (list, tuple))
+    found = checked_events([_named(event, scene) for event in events] if several else _named(events, scene))
+    for event in found:
+        if event.action is not None:
+            raise SceneError(f"Event {event.name} has an action, which a run of a scene does not take; "
+                             "integrators.solve takes actions.")
+    return found
 
 
 def _named(event: Any, scene: Scene) -> Any:
     """Return an event whose function is given by its name as an Event of that function; others unchanged."""
     if isinstance(event, Event) and isinstance(event.function, str):
-        return Event(event_function(event.function, scene), event.direction, event.terminal)
+        return Event(event_function(event.function, scene), event.direction, event.terminal, event.action)
     return event_function(event, scene) if isinstance(event, str) else event
 
 

@@ -16,7 +16,7 @@ from functools import wraps
 from typing import Any, TypeVar, get_type_hints
 
 from integrators import Method
-from integrators.solving.solve import MOST_STEPS
+from integrators.solving.equal import MOST_STEPS
 from pendulum_env.engine.kernels import BACKENDS, Backend
 from pendulum_env.engine.machine import DIAGNOSTICS, check_diagnostics
 from pendulum_env.physics.damping import Damping

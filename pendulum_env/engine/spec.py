@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method
-from integrators.solving.solve import MOST_STEPS
+from integrators.solving.equal import MOST_STEPS
 from pendulum_env.common.warn import warn
 from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch

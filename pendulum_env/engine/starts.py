@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
-from integrators.solving.solve import MOST_STEPS
+from integrators.solving.equal import MOST_STEPS
 from pendulum_env.engine.each import WHOLE
 from pendulum_env.engine.machine import find_method
 from pendulum_env.engine.random_streams import MOST_SEED

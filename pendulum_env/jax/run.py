@@ -15,7 +15,7 @@ import numpy as np
 from jax import lax
 
 from integrators import Method, MethodError
-from integrators.solving.solve import MOST_STEPS
+from integrators.solving.equal import MOST_STEPS
 from pendulum_env.common.checks import boolean
 from pendulum_env.common.many import twin_of
 from pendulum_env.engine.certificate import ESTIMATE, ErrorEstimator, endless

@@ -179,6 +179,13 @@ def test_bad_input_is_refused_in_a_sentence(options: dict[str, Any], said: str) 
         rollout(**{"scene": "lab", "duration": 0.1, **options})
 
 
+@pytest.mark.parametrize("function", ["bottom", lambda t, angle, velocity: angle])
+def test_actions_are_refused(function: Any) -> None:
+    event = Event(function, action=lambda t, angle, velocity: (angle, -velocity))
+    with pytest.raises(SceneError, match=r"has an action, which a run of a scene does not take"):
+        rollout("vacuum", dt=0.01, duration=0.1, events=[event])
+
+
 def test_every_event_name_is_documented() -> None:
     assert all(f'"{name}"' in str(rollout.__doc__) for name in EVENTS)
     with pytest.raises(MethodError, match="pass dense=True to rollout"):

@@ -220,3 +220,139 @@ def test_a_pair_of_changes_is_found_if_the_search_hits_one_of_them():
     touching = solve(lambda t, q, v: 0.0, 0.0, 0.0, [0.0, 1.0], method="rk4", h=1.0,
                      events=lambda t, q, v: (t - 15 / 32) ** 2)
     assert len(touching.t_events[0]) == 0
+
+
+# --- actions --------------------------------------------------------------------------------------------------------
+
+GRAVITY = 9.81
+
+
+def falling(t: Any, q: Any, v: Any) -> Any:
+    return -GRAVITY
+
+
+def bouncing(share: float, floor: float = 0.0, count: int = 0) -> Event:
+    """Return the event that a ball meets the floor, which gives back a share of its speed."""
+    return Event(lambda t, q, v: q - floor, direction=-1, terminal=count, action=lambda t, q, v: (q, -share * v))
+
+
+def bounces(share: float, count: int) -> Any:
+    """Return the times of the bounces of a ball that falls from 1 m."""
+    first = math.sqrt(2.0 / GRAVITY)
+    return first * (1.0 + 2.0 * np.cumsum([0.0, *(share**k for k in range(1, count))]))
+
+
+WAYS: dict[str, dict[str, float]] = {
+    "dop853": {"rtol": 1e-9}, "dopri5": {"rtol": 1e-9}, "taylor": {"rtol": 1e-9}, "dprkn8": {"rtol": 1e-9},
+    "rk4": {"h": 0.3}, "ab4": {"h": 0.01}, "gauss4": {"h": 0.5}, "velocity_verlet": {"h": 0.5}}
+
+
+@pytest.mark.parametrize("method", WAYS)
+def test_a_ball_bounces_when_it_should(method: str) -> None:
+    """Also where several bounces fall into one step that the tolerance, or h, would allow; with array and dense output.
+
+    Methods of order 2 and more are exact for the parabolas between the bounces.
+    """
+    found = solve(falling, 1.0, 0.0, [0.0, 3.0, 100.0], method=method, events=bouncing(0.8, count=30), dense=True,
+                  **WAYS[method])
+    times = bounces(0.8, 30)
+    assert found.t_events[0] == pytest.approx(times, abs=1e-11)
+    assert found.v_events[0] == pytest.approx(-math.sqrt(2 * GRAVITY) * 0.8 ** np.arange(30), abs=1e-10)
+    assert (found.ended_by, found.t[-1]) == (0, found.t_events[0][-1])
+    assert abs(found.q_events[0]).max() < 1e-12
+    at = np.linspace(0.0, times[-1] - 1e-9, 500)
+    since = at - np.concatenate([[-times[0]], times])[(flight := np.searchsorted(times, at))]
+    truth = 0.8**flight * math.sqrt(2 * GRAVITY) * since - GRAVITY / 2 * since**2
+    assert found(at)[0] == pytest.approx(truth, abs=1e-10)
+    k = int(np.searchsorted(times, 3.0))
+    assert found.q[1] == pytest.approx(0.8**k * math.sqrt(2 * GRAVITY) * (3.0 - times[k - 1])
+                                       - GRAVITY / 2 * (3.0 - times[k - 1]) ** 2, abs=1e-10)
+    after = found(found.t_events[0][3])
+    assert after[1] == pytest.approx(-0.8 * found.v_events[0][3])  # from the event on, the state after it
+
+
+@pytest.mark.parametrize("floor", [0.0, 1000.0])
+@pytest.mark.parametrize("share", [0.95, 0.5, 0.1, 0.01, 1e-4, 0.0])
+def test_a_ball_that_comes_to_rest_ends_with_a_sentence(share: float, floor: float) -> None:
+    """It does at ``sqrt(2/g) (1 + share)/(1 - share)``, and it must not fall through the floor."""
+    rest = math.sqrt(2.0 / GRAVITY) * (1.0 + share) / (1.0 - share)
+    with pytest.raises(MethodError, match=r"Event <lambda> has its action again and again .* comes to rest") as said:
+        solve(falling, 1.0 + floor, 0.0, [0.0, 60.0], method="dop853", rtol=1e-8, events=bouncing(share, floor))
+    when = float(str(said.value).split("t = ")[1].split(":")[0])
+    assert when == pytest.approx(rest, abs=1e-3)
+
+
+def test_a_ball_that_starts_on_the_floor() -> None:
+    up = solve(falling, 0.0, 1.0, [0.0, 0.5], method="rk4", h=0.5, events=bouncing(0.9), t_eval=[0.25])
+    assert up.t_events[0] == pytest.approx([2 / GRAVITY, 2 * 1.9 / GRAVITY], abs=1e-12)
+    with pytest.raises(MethodError, match="comes to rest"):
+        solve(falling, 0.0, 0.0, [0.0, 0.5], method="rk4", h=0.1, events=bouncing(0.9))
+
+
+def test_a_kick_in_passing_and_a_jump_to_another_place() -> None:
+    """A function may go on through zero after its action, or be moved away from it."""
+    kicked = solve(oscillator, 1.0, 0.0, [0.0, 10.0], method="dop853", rtol=1e-11,
+                   events=Event(position, direction=1, action=lambda t, q, v: (q, v + 1.0)))
+    assert kicked.t_events[0] == pytest.approx([1.5 * math.pi], abs=1e-9)
+    assert kicked.q[-1] == pytest.approx(2.0 * math.sin(10.0 - 1.5 * math.pi), abs=1e-9)
+    wrapped = solve(lambda t, q, v: 0.0, 0.0, 1.0, [0.0, 20.0], method="rk4", h=0.7,
+                    events=Event(lambda t, q, v: q - math.pi, action=lambda t, q, v: (q - 2 * math.pi, v)))
+    assert wrapped.t_events[0] == pytest.approx(math.pi * np.array([1.0, 3.0, 5.0]), abs=1e-13)
+    assert wrapped.q[-1] == pytest.approx(20.0 - 6 * math.pi, abs=1e-12)
+
+
+def test_backwards_arrays_and_two_balls_that_land_together() -> None:
+    """A bounce backwards in time undoes one; both balls bounce though their events are at one time."""
+    there = solve(falling, 1.0, 0.0, [0.0, 1.0], method="dop853", rtol=1e-10, events=bouncing(0.8))
+    back = solve(falling, there.q[-1], there.v[-1], [1.0, 0.0], method="dop853", rtol=1e-10, events=bouncing(1 / 0.8))
+    assert (back.q[-1], back.v[-1]) == pytest.approx((1.0, 0.0), abs=1e-9)
+
+    def mirror(i: int) -> Any:
+        def action(t: Any, q: Any, v: Any) -> Any:
+            v[i] = -0.9 * v[i]
+            return q, v
+        return Event(lambda t, q, v: q[i], -1, 3, action)
+
+    both = solve(falling, [1.0, 1.0], [0.0, 0.0], [0.0, 9.0], method="dop853", rtol=1e-10,
+                 events=[mirror(0), mirror(1)])
+    assert both.t_events[0] == pytest.approx(bounces(0.9, 3), abs=1e-11)
+    assert both.t_events[1][:2] == pytest.approx(bounces(0.9, 2), abs=1e-11)
+
+
+def test_an_action_changes_the_sign_of_another_function_and_takes_arguments() -> None:
+    def floor(t: Any, q: Any, v: Any, share: float) -> Any:
+        return q
+
+    floor.direction, floor.action = -1, lambda t, q, v, share: (q, -share * v)  # type: ignore[attr-defined]
+    found = solve(lambda t, q, v, share: -GRAVITY, 1.0, 0.0, [0.0, 2.0], method="rk4", h=0.1, args=(0.8,),
+                  events=[floor, Event(lambda t, q, v, share: v, direction=1), Event(lambda t, q, v, share: v, -1)])
+    times = bounces(0.8, 6)
+    assert found.t_events[0] == pytest.approx(times[times < 2.0], abs=1e-12)
+    assert found.t_events[1].tolist() == found.t_events[0].tolist()  # upwards from then on
+    tops = (times[1:] + times[:-1]) / 2
+    assert found.t_events[2] == pytest.approx(tops[tops < 2.0], abs=1e-12)
+
+
+@pytest.mark.slow
+def test_bounces_in_forty_digits() -> None:
+    with mpmath.workdps(40):
+        found = solve(lambda t, q, v: -mpmath.mpf("9.81"), mpmath.mpf(1), mpmath.mpf(0), [mpmath.mpf(0), mpmath.mpf(2)],
+                      method="rk4", h=mpmath.mpf("0.3"), events=Event(position, -1, False, lambda t, q, v: (q, -v / 2)))
+        first = mpmath.sqrt(2 / mpmath.mpf("9.81"))
+        assert max(abs(t - first * (3 - mpmath.mpf(2) ** (1 - k))) for k, t in enumerate(found.t_events[0])) < 1e-36
+
+
+@pytest.mark.parametrize(("action", "said"), [
+    (3, "The action of event position must be a function"),
+    (lambda t, q: q, r"The action of event position must be a function of \(t, q, v\)"),
+    (lambda t, q, v: -v, "The action of event position fails at t = 1.5.*; it must return the state"),
+    (lambda t, q, v: (q, v, t), "The action of event position must return the state after it, finite numbers"),
+    (lambda t, q, v: (q, math.nan), "must return the state after it, finite numbers of its shape"),
+    (lambda t, q, v: (q, np.ones(2)), "must return the state after it"),
+    (lambda t, q, v: (q, None), "must return the state after it|must be a number"),
+    (lambda t, q, v: (q, 1j), "What the action of event position returns must be real"),
+    (lambda t, q, v: (q, 1 / 0), "The action of event position fails at t = .*division by zero"),
+])
+def test_bad_actions_are_refused_in_a_sentence(action: Any, said: str) -> None:
+    with pytest.raises(MethodError, match=said):
+        solve(oscillator, 1.0, 0.0, [0.0, 3.0], method="rk4", h=0.1, events=Event(position, action=action))

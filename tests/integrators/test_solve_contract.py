@@ -2,7 +2,8 @@
 
 Features are tested here where they meet: fixed steps and steps under a tolerance, in floats, lists, arrays, arrays of
 one component, mpmath numbers, and with an acceleration that reuses its own array; plain, dense, with events, backwards,
-and far from t = 0. What a method refuses is said by :func:`refusal`, with a part of its sentence.
+far from t = 0, at times read off, with the other options, and with an action. What a method refuses is said by
+:func:`refusal`, with a part of its sentence.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 import pytest
 
 import integrators
-from integrators import METHODS, Method, MethodError, System, solve
+from integrators import METHODS, Event, Method, MethodError, System, solve
 from integrators.families.taylor import cos
 from integrators.steps.estimates import has_estimates
 
@@ -118,7 +119,7 @@ KINDS = {
     "mpmath": Kind(mpmath.mpf, plain, mpmath.mpf, mpmath),
     "complex": Kind(complex, plain, m=math),
 }
-MODES = ("plain", "dense", "events", "backwards", "far")
+MODES = ("plain", "dense", "events", "backwards", "far", "t_eval", "options", "action")
 
 
 def problem(method: Method, kind: Kind, motion: Motion) -> Any:
@@ -127,6 +128,21 @@ def problem(method: Method, kind: Kind, motion: Motion) -> Any:
     if "exact_flow" not in method.needs:
         return function
     return System(function, velocity_free=True, exact_flow=lambda t, q, v, h: motion.flow(t, q, v, h, kind.m))
+
+
+def reflected(motion: Motion, t: float) -> tuple[Any, Any]:
+    """Return the state of a motion whose velocity is reversed where q becomes zero."""
+    zero = motion.start + motion.zero()
+    return motion.at(t) if t <= zero else motion.flow(zero, 0.0, -motion.at(zero)[1], t - zero, math)
+
+
+def taking_more(function: Any) -> Any:
+    """Return a function, or a System of functions, that takes two further arguments."""
+    if isinstance(function, System):
+        flow = function.exact_flow
+        return replace(function, acceleration=taking_more(function.acceleration),
+                       exact_flow=None if flow is None else lambda t, q, v, h, factor, unused: flow(t, q, v, h))
+    return lambda t, q, v, factor, unused: function(t, q, v)
 
 
 def refusal(method: Method, kind: str, rtol: bool) -> str:
@@ -161,17 +177,29 @@ def errors(name: str, kind_name: str, rtol: bool, mode: str) -> tuple[float, flo
     if mode == "backwards":
         times.reverse()
     state = motion.at(times[0], mpmath if kind_name == "mpmath" else math)
+    asked = times
+    if mode == "t_eval":
+        asked, times = times, [times[0], times[-1]]
+        options["t_eval"] = asked
+    function = problem(method, kind, motion)
+    if mode == "options":
+        options["args"] = (1.0, "unused")
+        function = taking_more(function)
+        options |= {"atol": [kind.given(tolerance), kind.given(2 * tolerance)], "first_step": kind.number(0.02),
+                    "max_step": kind.number(0.5)} if rtol else {}
     options |= {"dense": mode in ("dense", "far")} | ({"events": lambda t, q, v: np.ravel(q)[0]} if mode in (
-        "events", "far") else {})
-    run = solve(problem(method, kind, motion), *(kind.given(x) for x in state), times, method=method, **options)
-    truth = [motion.at(float(t)) for t in times]
+        "events", "far") else {"events": Event(lambda t, q, v: np.ravel(q)[0], action=lambda t, q, v: (q, -v))}
+        if mode == "action" else {})
+    run = solve(function, *(kind.given(x) for x in state), times, method=method, **options)
+    assert [*run.t] == [*asked]
+    truth = [reflected(motion, float(t)) if mode == "action" else motion.at(float(t)) for t in asked]
     at_times = largest((first(run.q), first(run.v)), tuple(zip(*truth, strict=True)))
     between = 0.0
     if mode in ("dense", "far"):
         places = motion.start + SPAN * (np.arange(40) + 0.37) / 40.4
         found = run(places if kind_name != "mpmath" else np.array([mpmath.mpf(t) for t in places], dtype=object))
         between = largest(tuple(map(first, found)), motion.at(places))
-    if mode in ("events", "far"):
+    if mode in ("events", "far", "action"):
         (at,), *states = run.t_events, first(run.q_events[0]), first(run.v_events[0])
         after, rounding = motion.zero(), ROUNDED if mode == "far" else 0.0
         there = motion.at(motion.start + after) if mode != "far" else replace(motion, start=0.0).at(after)
@@ -189,6 +217,7 @@ def faults(name: str, kind: str) -> list[str]:
         h, tolerance = (LONG, RTOL_LONG) if kind == "mpmath" else (SHORT, RTOL)
         allowed = 100 * tolerance if rtol else 10 * h ** min(method.order, 20) + 1e-11
         more = 0.0 if rtol else 10 * h ** (min(method.dense_order, 20) + 1)
+        allowed += more if mode in ("t_eval", "action") else 0.0
         try:
             at_times, between = errors(name, kind, rtol, mode)
         except MethodError as refused:

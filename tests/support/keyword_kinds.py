@@ -96,7 +96,8 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "mapping": "sensor scene scenes options values parameters damping",
         "word": "table integrator language method task render_mode theme backend autoreset_mode unit on_error"
                 " separator decimal y_axis time_unit states zero form event",
-        "positive": "fps slow rtol atol h step evaluations_per_period amplitude pressure omega0 drive_rate",
+        "positive": "fps slow rtol atol h first_step max_step step evaluations_per_period amplitude pressure omega0"
+                    " drive_rate",
         "least": "observation_delay action_delay level tau friction_ratio",
         "count": "every repeats in_flight per_task steps n"
                  " render_size size",
@@ -109,11 +110,11 @@ KIND_OF: Mapping[str, str] = DECLARED | {
                 " even_steps in_memory as_latex dense velocity_free one_way film recalibrate long raises",
         "none of these": "widths randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
-                         " temperature series system times angles velocities over drop",
+                         " temperature series system times t_eval angles velocities over drop",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
                     " mean_acceleration mean_jacobian taylor_coefficients make_vec make_single",
         "functions": "events",
-        "list": "diagnostics effects settings free", "names": "notes render_panels panels",
+        "list": "diagnostics effects settings free args", "names": "notes render_panels panels",
         "limit": "speed_limit velocity_bound", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed",
         "share": "control",
         "line": "name",
@@ -174,6 +175,7 @@ OWN: Mapping[str, str] = {
     "lab.small_amplitude_period.period": "positive", "lab.small_amplitude_period.amplitude": "positive numbers",
     "film.path": "npy",
     "choose.progress": "function", "integrators.solve.q": "states", "integrators.solve.v": "states",
+    "integrators.solve_first_order.y": "numbers", "integrators.solve_first_order.f": "function",
     "integrators.from_step.step": "none of these", "integrators.from_step.order": "count",
     "integrators.get.name": "none of these", "controllers.SwingUp.scene": "none of these",
     "testing.check_vector_env.steps": "count", "LabPendulumEnv.set_wrapper_attr.value": "anything",

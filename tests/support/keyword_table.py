@@ -52,7 +52,7 @@ UNSPOILT: Mapping[str, str] = {
                      "lab.Posterior",
                      "lab.DrivenFit", "lab.DrivenPrediction",
                      "compare.Comparison", "compare.Drift",
-                     "compare.Truth", "integrators.Solution", "testing.VectorCheck",
+                     "compare.Truth", "integrators.Solution", "integrators.FirstOrderSolution", "testing.VectorCheck",
                      "testing.VectorReport"), "a result, which the package makes"),
     **dict.fromkeys((f"integrators.{name}" for name in (
         "DiscreteGradient", "Embedded", "EmbeddedNystrom", "Exact", "Extension", "ForceGradient", "Method", "Multistep",
@@ -153,6 +153,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "sweep": {"grid": {"angle": [0.1]}, "scene": "vacuum", "duration": 0.01},
     "transfer": {"policy": lambda seen: np.zeros((len(seen), 1)), "nominal": SHORT, "real": SHORT, "episodes": 2},
     "integrators.solve": {"acceleration": lambda t, q, v: -q, "q": 1.0, "v": 0.0, "times": [0.0, 1.0], "h": 0.1},
+    "integrators.solve_first_order": {"f": lambda t, y: -y, "y": 1.0, "times": [0.0, 1.0], "h": 0.1},
     "integrators.from_step": {"step": lambda theta, omega, dt, a: (theta + omega * dt, omega + a(theta, omega) * dt)},
     "integrators.System": {"acceleration": lambda t, q, v: -q},
     "integrators.fitting": {"system": integrators.System(lambda t, q, v: -q)},
@@ -198,6 +199,7 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
 BESIDE_IT: Mapping[str, Mapping[str, Any]] = {
     "rtol": {"integrator": "dopri5", "integrators": ["dopri5"], "method": "dopri5"},
     "atol": {"integrator": "dopri5", "integrators": ["dopri5"], "method": "dopri5", "rtol": 1e-3},
+    **{key: {"method": "dopri5", "rtol": 1e-3, "h": None} for key in ("first_step", "max_step")},
     "even_steps": {"integrator": "dopri5", "rtol": 1e-3},
     "accuracy": {"integrator": "auto"},
     "file": {"angle": [0.1, 0.2]},
