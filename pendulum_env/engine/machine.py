@@ -24,7 +24,7 @@ from pendulum_env.engine.pieces import Pace, run_in_pieces
 from pendulum_env.engine.problem import moving, program_parts, slipping
 from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.series import untraceable
-from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, STOP_REASONS, WATCHED
+from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, WATCHED
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics import random
 from pendulum_env.physics.energy import Ledger
@@ -371,43 +371,6 @@ class Machine:
         columns = np.asarray(rows, dtype=float)
         places = {name: i for name, i in self.sums.items() if name.startswith("heat_")}
         return {name.removeprefix("heat_"): self.scene.inertia * columns[..., i] for name, i in places.items()}
-
-
-# --- recorded runs ----------------------------------------------------------------------------------------------------
-
-
-def simulate(
-    machine: Machine,
-    angle: float,
-    velocity: float,
-    *,
-    h: float,
-    rows: int,
-    every: int = 1,
-    rest: int = 0,
-    control: float = 0.0,
-    speed_limit: float = math.inf,
-) -> tuple[Array, str]:
-    """Return the recorded states of one run of a machine, shape ``(states, width)``, and its stop reason or "".
-
-    ``rows`` states are recorded, the initial one and one after every ``every`` steps of ``h`` [s]; if ``rest`` is not
-    0, one more after ``rest`` further steps. If the run stops early, the last recorded state is that at the stop.
-    """
-    return followed(machine, machine.state(angle, velocity), h, rows, every, rest, control, speed_limit)
-
-
-def followed(
-    machine: Machine, state: Any, h: float, rows: int, every: int, rest: int, control: float, speed_limit: float
-) -> tuple[Array, str]:
-    """Return the recorded states and the stop reason of a run from ``state``, which is changed to the final state.
-
-    The arguments are those of :func:`simulate`.
-    """
-    out = np.empty((rows + (rest > 0), machine.width))
-    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
-    if rest and not code:
-        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
-    return out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
 
 
 def _rebuilt(form: int, kind: type[Machine], *arguments: Any) -> Machine:

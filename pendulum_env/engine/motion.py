@@ -25,6 +25,7 @@ from integrators.solving.stepper import stepper
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.runs import RecordSchedule
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, shown
@@ -107,7 +108,7 @@ class Traced:
     """A run with the motion between its steps.
 
     Attributes:
-        states: recorded states, as :func:`pendulum_env.engine.machine.followed` returns them.
+        states: recorded states, as :func:`pendulum_env.engine.runs.recorded` returns them.
         reason: the stop reason, "event" at a terminal event.
         stopped: time of the terminal event [s], nan if there was none.
         dense: the dense output; None if it was not asked for.
@@ -124,14 +125,15 @@ class Traced:
 
 
 def trace(
-    machine: Machine, state: Any, h: float, steps: int, every: int, control: float, speed_limit: float,
-    events: tuple[Event, ...], dense: bool,
+    machine: Machine, state: Any, plan: RecordSchedule, control: float, speed_limit: float, events: tuple[Event, ...],
+    dense: bool,
 ) -> Traced:
-    """Return a run of ``steps`` steps from ``state``, which is changed to the final state, with its events.
+    """Return a run from ``state``, which is changed to the final state, with its events.
 
-    The states are those of a run without events, bit for bit. The other arguments are those of
-    :func:`pendulum_env.engine.machine.followed`.
+    The states are those of a run without events, bit for bit, and so are the other arguments; see
+    :func:`pendulum_env.engine.runs.recorded`.
     """
+    h, steps = plan.h, plan.steps
     watch = Watch(events, float(np.finfo(float).eps))
     curves = Curves(machine, h, control, watch, dense)
     rows, code, reason, stopped = [], 0, "", math.nan
@@ -157,7 +159,7 @@ def trace(
             if state[INDEX] != rows[-1][INDEX]:
                 rows.append(np.array(state[: machine.width]))
             break
-        if (code or k % every == 0 or k == steps) and state[INDEX] > before[INDEX]:
+        if (code or k % plan.every == 0 or k == steps) and state[INDEX] > before[INDEX]:
             rows.append(out[1].copy())
         if code:
             reason = STOP_REASONS.get(code, "")

@@ -21,11 +21,11 @@ from integrators.solving.solve import MOST_STEPS
 from pendulum_env.common.warn import warn
 from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.certified import CertifiedBatch, CertifiedMachine, CertifiedRuns, checked_estimate
+from pendulum_env.engine.certificate import CertifiedBatch, CertifiedMachine, CertifiedRuns
 from pendulum_env.engine.each import Each, checked_limit
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import VELOCITY, Machine, find_method
+from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.settings import CommonSettings, RunSettings, SceneLike
@@ -159,7 +159,8 @@ class RunSpec(CommonSettings):
                                      usual.velocity if velocity is None else velocity)
         stride, hold = whole_number(every, "every"), whole_number(substeps, "substeps", MOST_STEPS)
         seeds = starts.checked_seeds(seed, size)
-        names, estimated = checked_estimate(diagnostics, estimate_error)
+        names = check_diagnostics(diagnostics)
+        estimated = boolean(estimate_error, "estimate_error") or "error" in names
         method = find_method(integrator, built)
         even_steps = boolean(even_steps, "even_steps")
         if even_steps and (shape or estimated):
@@ -167,9 +168,9 @@ class RunSpec(CommonSettings):
             raise SceneError(f"even_steps {why}; leave it out.")
         return cls(
             scene=built, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
-            plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share, diagnostics=names,
-            estimate_error=estimated, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
-            even_steps=even_steps, compensated=compensated, seeds=seeds,
+            plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share,
+            diagnostics=tuple(name for name in names if name != "error"), estimate_error=estimated, speed_limit=limit,
+            backend=backend, rtol=rtol, atol=atol, even_steps=even_steps, compensated=compensated, seeds=seeds,
             formulas=validity.warning if validity else "", **own,
         )
 

@@ -18,7 +18,7 @@ import pytest
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Rollout, rollout
 from pendulum_env.engine import batch, threads
 from pendulum_env.engine import machine as single
-from pendulum_env.engine.certified import CertifiedMachine
+from pendulum_env.engine.certificate import CertifiedMachine
 from pendulum_env.engine.machine import INDEX, Machine
 from pendulum_env.engine.pieces import FEW, GROWTH, LEAST, MOMENT, MOST, Pace
 
