@@ -47,7 +47,7 @@ from integrators import Method
 from integrators.solving.adaptive import FINEST
 from pendulum_env.common.progress import Progress
 from pendulum_env.engine.batch import UNCHANGED, Batch, Results
-from pendulum_env.engine.each import Each, frequency
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.random_streams import Streams
@@ -55,6 +55,7 @@ from pendulum_env.engine.result import ESTIMATE, VELOCITY_ESTIMATE, Rollout
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.engine.shape import DIVERGED, HOLD, STOP_REASONS
+from pendulum_env.engine.starts import frequency
 from pendulum_env.engine.wrap import half_turns, without_half_turns
 from pendulum_env.physics.scene import Scene
 
@@ -473,19 +474,17 @@ class CertifiedBatch(Batch):
             return False
         own = self.motion()
         after = np.ceil(own[0])
-        short = np.flatnonzero((own[0] > before) & (own[0] < before + self.substeps))
-        alone = {index: self._by_itself(self._half, index, action, int(after[index] - before[index]))
-                 for index in map(int, short)}
-        for index in map(int, np.flatnonzero(own[0] < after)):
-            steps = int(after[index] - before[index])
-            for values, value in zip(own, self._by_itself(self, index, action, steps, earlier), strict=True):
-                values[index] = value
+        short, cut = (own[0] > before) & (own[0] < before + self.substeps), own[0] < after
+        alone = [self._by_itself(self._half, index, action, int(after[index] - before[index]))
+                 for index in np.flatnonzero(short).tolist()]
+        free = [self._by_itself(self, index, action, int(after[index] - before[index]), earlier)
+                for index in np.flatnonzero(cut).tolist()]
         self._half.go_on()
         self._half.step(action, self._unread)
         half = self._half.motion()
-        for index, motion in alone.items():
-            for values, value in zip(half, motion, strict=True):
-                values[index] = value
+        for motion, which, ended in ((own, cut, free), (half, short, alone)):
+            for values, column in zip(motion, zip(*ended, strict=True), strict=False):
+                values[which] = column
         good = (half[0] == 2.0 * after) & (own[0] == after) & (self.get("status") != DIVERGED)
         self._judge(np.arange(self.size), own, half, good)
         into.info[self._row] = self._estimate

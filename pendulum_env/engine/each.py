@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from pendulum_env.common.many import Many, in_groups, plain
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.engine.problem import program_parts
+from pendulum_env.engine.starts import WHOLE, checked_limit, frequency
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, UnknownParameterError, number
+from pendulum_env.physics.units import SceneError, UnknownParameterError
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -27,27 +28,6 @@ FEW = 16
 """Size of a group of environments below which scenes are built one by one instead of together."""
 CHUNK = 8192
 """Largest size of a group of environments whose episodes begin together; its arrays stay in the processor's cache."""
-WHOLE = ("effects",)
-"""Parameters whose value is itself a sequence, so that a sequence is not one value per environment."""
-
-
-def frequency(scene: Scene) -> float:
-    """Return the angular frequency omega0 of small swings of a scene [1/s], or 1 for a scene without gravity.
-
-    Rewards use it as the unit of velocity.
-    """
-    return scene.omega0 or 1.0
-
-
-def checked_limit(value: Any, scene: Scene | None = None) -> float:
-    """Return the checked |velocity| that ends a run or, if a scene is given, an episode [rad/s].
-
-    An episode's is 100 omega0 if ``value`` is None. Raises SceneError unless it is a number above 0; inf is no limit.
-    """
-    if value is None and scene is not None:
-        value = 100.0 * frequency(scene)
-    endless = isinstance(value, (float, Many)) and value == math.inf
-    return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
 
 class Each:

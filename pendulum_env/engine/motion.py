@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,55 +87,30 @@ def event_function(name: str, scene: Scene) -> Any:
         raise SceneError(f"The event 'top' needs torques that are periodic in the angle; those of '{scene.name}' are "
                          "not.")
 
-    def turning(t: float, angle: float, velocity: float) -> float:
-        return velocity
-
-    def bottom(t: float, angle: float, velocity: float) -> float:
-        return math.sin(0.5 * angle) if scene.periodic else angle
-
-    def top(t: float, angle: float, velocity: float) -> float:
-        return math.cos(0.5 * angle)
-
-    def period(t: float, angle: float, velocity: float) -> float:
-        return math.sin(half * t)
-
-    return {"turning": turning, "bottom": bottom, "top": top, "period": period}[name]
-
-
-@dataclass(frozen=True)
-class Traced:
-    """A run with the motion between its steps.
-
-    Attributes:
-        states: recorded states, as :func:`pendulum_env.engine.runs.recorded` returns them.
-        reason: the stop reason, "event" at a terminal event.
-        stopped: time of the terminal event [s], nan if there was none.
-        dense: the dense output; None if it was not asked for.
-        t, angle, velocity: for each event function an array with the times of its events and the states there.
-    """
-
-    states: Array
-    reason: str
-    stopped: float
-    dense: DenseOutput | None
-    t: tuple[Array, ...]
-    angle: tuple[Array, ...]
-    velocity: tuple[Array, ...]
+    functions = {
+        "turning": lambda t, angle, velocity: velocity,
+        "bottom": lambda t, angle, velocity: math.sin(0.5 * angle) if scene.periodic else angle,
+        "top": lambda t, angle, velocity: math.cos(0.5 * angle),
+        "period": lambda t, angle, velocity: math.sin(half * t),
+    }
+    return functions[name]
 
 
 def trace(
     machine: Machine, state: Any, plan: RecordSchedule, control: float, speed_limit: float, events: tuple[Event, ...],
     dense: bool,
-) -> Traced:
-    """Return a run from ``state``, which is changed to the final state, with its events.
+) -> tuple[Array, str, dict[str, Any]]:
+    """Return the recorded states and the stop reason of a run with events, and the fields of a Rollout that they give.
 
-    The states are those of a run without events, bit for bit, and so are the other arguments; see
-    :func:`pendulum_env.engine.runs.recorded`.
+    The run begins at ``state``, which is changed to the final state. The states are those of a run without events, bit
+    for bit, and the other arguments are those of :func:`pendulum_env.engine.runs.recorded`. The fields are the events'
+    times and states and, if ``dense``, the dense output; the stop reason is "event" at a terminal event, and the fields
+    then hold its time as "stop_time" [s].
     """
     h, steps = plan.h, plan.steps
     watch = Watch(events, float(np.finfo(float).eps))
     curves = Curves(machine, h, control, watch, dense)
-    rows, code, reason, stopped = [], 0, "", math.nan
+    rows, code, reason, fields = [], 0, "", dict[str, Any]()
     out = np.empty((2, machine.width))
     for k in range(1, steps + 1):
         before = state.copy()
@@ -148,6 +122,7 @@ def trace(
                 curves.step(before, state)
         except Ended as end:
             reason, stopped = "event", float(end.t)
+            fields["stop_time"] = stopped
             part = stopped - before[INDEX] * h
             state[:] = before
             if part > 0.0:
@@ -164,7 +139,8 @@ def trace(
         if code:
             reason = STOP_REASONS.get(code, "")
             break
-    return Traced(np.array(rows), reason, stopped, curves.output(state) if dense else None, *watch.columns())
+    fields |= zip(("t_events", "angle_events", "velocity_events"), watch.columns(), strict=True)
+    return np.array(rows), reason, {**fields, "dense": curves.output(state) if dense else None}
 
 
 class Curves:

@@ -16,7 +16,7 @@ from integrators import Event, Method
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.engine.certificate import with_estimates
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.motion import Traced, named_events, trace
+from pendulum_env.engine.motion import named_events, trace
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import Rollout as Rollout
 from pendulum_env.engine.runs import recorded, result_of, result_of_all
@@ -155,26 +155,16 @@ def run(spec: RunSpec, events: tuple[Event, ...] = (), dense: bool = False) -> R
     drawn = [float(streams.uniform(FIRST)[0]) for _ in machine.drawn] if streams else []
     state = machine.state(float(spec.start[0]), float(spec.start[1]), drawn)
     start = machine.array(state)
-    traced: Traced | None = None
+    further: dict[str, Any] = {}
     if events or dense:
-        traced = trace(machine, state, spec.plan, spec.control, spec.speed_limit, events, dense)
-        states, reason = traced.states, traced.reason
+        states, reason, further = trace(machine, state, spec.plan, spec.control, spec.speed_limit, events, dense)
     else:
         states, reason = recorded(machine, state, spec.plan, spec.control, spec.speed_limit)
     spec.tell_end(machine, states, state, reason)
-    result = result_of(machine, states, reason, spec.h, state)
-    if traced is not None:
-        result = _with_motion(result, traced)
+    result = replace(result_of(machine, states, reason, spec.h, state), **further)
+    if "stop_time" in further:
+        result.time[-1] = result.stop_time
     return with_estimates(machine, start, result, spec.control) if spec.estimate_error else result
-
-
-def _with_motion(result: Rollout, traced: Traced) -> Rollout:
-    """Return a result with the events and the dense output of its run; its last time is that of a terminal event."""
-    if traced.reason == "event":
-        result.time[-1] = traced.stopped
-        result = replace(result, stop_time=traced.stopped)
-    return replace(result, t_events=traced.t, angle_events=traced.angle, velocity_events=traced.velocity,
-                   dense=traced.dense)
 
 
 def _with_events(spec: RunSpec, result: Rollout, events: tuple[Event, ...]) -> Rollout:

@@ -17,11 +17,11 @@ from integrators import Method
 from integrators.steps.compensated import LOST
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.provenance import provenance
-from pendulum_env.engine.batch import Blocks
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.growing_file import GrowingFile, read
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.pendulums import Blocks
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import ESTIMATE, VELOCITY_ESTIMATE, Rollout
 from pendulum_env.engine.shape import DIVERGED, LEFT_OUT, OK, STOP_REASONS
@@ -186,11 +186,11 @@ class Runs(Blocks):
         row = 0
         while row < len(out):
             left = every
-            while left > max(1, self._at_once):
-                now = max(1, self._at_once)
+            while left > max(1, self.at_once):
+                now = max(1, self.at_once)
                 left -= now
                 advance(1, now, out[:0])
-            count = min(len(out) - row, max(1, self._at_once // every)) if left == every > 0 else 1
+            count = min(len(out) - row, max(1, self.at_once // every)) if left == every > 0 else 1
             advance(count, left, out[row : row + count])
             row += count
 
