@@ -49,7 +49,7 @@ from pendulum_env.common.progress import Progress
 from pendulum_env.engine.batch import UNCHANGED, Batch, Results
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, motion_of
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import ESTIMATE, VELOCITY_ESTIMATE, Rollout
 from pendulum_env.engine.runs import RecordSchedule, Runs
@@ -189,11 +189,6 @@ def halved(given: Numbers) -> dict[str, Any]:
     if "rtol" in numbers:
         numbers["rtol"] = max(numbers["rtol"], FINEST)
     return numbers
-
-
-def motion_of(state: Any) -> tuple[float, float]:
-    """Return the unwrapped angle [rad] and the velocity [rad/s] of a Machine's state vector."""
-    return float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])
 
 
 def running(reduce: np.ufunc, first: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
@@ -394,7 +389,7 @@ class CertifiedMachine(Machine):
         """
         own = super().state(angle, velocity, uniform)
         half = own[: self._own]
-        unwrapped = float(half[ANGLE]) + TWO_PI * float(half[TURNS])
+        unwrapped = motion_of(half)[0]
         return self.array([*half, *half, unwrapped, unwrapped, abs(velocity), 0.0])
 
     def run(

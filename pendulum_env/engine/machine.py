@@ -158,6 +158,11 @@ def numbers_of(scene: Scene, watched: bool = True) -> dict[str, float]:
     return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **further}
 
 
+def motion_of(state: Any) -> tuple[float, float]:
+    """Return the unwrapped angle [rad] and the velocity [rad/s] of a Machine's state vector."""
+    return float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])
+
+
 class Runner:
     """A method that fits a scene, with all that a program depends on, for one pendulum or for many.
 

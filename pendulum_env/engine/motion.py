@@ -9,7 +9,7 @@ one ends at the state that the method has computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from integrators.solving.events import Ended, Watch, checked_events
 from integrators.solving.stepper import stepper
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, UNSEEN, VELOCITY, Machine, motion_of
 from pendulum_env.engine.runs import RecordSchedule
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.physics.scene import Scene
@@ -39,6 +39,8 @@ EVENTS: Mapping[str, str] = {
 """Names of events that ``events=`` takes, and their meanings."""
 MOST_PIECES = 100
 """Maximum number of pieces of one step under dry friction; the rest of the step is one piece."""
+HALVINGS = 200, 100
+"""Most halvings of an interval that holds a stop, and of one that holds a breakaway; some 55 reach rounding."""
 LOOKS = 16
 """Times in a step at which the torques on a bob at rest are compared with the limit of dry friction."""
 
@@ -205,7 +207,7 @@ class Curves:
         t, h = float(before[INDEX]) * self.h, float(after[INDEX] - before[INDEX]) * self.h
         if h == 0.0:
             return
-        start, end = _place(before), _place(after)
+        start, end = motion_of(before), motion_of(after)
         if self._dry:
             self._pieces(t, h, start, end)
         elif self.machine.tolerance:
@@ -220,7 +222,7 @@ class Curves:
 
     def output(self, state: Any) -> DenseOutput:
         """Return the dense output of all steps added so far, which end at a state of the machine."""
-        return self._recorder.output(float(state[INDEX]) * self.h, *_place(state))
+        return self._recorder.output(float(state[INDEX]) * self.h, *motion_of(state))
 
     def _add(self, t: float, h: float, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Add one curve between two states (angle, velocity)."""
@@ -272,13 +274,7 @@ class Curves:
         """Return the time after which the velocity becomes zero, within ``h``; None if it does not."""
         if not direction * self._one(t, q, v, h)[1] < 0.0:
             return None
-        low, high = 0.0, h
-        for _ in range(200):
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-            low, high = (middle, high) if direction * self._one(t, q, v, middle)[1] > 0.0 else (low, middle)
-        return high
+        return _edge(0.0, h, lambda part: direction * self._one(t, q, v, part)[1] > 0.0, HALVINGS[0])
 
     def _breakaway(self, t: float, q: float, end: float) -> float:
         """Return the time at which the torques on a bob at rest exceed the limit of dry friction, at most ``end``."""
@@ -286,17 +282,16 @@ class Curves:
         for k in range(1, LOOKS + 1):
             high = t + (end - t) * k / LOOKS if k < LOOKS else end
             if abs(self.slope(high, q, 0.0)) > self._limit:
-                for _ in range(100):
-                    middle = 0.5 * (low + high)
-                    if not low < middle < high:
-                        break
-                    held = abs(self.slope(middle, q, 0.0)) <= self._limit
-                    low, high = (middle, high) if held else (low, middle)
-                return high
+                return _edge(low, high, lambda at: abs(self.slope(at, q, 0.0)) <= self._limit, HALVINGS[1])
             low = high
         return math.inf
 
 
-def _place(state: Any) -> tuple[float, float]:
-    """Return the unwrapped angle [rad] and the velocity [rad/s] of a machine's state."""
-    return float(state[ANGLE] + TWO_PI * state[TURNS]), float(state[VELOCITY])
+def _edge(low: float, high: float, before: Callable[[float], bool], halvings: int) -> float:
+    """Return the first time at which ``before`` is False, between two times, by at most so many ``halvings``."""
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        low, high = (middle, high) if before(middle) else (low, middle)
+    return high
