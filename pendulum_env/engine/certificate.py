@@ -179,13 +179,8 @@ def halved(given: Numbers) -> dict[str, Any]:
 
     It has no speed limit, twice as many steps per control step, and tolerances divided by 32 (TIGHTER).
     """
-    numbers = endless(given)
-    for name in HOLD:
-        if name in numbers:
-            numbers[name] = 2.0 * numbers[name]
-    for name in ("rtol", "atol"):
-        if name in numbers:
-            numbers[name] = numbers[name] / TIGHTER
+    factors = {**dict.fromkeys(HOLD, 2.0), **dict.fromkeys(("rtol", "atol"), 1.0 / TIGHTER)}
+    numbers = {name: value * factors.get(name, 1.0) for name, value in endless(given).items()}
     if "rtol" in numbers:
         numbers["rtol"] = max(numbers["rtol"], FINEST)
     return numbers
@@ -453,7 +448,6 @@ class CertifiedBatch(Batch):
         self._half = Batch(scene, method, diagnostics, backend, self._half_numbers, size=size, h=h / 2,
                            substeps=2 * substeps, most=math.inf, **{**options, **halved(self.tolerance)})
         self._unread = self._half.results(lasting=True)
-        self._scene = scene
         self._alone: Machine | None = None
         self._estimator = estimator_of(self, scene, h, numbers)
         self._so_far = MotionSoFar(np.zeros(size), np.zeros(size))
@@ -509,7 +503,7 @@ class CertifiedBatch(Batch):
         self._half.start(which, angle, velocity, drawn, self._unread, endless(numbers))
         if numbers:
             self._half_numbers = {**endless(self.numbers)}
-            self._estimator = estimator_of(self, self._scene, self.h, self.numbers)
+            self._estimator = estimator_of(self, self._source[0], self.h, self.numbers)
         places = np.arange(self.size) if which is None else which
         self._so_far.begin(places, self.angles()[places], self.get("v", places))
         self._judge(places, self.motion(), self._half.motion(), np.ones(self.size, dtype=np.bool_))
@@ -537,7 +531,7 @@ class CertifiedBatch(Batch):
         states at the start of the control step, by default its present states.
         """
         if self._alone is None:
-            self._alone = Machine(self._scene, self.method, self.diagnostics, "python",
+            self._alone = Machine(self._source[0], self.method, self.diagnostics, "python",
                                   compensated=self.compensated,
                                   rtol=self.tolerance.get("rtol"), atol=self.tolerance.get("atol"))
         machine, at, parts = self._alone, np.array([index]), batch.substeps // self.substeps
