@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from pendulum_env.common.many import Many, in_groups, plain
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.engine.problem import program_parts
+from pendulum_env.engine.starts import WHOLE, checked_limit, frequency
 from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
-from pendulum_env.physics.units import SceneError, UnknownParameterError, number
+from pendulum_env.physics.units import SceneError, UnknownParameterError
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -27,27 +28,6 @@ FEW = 16
 """Size of a group of environments below which scenes are built one by one instead of together."""
 CHUNK = 8192
 """Largest size of a group of environments whose episodes begin together; its arrays stay in the processor's cache."""
-WHOLE = ("effects",)
-"""Parameters whose value is itself a sequence, so that a sequence is not one value per environment."""
-
-
-def frequency(scene: Scene) -> float:
-    """Return the angular frequency omega0 of small swings of a scene [1/s], or 1 for a scene without gravity.
-
-    Rewards use it as the unit of velocity.
-    """
-    return scene.omega0 or 1.0
-
-
-def checked_limit(value: Any, scene: Scene | None = None) -> float:
-    """Return the checked |velocity| that ends a run or, if a scene is given, an episode [rad/s].
-
-    An episode's is 100 omega0 if ``value`` is None. Raises SceneError unless it is a number above 0; inf is no limit.
-    """
-    if value is None and scene is not None:
-        value = 100.0 * frequency(scene)
-    endless = isinstance(value, (float, Many)) and value == math.inf
-    return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
 
 class Each:
@@ -105,74 +85,72 @@ class Each:
         if not own and not limits:
             self.numbers: dict[str, float | Array] = {**self._numbers(self.scene, speed_limit)}
             return
-        validity = validity if own else None
-        columns = self._together(limits, validity) or self._one_by_one(range(size), validity)
+        columns = self._columns(np.arange(size), {}, validity if own else None)
         self.numbers = {name: float(column[0]) if np.all(column == column[0]) else column
                         for name, column in columns.items()}
 
-    def _together(self, limits: Sequence[Any], validity: Validity | None) -> dict[str, Array]:
-        """Return the program's parameters of all environments by name, computed for whole groups of environments.
+    def _columns(
+        self, which: Places, values: Mapping[str, Array], validity: Validity | None = None
+    ) -> dict[str, Array]:
+        """Return the program's numbers of the environments ``which`` by name, one number for each of them.
 
-        The scene of a group has parameters of the class Many, numbers with one value per environment. Small groups, and
-        environments in which an effect's formula may not hold, are computed one by one. The result is empty if a value
-        is invalid or if some code cannot handle Many: then the caller computes all environments one by one.
+        ``values`` are other values of some parameters, arrays with one number for each of these environments. Scenes
+        are built for whole groups of environments, with parameters of the class Many, numbers with one value for each.
+        Small groups, and environments in which an effect's formula may not hold, are computed one by one; so are all
+        if a value is invalid or if some code cannot handle Many.
+
+        Raises SceneError with the index of the first environment whose values are invalid or need another program.
         """
         columns: dict[str, Array] = {}
-        few, doubtful = [0], [0]
+        alone = {0} if validity else set[int]()
 
-        def fill(places: Places) -> None:
-            """Compute and store the program's parameters of a group of environments with the indices ``places``."""
-            if len(places) < FEW:
-                few.extend(places.tolist())
-                doubtful.extend(places.tolist())
+        def fill(first: int, group: Places) -> None:
+            """Store the numbers of a group of environments, given by their places in ``which`` from ``first`` on."""
+            group = group + first
+            if len(group) < FEW:
+                alone.update(group.tolist())
                 return
-            scene = self.scene.replace(**{name: Many(values[places]) for name, values in own.items()})
+            scene = self.scene.replace(**{name: Many(column[group]) for name, column in own.items()})
             if program_parts(scene) != self._parts:
                 raise SceneError("These need another program.")
-            for name, value in self._numbers(scene, Many(ends[places]) if limits else self._limit(0)).items():
-                columns.setdefault(name, np.empty(self._size))[places] = plain(value)
-            if validity and not validity.clear(scene, places):
-                doubtful.extend(places.tolist())
+            for name, value in self._numbers(scene, Many(ends[group]) if self._limits else self._limit(0)).items():
+                columns.setdefault(name, np.empty(len(which)))[group] = plain(value)
+            if validity and not validity.clear(scene, which[group]):
+                alone.update(group.tolist())
 
         try:
-            own, ends = {name: _floats(values) for name, values in self._own.items()}, _floats(limits)
-            in_groups(self._size, fill)
-            for name, column in self._one_by_one(few, None).items():
-                columns.setdefault(name, np.empty(self._size))[few] = column
-            for index in sorted(doubtful):
-                if validity and not validity.warning:
-                    validity.look(self.of(index), (index,))
+            own = {**{name: _floats(column)[which] for name, column in self._own.items() if name not in values},
+                   **values}
+            ends = _floats(self._limits)[which] if self._limits else np.empty(0)
+            for first in range(0, len(which), CHUNK):
+                in_groups(min(CHUNK, len(which) - first), partial(fill, first))
         except Exception:
-            return {}
-        return columns
-
-    def _one_by_one(self, places: Sequence[int], validity: Validity | None) -> dict[str, Array]:
-        """Return the program's parameters of the environments with indices ``places``, from one scene per environment.
-
-        Raises SceneError with the index of the first environment with an invalid value.
-        """
+            alone = {*range(len(which))}
         built: dict[tuple[Any, ...], tuple[Scene, Numbers]] = {}
-        rows = []
-        for i in places:
-            key = (self._limit(i), *(values[i] for values in self._own.values()))
+        for i in sorted(alone):
+            index = int(which[i])
+            given = {name: float(column[i]) for name, column in values.items()}
+            key = (self._limit(index), *(column[index] for column in self._own.values()), *given.values())
             if key not in built:
                 try:
-                    built[key] = self._same_program(i)
+                    built[key] = self._same_program(index, given)
                 except SceneError as error:
-                    raise SceneError(f"In {self._what} {i} of {self._size}: {error}") from None
+                    raise SceneError(f"In {self._what} {index} of {self._size}: {error}") from None
+            scene, numbers = built[key]
             if validity:
-                validity.look(built[key][0], (i,))
-            rows.append(built[key][1])
-        return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+                validity.look(scene, (index,))
+            for name, value in numbers.items():
+                columns.setdefault(name, np.empty(len(which)))[i] = value
+        return columns
 
-    def _same_program(self, index: int) -> tuple[Scene, Numbers]:
-        """Return scene and program parameters of the environment with index ``index``.
+    def _same_program(self, index: int, given: Mapping[str, float]) -> tuple[Scene, Numbers]:
+        """Return scene and program parameters of an environment with other values ``given`` of some parameters.
 
         Raises SceneError if its scene needs another generated program than that of environment 0, since all share one.
         """
-        scene = self.of(index)
+        scene = self._scene_with(index, given)
         if program_parts(scene) != self._parts:
-            names = ", ".join(name for name, values in self._own.items() if values[index] != values[0])
+            names = ", ".join(given or (name for name, values in self._own.items() if values[index] != values[0]))
             raise SceneError(f"its {names} would need another program than that of the first, but all share one.")
         return scene, self._numbers(scene, self._limit(index))
 
@@ -245,45 +223,11 @@ class Each:
     def numbers_with(self, which: Places, values: Mapping[str, Array]) -> dict[str, Array]:
         """Return the program's numbers of the environments ``which`` with other values of some parameters.
 
-        ``values`` and the result map names to arrays with one number for each environment of ``which``. Scenes are
-        built for groups of environments, or one by one for small groups and where a value is invalid.
+        ``values`` and the result map names to arrays with one number for each environment of ``which``.
 
         Raises SceneError, with the index of the environment, for values that are invalid or need another program.
         """
-        columns: dict[str, Array] = {}
-        alone: list[int] = []
-
-        def fill(first: int, group: Places) -> None:
-            """Store the numbers of a group of environments, given by their places in ``which`` from ``first`` on."""
-            group = group + first
-            if len(group) < FEW:
-                alone.extend(group.tolist())
-                return
-            scene = self.scene.replace(**{name: Many(column[group]) for name, column in own.items()})
-            if program_parts(scene) != self._parts:
-                raise SceneError("These need another program.")
-            for name, value in self._numbers(scene, ends[0] if isinstance(ends, tuple) else Many(ends[group])).items():
-                columns.setdefault(name, np.empty(len(which)))[group] = plain(value)
-
-        try:
-            own = {**{name: _floats(column)[which] for name, column in self._own.items() if name not in values},
-                   **values}
-            ends = self._shared_limit if self._shared_limit else _floats(self._limits)[which]
-            for first in range(0, len(which), CHUNK):
-                in_groups(min(CHUNK, len(which) - first), partial(fill, first))
-        except Exception:
-            alone = [*range(len(which))]
-        for i in alone:
-            index = int(which[i])
-            try:
-                scene = self._scene_with(index, {name: float(column[i]) for name, column in values.items()})
-                if program_parts(scene) != self._parts:
-                    raise SceneError(f"{' and '.join(values)} would need another program than that of the environment.")
-            except SceneError as error:
-                raise SceneError(f"In {self._what} {index} of {self._size}: {error}") from None
-            for name, value in self._numbers(scene, self._limit(index)).items():
-                columns.setdefault(name, np.empty(len(which)))[i] = value
-        return columns
+        return self._columns(which, values)
 
     def _scene_with(self, index: int, values: Mapping[str, float]) -> Scene:
         """Return the scene of one environment with other values of some parameters."""

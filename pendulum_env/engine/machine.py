@@ -24,8 +24,8 @@ from pendulum_env.engine.pieces import Pace, run_in_pieces
 from pendulum_env.engine.problem import moving, program_parts, slipping
 from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.series import untraceable
-from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, STOP_REASONS, WATCHED
-from pendulum_env.engine.wrap import half_turns, without_half_turns
+from pendulum_env.engine.shape import ADAPTED, BOUND, HOLD, PAUSED, SLACKENED, STATE, WATCHED
+from pendulum_env.engine.wrap import split_turns
 from pendulum_env.physics import random
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.exact.flows import flow_of
@@ -158,12 +158,40 @@ def numbers_of(scene: Scene, watched: bool = True) -> dict[str, float]:
     return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **further}
 
 
-class Machine:
-    """A simulator of one pendulum: a scene and a method with their generated program and parameter values.
+def motion_of(state: Any) -> tuple[float, float]:
+    """Return the unwrapped angle [rad] and the velocity [rad/s] of a Machine's state vector."""
+    return float(state[ANGLE]) + TWO_PI * float(state[TURNS]), float(state[VELOCITY])
+
+
+class Runner:
+    """A method that fits a scene, with all that a program depends on, for one pendulum or for many.
 
     Attributes:
-        scene, method, diagnostics, compensated: the arguments of these names.
+        method, diagnostics, backend, compensated: the arguments of these names.
+        tolerance: "rtol" and "atol" of adaptive steps by name; empty for fixed steps.
         compiled: True if numba compiles the program.
+
+    Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that is not
+    available.
+    """
+
+    def __init__(
+        self, scene: Scene, method: str | Method, diagnostics: Sequence[str], backend: Backend, rtol: float | None,
+        atol: float | None, compensated: bool,
+    ) -> None:
+        self.backend: Backend = backend
+        self.method = find_method(method, scene)
+        self.compensated = check_compensated(compensated, rtol)
+        self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
+        self.diagnostics = check_diagnostics(diagnostics)
+        self.compiled = resolve(backend, self.method.python_functions) == "compiled"
+
+
+class Machine(Runner):
+    """A simulator of one pendulum: a scene and a method with their generated program and parameter values.
+
+    Attributes, beside those of a Runner:
+        scene: the argument of this name.
         entry: the generated function ``run``; see :func:`pendulum_env.engine.loops.run`.
         direct: like :meth:`run`, but in one call that Ctrl-C cannot interrupt; for up to 4096 steps (FEW in
             :mod:`pendulum_env.engine.pieces`).
@@ -178,11 +206,9 @@ class Machine:
         scale: ``m g L`` [J].
         hold: number of steps per control step, during which the state of effects, such as gusts, does not change.
         drawn: names of a state's entries that start as random numbers.
-        tolerance: "rtol" and "atol" of an adaptive machine, which divides every step of h as they require; else empty.
         even_steps: True if it divides every step of h into steps of equal length.
 
-    Raises MethodError if the method does not fit the scene or the tolerance, EngineError for a backend that is not
-    available.
+    Raises MethodError and EngineError as a Runner, and MethodError for even steps where a wire may go slack.
     """
 
     def __init__(
@@ -197,14 +223,11 @@ class Machine:
         hold: int = 1,
         even_steps: bool = False,
     ) -> None:
-        self.scene, self.backend, self.hold = scene, backend, hold
-        self.method = find_method(method, scene)
-        self.compensated = compensated = check_compensated(compensated, rtol)
-        self.tolerance = checked_tolerance(self.method, scene, rtol, atol)
-        self.diagnostics = check_diagnostics(diagnostics)
-        self.compiled = resolve(backend, self.method.python_functions) == "compiled"
+        super().__init__(scene, method, diagnostics, backend, rtol, atol, compensated)
+        self.scene, self.hold = scene, hold
         self.even_steps = check_even(even_steps, self.tolerance)
-        source = program(scene, self.method, self.diagnostics, bool(self.tolerance), compensated, even=self.even_steps)
+        source = program(scene, self.method, self.diagnostics, bool(self.tolerance), self.compensated,
+                         even=self.even_steps)
         if source.shape.even and source.shape.slack:
             raise MethodError(f"even_steps cannot be used where a wire may go slack, as in the scene '{scene.name}'; "
                               "leave it out, or hang the bob on a rod.")
@@ -288,10 +311,7 @@ class Machine:
         ``uniform`` holds a random number in [0, 1) for every name in ``drawn``, the variables that start at random; 0.5
         each by default.
         """
-        turns = 0.0
-        if self.scene.periodic:
-            halves = half_turns(angle)
-            angle, turns = without_half_turns(angle, halves), 0.5 * halves
+        angle, turns = split_turns(angle, self.scene.periodic)
         state = [0.0, angle, turns, velocity, *[0.0] * (len(self.names) - 4)]
         for name, number in zip(self.drawn, uniform or [0.5] * len(self.drawn), strict=True):
             state[self.names.index(name)] = random.started(number)
@@ -371,43 +391,6 @@ class Machine:
         columns = np.asarray(rows, dtype=float)
         places = {name: i for name, i in self.sums.items() if name.startswith("heat_")}
         return {name.removeprefix("heat_"): self.scene.inertia * columns[..., i] for name, i in places.items()}
-
-
-# --- recorded runs ----------------------------------------------------------------------------------------------------
-
-
-def simulate(
-    machine: Machine,
-    angle: float,
-    velocity: float,
-    *,
-    h: float,
-    rows: int,
-    every: int = 1,
-    rest: int = 0,
-    control: float = 0.0,
-    speed_limit: float = math.inf,
-) -> tuple[Array, str]:
-    """Return the recorded states of one run of a machine, shape ``(states, width)``, and its stop reason or "".
-
-    ``rows`` states are recorded, the initial one and one after every ``every`` steps of ``h`` [s]; if ``rest`` is not
-    0, one more after ``rest`` further steps. If the run stops early, the last recorded state is that at the stop.
-    """
-    return followed(machine, machine.state(angle, velocity), h, rows, every, rest, control, speed_limit)
-
-
-def followed(
-    machine: Machine, state: Any, h: float, rows: int, every: int, rest: int, control: float, speed_limit: float
-) -> tuple[Array, str]:
-    """Return the recorded states and the stop reason of a run from ``state``, which is changed to the final state.
-
-    The arguments are those of :func:`simulate`.
-    """
-    out = np.empty((rows + (rest > 0), machine.width))
-    code = machine.run(state, machine.parameters, control, h, rows - 1, every, speed_limit, out[:rows], UNSEEN)
-    if rest and not code:
-        code = machine.run(state, machine.parameters, control, h, 1, rest, speed_limit, out[rows - 1 :], UNSEEN)
-    return out[: 1 + math.ceil(state[INDEX] / every)], STOP_REASONS.get(code, "")
 
 
 def _rebuilt(form: int, kind: type[Machine], *arguments: Any) -> Machine:

@@ -9,8 +9,7 @@ one ends at the state that the method has computed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,8 @@ from integrators.solving.events import Ended, Watch, checked_events
 from integrators.solving.stepper import stepper
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, UNSEEN, VELOCITY, Machine, motion_of
+from pendulum_env.engine.runs import RecordSchedule
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, nearest, shown
@@ -39,6 +39,8 @@ EVENTS: Mapping[str, str] = {
 """Names of events that ``events=`` takes, and their meanings."""
 MOST_PIECES = 100
 """Maximum number of pieces of one step under dry friction; the rest of the step is one piece."""
+HALVINGS = 200, 100
+"""Most halvings of an interval that holds a stop, and of one that holds a breakaway; some 55 reach rounding."""
 LOOKS = 16
 """Times in a step at which the torques on a bob at rest are compared with the limit of dry friction."""
 
@@ -91,54 +93,30 @@ def event_function(name: str, scene: Scene) -> Any:
         raise SceneError(f"The event 'top' needs torques that are periodic in the angle; those of '{scene.name}' are "
                          "not.")
 
-    def turning(t: float, angle: float, velocity: float) -> float:
-        return velocity
-
-    def bottom(t: float, angle: float, velocity: float) -> float:
-        return math.sin(0.5 * angle) if scene.periodic else angle
-
-    def top(t: float, angle: float, velocity: float) -> float:
-        return math.cos(0.5 * angle)
-
-    def period(t: float, angle: float, velocity: float) -> float:
-        return math.sin(half * t)
-
-    return {"turning": turning, "bottom": bottom, "top": top, "period": period}[name]
-
-
-@dataclass(frozen=True)
-class Traced:
-    """A run with the motion between its steps.
-
-    Attributes:
-        states: recorded states, as :func:`pendulum_env.engine.machine.followed` returns them.
-        reason: the stop reason, "event" at a terminal event.
-        stopped: time of the terminal event [s], nan if there was none.
-        dense: the dense output; None if it was not asked for.
-        t, angle, velocity: for each event function an array with the times of its events and the states there.
-    """
-
-    states: Array
-    reason: str
-    stopped: float
-    dense: DenseOutput | None
-    t: tuple[Array, ...]
-    angle: tuple[Array, ...]
-    velocity: tuple[Array, ...]
+    functions = {
+        "turning": lambda t, angle, velocity: velocity,
+        "bottom": lambda t, angle, velocity: math.sin(0.5 * angle) if scene.periodic else angle,
+        "top": lambda t, angle, velocity: math.cos(0.5 * angle),
+        "period": lambda t, angle, velocity: math.sin(half * t),
+    }
+    return functions[name]
 
 
 def trace(
-    machine: Machine, state: Any, h: float, steps: int, every: int, control: float, speed_limit: float,
-    events: tuple[Event, ...], dense: bool,
-) -> Traced:
-    """Return a run of ``steps`` steps from ``state``, which is changed to the final state, with its events.
+    machine: Machine, state: Any, plan: RecordSchedule, control: float, speed_limit: float, events: tuple[Event, ...],
+    dense: bool,
+) -> tuple[Array, str, dict[str, Any]]:
+    """Return the recorded states and the stop reason of a run with events, and the fields of a Rollout that they give.
 
-    The states are those of a run without events, bit for bit. The other arguments are those of
-    :func:`pendulum_env.engine.machine.followed`.
+    The run begins at ``state``, which is changed to the final state. The states are those of a run without events, bit
+    for bit, and the other arguments are those of :func:`pendulum_env.engine.runs.recorded`. The fields are the events'
+    times and states and, if ``dense``, the dense output; the stop reason is "event" at a terminal event, and the fields
+    then hold its time as "stop_time" [s].
     """
+    h, steps = plan.h, plan.steps
     watch = Watch(events, float(np.finfo(float).eps))
     curves = Curves(machine, h, control, watch, dense)
-    rows, code, reason, stopped = [], 0, "", math.nan
+    rows, code, reason, fields = [], 0, "", dict[str, Any]()
     out = np.empty((2, machine.width))
     for k in range(1, steps + 1):
         before = state.copy()
@@ -150,6 +128,7 @@ def trace(
                 curves.step(before, state)
         except Ended as end:
             reason, stopped = "event", float(end.t)
+            fields["stop_time"] = stopped
             part = stopped - before[INDEX] * h
             state[:] = before
             if part > 0.0:
@@ -161,12 +140,13 @@ def trace(
             if state[INDEX] != rows[-1][INDEX]:
                 rows.append(np.array(state[: machine.width]))
             break
-        if (code or k % every == 0 or k == steps) and state[INDEX] > before[INDEX]:
+        if (code or k % plan.every == 0 or k == steps) and state[INDEX] > before[INDEX]:
             rows.append(out[1].copy())
         if code:
             reason = STOP_REASONS.get(code, "")
             break
-    return Traced(np.array(rows), reason, stopped, curves.output(state) if dense else None, *watch.columns())
+    fields |= zip(("t_events", "angle_events", "velocity_events"), watch.columns(), strict=True)
+    return np.array(rows), reason, {**fields, "dense": curves.output(state) if dense else None}
 
 
 class Curves:
@@ -231,7 +211,7 @@ class Curves:
         t, h = float(before[INDEX]) * self.h, float(after[INDEX] - before[INDEX]) * self.h
         if h == 0.0:
             return
-        start, end = _place(before), _place(after)
+        start, end = motion_of(before), motion_of(after)
         if self._dry:
             self._pieces(t, h, start, end)
         elif self.machine.tolerance:
@@ -246,7 +226,7 @@ class Curves:
 
     def output(self, state: Any) -> DenseOutput:
         """Return the dense output of all steps added so far, which end at a state of the machine."""
-        return self._recorder.output(float(state[INDEX]) * self.h, *_place(state))
+        return self._recorder.output(float(state[INDEX]) * self.h, *motion_of(state))
 
     def _add(self, t: float, h: float, start: tuple[float, float], end: tuple[float, float]) -> None:
         """Add one curve between two states (angle, velocity)."""
@@ -298,13 +278,7 @@ class Curves:
         """Return the time after which the velocity becomes zero, within ``h``; None if it does not."""
         if not direction * self._one(t, q, v, h)[1] < 0.0:
             return None
-        low, high = 0.0, h
-        for _ in range(200):
-            middle = 0.5 * (low + high)
-            if not low < middle < high:
-                break
-            low, high = (middle, high) if direction * self._one(t, q, v, middle)[1] > 0.0 else (low, middle)
-        return high
+        return _edge(0.0, h, lambda part: direction * self._one(t, q, v, part)[1] > 0.0, HALVINGS[0])
 
     def _breakaway(self, t: float, q: float, end: float) -> float:
         """Return the time at which the torques on a bob at rest exceed the limit of dry friction, at most ``end``."""
@@ -312,17 +286,16 @@ class Curves:
         for k in range(1, LOOKS + 1):
             high = t + (end - t) * k / LOOKS if k < LOOKS else end
             if abs(self.slope(high, q, 0.0)) > self._limit:
-                for _ in range(100):
-                    middle = 0.5 * (low + high)
-                    if not low < middle < high:
-                        break
-                    held = abs(self.slope(middle, q, 0.0)) <= self._limit
-                    low, high = (middle, high) if held else (low, middle)
-                return high
+                return _edge(low, high, lambda at: abs(self.slope(at, q, 0.0)) <= self._limit, HALVINGS[1])
             low = high
         return math.inf
 
 
-def _place(state: Any) -> tuple[float, float]:
-    """Return the unwrapped angle [rad] and the velocity [rad/s] of a machine's state."""
-    return float(state[ANGLE] + TWO_PI * state[TURNS]), float(state[VELOCITY])
+def _edge(low: float, high: float, before: Callable[[float], bool], halvings: int) -> float:
+    """Return the first time at which ``before`` is False, between two times, by at most so many ``halvings``."""
+    for _ in range(halvings):
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            break
+        low, high = (middle, high) if before(middle) else (low, middle)
+    return high

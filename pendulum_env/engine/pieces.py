@@ -38,10 +38,16 @@ class Pace:
     """Limit of the work in one compiled call, adapted to the speed so that a call takes about 0.05 s.
 
     Short calls let Ctrl-C interrupt a run. The limit ``units`` counts steps of a single run, attempts of an adaptive
-    step, or steps of a block of runs.
+    step, or steps of a block of runs, of which ``share`` are advanced by one thread.
     """
 
     units: int = FEW
+    share: float = 1.0
+
+    @property
+    def steps(self) -> int:
+        """Return the largest number of steps of all blocks in one call; 0 if one step takes longer."""
+        return int(self.units / self.share)
 
     def learn(self, units: float, seconds: float) -> None:
         """Adapt the limit of the work per call, after ``units`` steps or attempts took ``seconds``.

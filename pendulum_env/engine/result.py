@@ -19,6 +19,9 @@ from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]
 
+ESTIMATE, VELOCITY_ESTIMATE = "error_estimate", "velocity_error_estimate"
+"""Names of a Rollout's error estimates, and of their columns in records."""
+
 
 @dataclass(frozen=True, repr=False)
 class Rollout(Plotted):

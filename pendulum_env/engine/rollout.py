@@ -13,24 +13,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from integrators import Event, Method
-from integrators.steps.compensated import LOST
 from pendulum_env.common.progress import Progress, telling_of
-from pendulum_env.common.provenance import provenance
-from pendulum_env.engine.certificate import ESTIMATE, VELOCITY_ESTIMATE
-from pendulum_env.engine.certified import with_estimates
-from pendulum_env.engine.growing_file import GrowingFile, read
+from pendulum_env.engine.certificate import with_estimates
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
-from pendulum_env.engine.motion import Traced, named_events, trace
+from pendulum_env.engine.motion import named_events, trace
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.result import Rollout as Rollout
-from pendulum_env.engine.runs import Runs
+from pendulum_env.engine.runs import recorded, result_of, result_of_all
 from pendulum_env.engine.settings import RunSettings, described, documented
-from pendulum_env.engine.shape import LEFT_OUT
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import check_count, npy_path
 from pendulum_env.engine.threads import MOST_THREADS
-from pendulum_env.engine.wrap import left_out
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.energy import Ledger
 from pendulum_env.physics.scene import Scene
@@ -161,29 +154,17 @@ def run(spec: RunSpec, events: tuple[Event, ...] = (), dense: bool = False) -> R
     streams = Streams(spec.seeds) if machine.drawn else None
     drawn = [float(streams.uniform(FIRST)[0]) for _ in machine.drawn] if streams else []
     state = machine.state(float(spec.start[0]), float(spec.start[1]), drawn)
-    start, plan = machine.array(state), spec.plan
-    traced: Traced | None = None
+    start = machine.array(state)
+    further: dict[str, Any] = {}
     if events or dense:
-        traced = trace(machine, state, spec.h, plan.steps, plan.every, spec.control, spec.speed_limit, events, dense)
-        states, reason = traced.states, traced.reason
+        states, reason, further = trace(machine, state, spec.plan, spec.control, spec.speed_limit, events, dense)
     else:
-        rows, rest = 1 + plan.steps // plan.every, plan.steps % plan.every
-        states, reason = followed(machine, state, spec.h, rows, plan.every, rest, spec.control, spec.speed_limit)
+        states, reason = recorded(machine, state, spec.plan, spec.control, spec.speed_limit)
     spec.tell_end(machine, states, state, reason)
-    counts = {name: int(state[i]) for name, i in machine.kept.items()}
-    result = result_of(machine, states, reason, spec.h, counts)
-    if traced is not None:
-        result = _with_motion(result, traced)
+    result = replace(result_of(machine, states, reason, spec.h, state), **further)
+    if "stop_time" in further:
+        result.time[-1] = result.stop_time
     return with_estimates(machine, start, result, spec.control) if spec.estimate_error else result
-
-
-def _with_motion(result: Rollout, traced: Traced) -> Rollout:
-    """Return a result with the events and the dense output of its run; its last time is that of a terminal event."""
-    if traced.reason == "event":
-        result.time[-1] = traced.stopped
-        result = replace(result, stop_time=traced.stopped)
-    return replace(result, t_events=traced.t, angle_events=traced.angle, velocity_events=traced.velocity,
-                   dense=traced.dense)
 
 
 def _with_events(spec: RunSpec, result: Rollout, events: tuple[Event, ...]) -> Rollout:
@@ -227,82 +208,8 @@ def _run_many(spec: RunSpec, num_threads: int | None, path: Path | None, telling
         check_count(runs.plan.count * runs.size)
     spec.tell()
     with telling as tell:
-        result = _recorded(runs, spec.shape, path, tell)
+        result = result_of_all(runs, spec.shape, path, tell)
     spec.tell_of_turns(runs.fastest)
     spec.tell_of_slack(runs.slackened)
     spec.tell_of_stops(enumerate(runs.reasons), runs.kept)
     return result
-
-
-def result_of(machine: Machine, states: Array, reason: str, h: float, counts: Mapping[str, int]) -> Rollout:
-    """Return the Rollout of a single run, made from the recorded states of a machine.
-
-    ``reason`` is the stop reason of the run, ``h`` the step [s], ``counts`` the numbers of adaptive steps taken and
-    rejected.
-    """
-    angle = states[:, ANGLE] + TWO_PI * states[:, TURNS]
-    lost_q, lost_v = (states[:, machine.names.index(name)] if machine.compensated else None for name in LOST)
-    return Rollout(
-        time=states[:, INDEX] * h,
-        angle=angle,
-        velocity=states[:, VELOCITY],
-        ledger=machine.ledger(states, machine.ledger(states[:1], 0.0).energy),
-        heat_by_effect=machine.heat_by_effect(states),
-        watched={name: states[:, place] for name, place in machine.watched.items()},
-        stop_reason=reason,
-        stop_time=float(states[-1, INDEX]) * h,
-        scene=machine.scene,
-        method=machine.method,
-        dt=h,
-        tolerance=machine.tolerance,
-        steps=counts.get("taken", 0),
-        rejected=counts.get("rejected", 0),
-        lost_angle=None if lost_q is None else left_out(angle, states[:, ANGLE], lost_q, states[:, TURNS]),
-        lost_velocity=lost_v,
-    )
-
-
-def _recorded(runs: Runs, shape: tuple[int, ...], path: Path | None, progress: Progress) -> Rollout:
-    """Simulate a batch and return its Rollout. The records are in memory or, with ``path``, mapped from this file."""
-    plan, names = runs.plan, runs.names
-    time: Array = plan.marks.astype(np.float64) * plan.h
-    if path is None:
-        records = np.empty((len(time), len(names), runs.size))
-        for _ in runs.rows(progress, records):
-            pass
-        by_run = records.reshape(len(time), len(names), *shape)
-        series = {name: np.moveaxis(by_run[:, i], 0, -1) for i, name in enumerate(names)}
-    else:
-        done = 0
-        facts = provenance(scene=runs.scene.to_dict(), integrator=runs.method.name, dt=plan.h, every=plan.every,
-                           compensated=runs.compensated, **runs.tolerance)
-        with GrowingFile(path, names, shape, facts) as file:
-            for rows in runs.rows(progress):
-                file.append(time[done : done + len(rows)], rows)
-                done += len(rows)
-        mapped = read(path)
-        series = {name: np.moveaxis(mapped[name], 0, -1) for name in names}
-    zeros = np.broadcast_to(0.0, series["angle"].shape)
-    work, heat = (series.get(name, zeros) for name in ("work", "heat"))
-    kinetic, potential = series["kinetic_energy"], series["potential_energy"]
-    initial = kinetic[..., :1] + potential[..., :1]
-    return Rollout(
-        time=time,
-        angle=series["angle"],
-        velocity=series["velocity"],
-        ledger=Ledger(kinetic, potential, work, heat, initial),
-        heat_by_effect={name.removeprefix("heat_"): series[name] for name in names if name.startswith("heat_")},
-        watched={name: series[name] for name in runs.layout.shape.watched},
-        stop_reason=runs.reasons,
-        stop_time=runs.ends.reshape(shape),
-        scene=runs.scene,
-        method=runs.method,
-        dt=plan.h,
-        tolerance=runs.tolerance,
-        steps=runs.count("taken").reshape(shape) if runs.tolerance else 0,
-        rejected=runs.count("rejected").reshape(shape) if runs.tolerance else 0,
-        lost_angle=series.get(LEFT_OUT[0]),
-        lost_velocity=series.get(LEFT_OUT[1]),
-        error_estimate=series.get(ESTIMATE),
-        velocity_error_estimate=series.get(VELOCITY_ESTIMATE),
-    )

@@ -21,11 +21,11 @@ from integrators.solving.equal import MOST_STEPS
 from pendulum_env.common.warn import warn
 from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.certified import CertifiedBatch, CertifiedMachine, CertifiedRuns, checked_estimate
-from pendulum_env.engine.each import Each, checked_limit
+from pendulum_env.engine.certificate import CertifiedBatch, CertifiedMachine, CertifiedRuns
+from pendulum_env.engine.each import Each
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import VELOCITY, Machine, find_method
+from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.settings import CommonSettings, RunSettings, SceneLike
@@ -148,18 +148,17 @@ class RunSpec(CommonSettings):
                    starts.given_start(velocity, "velocity", "rad/s", shape))
         validity = Validity(size, "run", *initial, control=share != 0.0) if own["warn"] or own["careful"] else None
         each = Each(scene, damping, math.inf, flat, size, "run", validity) if shape else None
-        built = each.scene if each else build_scene(scene, damping, flat)
-        if validity and not each:
-            validity.look(built, (0,))
+        built = each.scene if each else _looked_at(build_scene(scene, damping, flat), validity)
         usual = built.run
         h = number(usual.dt if dt is None else dt, "dt", above=0.0, unit="s")
         length = number(usual.duration if duration is None else duration, "duration", above=0.0, unit="s")
-        steps, limit = starts.checked_steps(length, h), checked_limit(speed_limit)
+        steps, limit = starts.checked_steps(length, h), starts.checked_limit(speed_limit)
         start = starts.checked_start(built, usual.angle if angle is None else angle,
                                      usual.velocity if velocity is None else velocity)
         stride, hold = whole_number(every, "every"), whole_number(substeps, "substeps", MOST_STEPS)
         seeds = starts.checked_seeds(seed, size)
-        names, estimated = checked_estimate(diagnostics, estimate_error)
+        names = check_diagnostics(diagnostics)
+        estimated = boolean(estimate_error, "estimate_error") or "error" in names
         method = find_method(integrator, built)
         even_steps = boolean(even_steps, "even_steps")
         if even_steps and (shape or estimated):
@@ -167,9 +166,9 @@ class RunSpec(CommonSettings):
             raise SceneError(f"even_steps {why}; leave it out.")
         return cls(
             scene=built, integrator=method.name, method=method, h=h, each=each, shape=shape, start=start,
-            plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share, diagnostics=names,
-            estimate_error=estimated, speed_limit=limit, backend=backend, rtol=rtol, atol=atol,
-            even_steps=even_steps, compensated=compensated, seeds=seeds,
+            plan=RecordSchedule(h, steps, min(stride, steps)), hold=hold, control=share,
+            diagnostics=tuple(name for name in names if name != "error"), estimate_error=estimated, speed_limit=limit,
+            backend=backend, rtol=rtol, atol=atol, even_steps=even_steps, compensated=compensated, seeds=seeds,
             formulas=validity.warning if validity else "", **own,
         )
 
@@ -196,17 +195,12 @@ class RunSpec(CommonSettings):
         watched = not {"tension", "flow"}.isdisjoint(names)
         each = None if size is None else Each(given.scene, given.damping, given.speed_limit, parameters, size,
                                               validity=validity, watched=watched)
-        built = each.scene if each else build_scene(given.scene, given.damping, parameters)
-        if validity and not each:
-            validity.look(built, (0,))
+        built = each.scene if each else _looked_at(build_scene(given.scene, given.damping, parameters), validity)
         bases = each.corners() if each and others else [built]
-        further = tuple(other for base in bases for other in others(base)) if others else ()
-        if validity:
-            for other in further:
-                validity.look(other, (0,))
+        further = tuple(_looked_at(other, validity) for base in bases for other in others(base)) if others else ()
         if each:
             each.vary(further)
-        limit = math.inf if each else checked_limit(given.speed_limit, built)
+        limit = math.inf if each else starts.checked_limit(given.speed_limit, built)
         scenes = each.corners if each else lambda: built
         integrator, substeps, measured = choose((lambda: [*bases, *further]) if further else scenes)
         method = find_method(integrator, built)
@@ -371,6 +365,13 @@ class RunSpec(CommonSettings):
             self.tell_of_turns(float(np.max(np.abs(states[:, VELOCITY]))))
         if "slackened" in machine.kept:
             self.tell_of_slack(float(state[machine.kept["slackened"]]))
+
+
+def _looked_at(scene: Scene, validity: Validity | None) -> Scene:
+    """Return a scene whose formulas were checked for one run, if there is a check."""
+    if validity:
+        validity.look(scene, (0,))
+    return scene
 
 
 def parted(parameters: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -111,6 +111,12 @@ class Worker:
     gate: threading.Lock
     asleep: bool = False
 
+    def wake(self) -> None:
+        """Wake the worker's thread if it sleeps."""
+        if self.asleep:
+            self.asleep = False
+            self.gate.release()
+
 
 class SpinningPool:
     """Workers, each a thread, that share each step of the blocks of a batch.
@@ -158,9 +164,7 @@ class SpinningPool:
         """Take a step of all blocks with these actions, contiguous in memory; return what ``step_blocks`` returns."""
         self._queue[ACTION] = action.ctypes.data
         for worker in self._workers:
-            if worker.asleep:
-                worker.asleep = False
-                worker.gate.release()
+            worker.wake()
         queue = self._queue
         if self._call(queue, self._ends, 0, int(queue[TURN]), self._most, *self._arguments[0]) == REFUSED:
             return REFUSED
@@ -184,6 +188,4 @@ def _end(queue: Queue, workers: Sequence[Worker]) -> None:
     """End the threads of a pool."""
     queue[TURN] = -1
     for worker in workers:
-        if worker.asleep:
-            worker.asleep = False
-            worker.gate.release()
+        worker.wake()

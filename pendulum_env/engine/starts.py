@@ -1,4 +1,4 @@
-"""Checks of a run's arguments: duration, initial conditions, methods, seeds and output file."""
+"""Checks of a run's arguments: duration, initial conditions, speed limit, methods, seeds and output file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.solving.equal import MOST_STEPS
-from pendulum_env.engine.each import WHOLE
+from pendulum_env.common.many import Many
 from pendulum_env.engine.machine import find_method
 from pendulum_env.engine.random_streams import MOST_SEED
 from pendulum_env.physics.arrays import float_array
@@ -26,6 +26,8 @@ LARGEST_ANGLE = {True: 1e8, False: 1e100}
 
 The sine is accurate up to 8e8 rad; elsewhere the square of the angle must be finite.
 """
+WHOLE = ("effects",)
+"""Parameters whose value is itself a sequence, so that a sequence is not one value per environment."""
 ENOUGH = 4
 """Minimum number of substeps per control step, as a multiple of the history length of a multistep method."""
 MOST_ROWS = 100_000_000
@@ -64,6 +66,25 @@ def checked_control(control: Any, name: str = "control") -> float:
     if abs(share) > 1.0:
         raise SceneError(f"{name} must be between -1 and 1, not {share!r}.")
     return share
+
+
+def frequency(scene: Scene) -> float:
+    """Return the angular frequency omega0 of small swings of a scene [1/s], or 1 for a scene without gravity.
+
+    Rewards use it as the unit of velocity.
+    """
+    return scene.omega0 or 1.0
+
+
+def checked_limit(value: Any, scene: Scene | None = None) -> float:
+    """Return the checked |velocity| that ends a run or, if a scene is given, an episode [rad/s].
+
+    An episode's is 100 omega0 if ``value`` is None. Raises SceneError unless it is a number above 0; inf is no limit.
+    """
+    if value is None and scene is not None:
+        value = 100.0 * frequency(scene)
+    endless = isinstance(value, (float, Many)) and value == math.inf
+    return math.inf if endless else number(value, "speed_limit", above=0.0, unit="rad/s")
 
 
 def usual_start(scene: Scene, angle: float | None, velocity: float | None) -> tuple[float, float]:

@@ -22,6 +22,17 @@ def without_half_turns(angle: float, halves: float) -> float:
     return ((angle - halves * 3.141592651605606) - halves * 1.9841871583270443e-09) - halves * 1.034036596358821e-18
 
 
+def split_turns(angle: Any, periodic: bool) -> tuple[Any, Any]:
+    """Return an angle [rad], or an array of them, as the angle from the nearer of bottom and top, and the turns.
+
+    Unless the torques are ``periodic``, the angle is unchanged, and the turns are 0.
+    """
+    if not periodic:
+        return angle, 0.0
+    halves: Any = half_turns(angle)
+    return without_half_turns(angle, halves), 0.5 * halves
+
+
 def without_half_turns_kept(angle: float, lost: float, halves: float) -> tuple[float, float]:
     """Return ``angle + lost - halves * pi`` [rad] as a rounded sum and its rounding remainder."""
     return added(angle - halves * 3.141592651605606, lost, -halves * 1.9841871583270443e-09,

@@ -14,7 +14,6 @@ from numpy import empty
 from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
-from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.pieces import FEW
@@ -22,6 +21,7 @@ from pendulum_env.engine.sensing import copied
 from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import DIVERGED, LOST, SLACK, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
+from pendulum_env.engine.starts import checked_limit, frequency
 from pendulum_env.envs.attributes import Fixed, Portable, fix
 from pendulum_env.envs.limits import check_duration, episode_steps, time_limit
 from pendulum_env.envs.saved import checked_parameters, checked_random, checked_state, identity

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from integrators import MethodError
-from pendulum_env.engine.certificate import ESTIMATE
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine, fitting
+from pendulum_env.engine.result import ESTIMATE
 from pendulum_env.engine.wrap import side_of
 
 ANEW = ("size",)

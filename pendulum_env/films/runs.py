@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine, followed
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.engine.rollout import Rollout
+from pendulum_env.engine.runs import RecordSchedule, recorded
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus, pivots, trail_length
@@ -132,10 +133,10 @@ def track_of(
     assert spec.plan is not None
     assert spec.start is not None
     h, every, control = spec.h, spec.plan.every, spec.control
-    rows = 1 + math.ceil(float(time[-1]) / (every * h) * (1.0 - 1e-12) - NEAR)
+    rows = math.ceil(float(time[-1]) / (every * h) * (1.0 - 1e-12) - NEAR)
     scene, state = machine.scene, machine.state(float(spec.start[0]), float(spec.start[1]))
     spec.tell()
-    states, reason = followed(machine, state, h, rows, every, 0, control, math.inf)
+    states, reason = recorded(machine, state, RecordSchedule(h, rows * every, every), control)
     spec.tell_end(machine, states, state, reason)
     initial = float(machine.ledger(states[0], 0.0).energy)
     ledger, works = machine.ledger(states, initial), "work" in machine.sums

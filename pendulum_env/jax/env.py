@@ -14,11 +14,11 @@ import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
 from pendulum_env.common.many import twin_of
-from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import find_method
 from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import HOLD
+from pendulum_env.engine.starts import checked_limit, frequency
 from pendulum_env.envs.limits import REGISTERED
 from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of

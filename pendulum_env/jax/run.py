@@ -18,14 +18,14 @@ from integrators import Method, MethodError
 from integrators.solving.equal import MOST_STEPS
 from pendulum_env.common.checks import boolean
 from pendulum_env.common.many import twin_of
-from pendulum_env.engine.certificate import ESTIMATE, ErrorEstimator, endless
-from pendulum_env.engine.each import checked_limit, frequency
+from pendulum_env.engine.certificate import ErrorEstimator, endless
 from pendulum_env.engine.generate import Program, program
 from pendulum_env.engine.machine import check_diagnostics, find_method
 from pendulum_env.engine.random_streams import MOST_SEED, Streams
 from pendulum_env.engine.report import SEEN
+from pendulum_env.engine.result import ESTIMATE
 from pendulum_env.engine.shape import HOLD, SLACK, STOP_REASONS
-from pendulum_env.engine.starts import checked_control, checked_steps, start_values
+from pendulum_env.engine.starts import checked_control, checked_limit, checked_steps, frequency, start_values
 from pendulum_env.jax.parameters import is_array, numbers, with_parameters
 from pendulum_env.jax.programs import Later, Unchanged, bare, functions
 from pendulum_env.physics import random

@@ -22,8 +22,9 @@ from pendulum_env.engine import kernels
 from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.kernels import EngineError, functions
 from pendulum_env.engine.layout import BLOCK
-from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting, simulate
+from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, VELOCITY, Machine, fitting
 from pendulum_env.engine.reading import ProgramError
+from pendulum_env.engine.runs import RecordSchedule, recorded
 from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns
 from pendulum_env.physics.effects import EFFECTS, Effect, Gravity
 from pendulum_env.physics.flow import quality_factor
@@ -117,7 +118,7 @@ def test_interpreted_and_compiled_give_the_same_bits(scene: str, method: str) ->
 @pytest.mark.parametrize("method", ["rk4", "velocity_verlet", "implicit_midpoint"])
 def test_trajectory_and_advance_give_the_same_bits(method: str) -> None:
     machine = Machine(SCENES["sticky_bearing"], method)
-    states, _ = simulate(machine, 0.5, 0.0, h=0.004, rows=11, every=50, control=0.375)
+    states, _ = recorded(machine, machine.state(0.5, 0.0), RecordSchedule(0.004, 500, 50), 0.375)
     state = machine.state(0.5, 0.0)
     machine.advance(state, 0.375, 0.004, 500)
     assert states[-1].tolist() == state.tolist()[: machine.width]

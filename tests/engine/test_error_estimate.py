@@ -325,6 +325,27 @@ def test_a_speed_that_turns_half_round_in_a_step_is_unknown() -> None:
     assert np.all(np.isinf(run.error_estimate[1:]))
 
 
+@pytest.mark.parametrize(("scene", "method", "h", "options"), [
+    ("lab", "rk4", 0.02, {"every": 3}), ("textbook", "forward_euler", 1.0, {"every": 5, "duration": 1000.0}),
+    ("exercise_large", "rk4", 0.01, {"angle": 0.0, "velocity": 9.0}),
+])
+def test_no_estimate_depends_on_where_a_run_is_divided(
+    scene: str, method: str, h: float, options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Check that the steps compared at a time change no bit, also where a run diverges or its wire goes slack."""
+    given = {"duration": 4.0, **options}
+    whole = estimated(scene, method, h, **given)
+    assert whole.error_estimate is not None
+    assert whole.velocity_error_estimate is not None
+    for stretch in (1, 7):
+        monkeypatch.setattr(certificate, "STRETCH", stretch)
+        parts = estimated(scene, method, h, **given)
+        assert parts.error_estimate is not None
+        assert parts.velocity_error_estimate is not None
+        assert parts.error_estimate.tolist() == whole.error_estimate.tolist()
+        assert parts.velocity_error_estimate.tolist() == whole.velocity_error_estimate.tolist()
+
+
 def test_a_run_that_diverges_at_once_is_unknown() -> None:
     """Check that a run that diverges in its first step has an estimate of inf, though its only record is exact."""
     run = estimated("vacuum", "forward_euler", 0.01, 1.0, velocity=1.0, damping={"linear": {"gamma": 1e160}})

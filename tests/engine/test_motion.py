@@ -128,6 +128,10 @@ def test_a_terminal_event_ends_the_run_there() -> None:
     assert abs(run.energy_residual[-1]) < 1e-13
     with pytest.raises(MethodError, match="is not between"):
         run(run.stop_time + 0.1)
+    for length in (0.2, 0.3, 0.4, 0.5):
+        short = rollout("lab", angle=0.5, length=length, velocity=0.0, dt=0.01, duration=3.0,
+                        events=Event("bottom", terminal=2))  # type: ignore[arg-type]
+        assert short.stop_time == short.time[-1] == short.t_events[0][-1]
     lossy = rollout("lab", angle=1.0, velocity=0.0, dt=0.01, duration=9.0, events=Event("turning", terminal=3),
                     diagnostics=("heat_by_effect",))  # type: ignore[arg-type]
     assert abs(lossy.energy_residual[-1]) < 1e-8

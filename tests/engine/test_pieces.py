@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Rollout, rollout
-from pendulum_env.engine import batch, threads
 from pendulum_env.engine import machine as single
-from pendulum_env.engine.certified import CertifiedMachine
+from pendulum_env.engine import pendulums, threads
+from pendulum_env.engine.certificate import CertifiedMachine
 from pendulum_env.engine.machine import INDEX, Machine
 from pendulum_env.engine.pieces import FEW, GROWTH, LEAST, MOMENT, MOST, Pace
 
@@ -58,7 +58,7 @@ def bits(run: Rollout) -> list[Any]:
 
 def in_pieces_of(units: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Set the number of units of work of all pieces."""
-    monkeypatch.setattr(Pace, "__init__", lambda self, _=0: setattr(self, "units", units))
+    monkeypatch.setattr(Pace, "__init__", lambda self, _=0, share=1.0: vars(self).update(units=units, share=share))
     monkeypatch.setattr(Pace, "learn", lambda *_: None)
 
 
@@ -209,7 +209,7 @@ def program_that_is_interrupted(module: Any, name: str, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("options", [{}, {"integrator": "bs3", "rtol": 1e-6}])
 def test_a_vector_wants_a_reset(options: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     in_pieces_of(2, monkeypatch)
-    programs = program_that_is_interrupted(batch, "step_blocks", monkeypatch)
+    programs = program_that_is_interrupted(pendulums, "step_blocks", monkeypatch)
     env = LabPendulumVectorEnv(3, substeps=20, backend="python", **options)
     env.reset(seed=0)
     programs[0].at = 3

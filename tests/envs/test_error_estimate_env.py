@@ -16,7 +16,7 @@ import pytest
 import integrators
 import pendulum_env  # noqa: F401
 from pendulum_env import SCENES, SceneError, rollout
-from pendulum_env.engine import batch
+from pendulum_env.engine import pendulums
 from pendulum_env.engine.generate import program
 
 
@@ -181,8 +181,8 @@ def test_without_the_diagnostic_nothing_is_there(monkeypatch: pytest.MonkeyPatch
     assert "half_angle" not in text
     assert len(plain.get_state()["state"]) == len(program(scene, method, ("energy",)).shape.state)
     programs: list[Any] = []
-    own = batch.functions
-    monkeypatch.setattr(batch, "functions", lambda made, backend: (programs.append(made), own(made, backend))[1])
+    own = pendulums.functions
+    monkeypatch.setattr(pendulums, "functions", lambda made, backend: (programs.append(made), own(made, backend))[1])
     vector = gym.make_vec("LabPendulum-v0", num_envs=2, backend="python").unwrapped
     assert "error_estimate" not in vector.reset(seed=0)[1]
     gym.make_vec("LabPendulum-v0", num_envs=2, backend="python", diagnostics=("energy", "error"))

@@ -29,7 +29,7 @@ from vector_steps import MODES, same, side_by_side, vector
 
 import integrators
 from pendulum_env import SCENES, LabPendulumEnv, LabPendulumVectorEnv, Scene, SceneError
-from pendulum_env.engine import batch, generate, kernels, threads
+from pendulum_env.engine import batch, generate, kernels, pendulums, threads
 from pendulum_env.engine.layout import BLOCK, aligned
 from pendulum_env.tasks import TASKS
 from pendulum_env.tasks.action import ActionError
@@ -261,8 +261,8 @@ def test_parameters_of_each_environment() -> None:
 
 def test_one_kernel_serves_all_values(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Any] = []
-    own = batch.functions
-    monkeypatch.setattr(batch, "functions", lambda *given: (made.append(own(*given)), made[-1])[1])
+    own = pendulums.functions
+    monkeypatch.setattr(pendulums, "functions", lambda *given: (made.append(own(*given)), made[-1])[1])
     vector(2, length=[0.3, 0.4], backend="python")
     vector(2, length=[0.5, 0.6], backend="python")
     first, second = made
@@ -290,7 +290,7 @@ def test_new_values_generate_parse_and_compile_nothing(scene: str, monkeypatch: 
 
 
 def test_resets_and_steps_are_compiled_for_one_type_of_action(monkeypatch: pytest.MonkeyPatch) -> None:
-    own, seen = batch.functions, []
+    own, seen = pendulums.functions, []
 
     def noted(*given: Any) -> dict[str, Any]:
         made = own(*given)
@@ -302,7 +302,7 @@ def test_resets_and_steps_are_compiled_for_one_type_of_action(monkeypatch: pytes
 
         return {**made, "step_blocks": call}
 
-    monkeypatch.setattr(batch, "functions", noted)
+    monkeypatch.setattr(pendulums, "functions", noted)
     env = vector(2, backend="python", autoreset_mode="Disabled")
     env.reset(seed=0)
     env.step(env.action_space.sample())
@@ -583,7 +583,7 @@ def test_an_interrupted_restart_has_to_be_followed_by_a_reset(
         env.step(np.zeros((4, 1)))
         env.reset(options={"reset_mask": np.array([True, False, True, False])})
 
-    def interrupted(angle: Any) -> None:
+    def interrupted(*given: Any) -> None:
         raise KeyboardInterrupt
 
     def go_on() -> None:
@@ -591,7 +591,7 @@ def test_an_interrupted_restart_has_to_be_followed_by_a_reset(
             env.step(np.zeros((4, 1)))
 
     with monkeypatch.context() as patch:
-        patch.setattr(batch, "half_turns", interrupted)
+        patch.setattr(pendulums, "split_turns", interrupted)
         with pytest.raises(KeyboardInterrupt):
             go_on()
     for call in (lambda: env.step(np.zeros((4, 1))), env.get_state,
@@ -608,11 +608,11 @@ def test_an_interrupted_reset_has_to_be_repeated(monkeypatch: pytest.MonkeyPatch
     env = vector(4)
     env.reset(seed=0)
 
-    def interrupted(angle: Any) -> None:
+    def interrupted(*given: Any) -> None:
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(batch, "half_turns", interrupted)
+        patch.setattr(pendulums, "split_turns", interrupted)
         with pytest.raises(KeyboardInterrupt):
             env.reset(seed=1)
     with pytest.raises(gym.error.ResetNeeded):

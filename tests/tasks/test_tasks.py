@@ -363,12 +363,13 @@ def test_a_reward_that_becomes_infinite_stops_the_episode_with_an_error(backend:
     env.reset(seed=0)
     with pytest.raises(TaskError, match="The task 'edge' raises ZeroDivisionError"):
         env.step(np.zeros(1, np.float32))
-    vector = LabPendulumVectorEnv(3, task=task, backend="compiled")
-    vector.reset(seed=0)
-    with pytest.raises(TaskError, match="reward of the task 'edge' is inf in environment 0, at angle"):
-        vector.step(np.zeros((3, 1), np.float32))
-    with pytest.raises(gym.error.ResetNeeded):
-        vector.step(np.zeros((3, 1), np.float32))
+    for substeps in (1, 100):  # one call for a step, and several
+        vector = LabPendulumVectorEnv(3, task=task, substeps=substeps, backend="compiled")
+        vector.reset(seed=0)
+        with pytest.raises(TaskError, match="reward of the task 'edge' is inf in environment 0, at angle"):
+            vector.step(np.zeros((3, 1), np.float32))
+        with pytest.raises(gym.error.ResetNeeded):
+            vector.step(np.zeros((3, 1), np.float32))
 
 
 def test_a_changed_source_is_noticed(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:

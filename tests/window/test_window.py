@@ -21,7 +21,7 @@ from gymnasium.utils.passive_env_checker import env_render_passive_checker
 from PIL import Image
 
 from pendulum_env import LabPendulumEnv, LabPendulumVectorEnv
-from pendulum_env.engine.certified import CertifiedMachine
+from pendulum_env.engine.certificate import CertifiedMachine
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, VELOCITY, Machine
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import View

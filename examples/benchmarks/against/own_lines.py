@@ -59,7 +59,8 @@ def _evenly(setting: float) -> dict[str, Any]:
 
 def _alone(method: str, options: Callable[[float], dict[str, Any]] | None) -> Callable[[Problem], Solver]:
     def prepare(problem: Problem) -> Solver:
-        from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine, simulate
+        from pendulum_env.engine.machine import ANGLE, TURNS, TWO_PI, Machine
+        from pendulum_env.engine.runs import RecordSchedule, recorded
 
         scene, start = scene_of(problem), float(problem.starts[0])
         fixed = None if options else Machine(scene, method, ())
@@ -69,10 +70,10 @@ def _alone(method: str, options: Callable[[float], dict[str, Any]] | None) -> Ca
             if options and setting not in machines:
                 machines[setting] = Machine(scene, method, (), **options(setting))
             machine, steps = (machines[setting], 1) if fixed is None else (fixed, int(setting))
-            h, rows = duration / RECORDS / steps, RECORDS + 1
-            states, _ = simulate(machine, start, 0.0, h=h, rows=rows, every=steps)
-            if len(states) < rows:
-                return np.full(rows, math.nan)
+            plan = RecordSchedule(duration / RECORDS / steps, RECORDS * steps, steps)
+            states, _ = recorded(machine, machine.state(start, 0.0), plan)
+            if len(states) < plan.count:
+                return np.full(plan.count, math.nan)
             return np.asarray(states[:, ANGLE] + TWO_PI * states[:, TURNS])
 
         return solve

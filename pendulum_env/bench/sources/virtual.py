@@ -96,7 +96,7 @@ class Virtual(Source):
 
     def _moved(self, count: int) -> FloatArray:
         """Return the next ``count`` angles [rad] of the free motion, the first of which is that of the release."""
-        from pendulum_env.engine.machine import followed
+        from pendulum_env.engine.runs import RecordSchedule, recorded
 
         bob = self._bob
         if not count:
@@ -107,8 +107,8 @@ class Virtual(Source):
             drawn = np.random.default_rng(self.seed).random(len(machine.drawn)).tolist()
             bob["state"] = machine.state(bob["held"], 0.0, drawn)
         # one record is the state before the first step: the angle at the release, or one that was read before
-        rows, reason = followed(machine, bob["state"], 1.0 / (self.rate * bob["steps"]), count + (not first),
-                                bob["steps"], 0, 0.0, math.inf)
+        plan = RecordSchedule(1.0 / (self.rate * bob["steps"]), (count - first) * bob["steps"], bob["steps"])
+        rows, reason = recorded(machine, bob["state"], plan)
         if reason:
             raise SourceError(f"the simulated motion stopped: {reason}; choose another integrator or scene")
         angle, turns = (rows[:, machine.names.index(name)] for name in ("angle", "turns"))

@@ -19,8 +19,8 @@ import integrators
 from integrators import Method
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
-from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine, followed
-from pendulum_env.engine.rollout import result_of
+from pendulum_env.engine.machine import NOWHERE, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.runs import RecordSchedule, recorded, result_of
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.timing import run_time
 from pendulum_env.physics.scene import Scene
@@ -136,10 +136,9 @@ def measure(point: Mapping[str, Any], methods: Mapping[str, Method] | None = Non
     if run["repeat"]:
         return {"time": _timed(machine, place, dt, steps)}
     state, begun = machine.state(place.angle, place.velocity), perf_counter()
-    states, reason = followed(machine, state, dt, 1 + steps // every, every, 0, 0.0, math.inf)
+    states, reason = recorded(machine, state, RecordSchedule(dt, steps, every))
     seconds = perf_counter() - begun
-    counts = {name: int(state[i]) for name, i in machine.kept.items()}
-    result = result_of(machine, states, reason, dt, counts)
+    result = result_of(machine, states, reason, dt, state)
     host = {"machine": machine_name(), "versions": versions()}
     if result.stop_reason:
         return {"dt": dt, "steps": steps, "stop_reason": str(result.stop_reason), **host}

@@ -17,7 +17,8 @@ from pendulum_env.common.results import Columns, Result, columns_of
 from pendulum_env.common.shown import one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting, simulate
+from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting
+from pendulum_env.engine.runs import RecordSchedule, recorded
 from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
 from pendulum_env.engine.starts import checked_methods, checked_start, checked_steps, usual_start
@@ -425,7 +426,7 @@ def cost_of_step(machine: Machine, angle: float, velocity: float, period: float,
     if not machine.method.implicit:
         return float(machine.method.evaluations)
     every = max(1, round(2.0 * period / h / SAMPLES))
-    states, _ = simulate(machine, angle, velocity, h=h, rows=SAMPLES, every=every)
+    states, _ = recorded(machine, machine.state(angle, velocity), RecordSchedule(h, (SAMPLES - 1) * every, every))
     evaluations = evaluations_per_step(machine, states[:, ANGLE] + TWO_PI * states[:, TURNS], states[:, VELOCITY], h)
     return evaluations if math.isfinite(evaluations) else float(machine.method.evaluations)
 
