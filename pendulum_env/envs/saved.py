@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -107,11 +108,15 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
     if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
         raise SceneError(f"random must be a state of the generator {name}, not {shown(saved)}.")
     restored: Any = type(own)()
+    reason = "its numbers are out of range"
     try:
-        restored.state = saved
-        # numpy itself drops what is beyond 32 bits, and takes an even increment, whose numbers would not be random
-        fits = name not in PCG or (restored.state == saved and saved["state"]["inc"] % 2 == 1)
-        reason = "its numbers are out of range"
+        # NumPy drops what is beyond its words, NumPy 1 takes numbers below 0, too, and an even increment is not random.
+        fits = name not in PCG or (
+            all(0 <= index(saved["state"][word]) < 2**128 for word in ("state", "inc"))
+            and saved["state"]["inc"] % 2 == 1
+            and index(saved["has_uint32"]) in (0, 1) and 0 <= index(saved["uinteger"]) < 2**32)
+        if fits:
+            restored.state = saved
     except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
         fits, reason = False, str(error)
     if not fits:

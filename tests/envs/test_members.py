@@ -67,6 +67,8 @@ def test_every_attribute_is_that_of_gymnasiums_vector(options: dict[str, Any]) -
     for name in (*ATTRIBUTES, *SCENES["lab"].parameters(), "body", "medium", "effects", "gravity"):
         if hasattr(LabPendulumEnv, name) or name in ATTRIBUTES:
             found, wanted = mine.get_attr(name), theirs.get_attr(name)
+            if name == "metadata":  # Gymnasium 1.1 writes the vector's mode into those of its single environments
+                wanted = tuple({key: one[key] for key in one if key != "autoreset_mode"} for one in wanted)
             assert type(found) is tuple
             assert found == wanted, name
             assert [*map(type, found)] == [*map(type, wanted)], name
