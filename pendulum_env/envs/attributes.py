@@ -35,7 +35,7 @@ from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, naming_keywords, nearest, shown
 from pendulum_env.tasks.task import Task, steps_of
 
-FORMAT = 8
+FORMAT = 9
 """Number of the form in which environments are pickled.
 
 It is raised by one whenever their attributes change, or what their programs return: pickles hold the programs' texts.

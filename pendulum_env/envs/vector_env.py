@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.batch import Results
-from pendulum_env.engine.each import Each
 from pendulum_env.engine.random_streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.settings import described, documented, taking
@@ -105,6 +104,7 @@ class LabPendulumVectorEnv(Members):
                                 given.render_mode == "rgb_array_list")
                         if given.render_mode else None)
         self._streams: Streams | None = None
+        self._members = {}
         self._seeds: NDArray[Any] | range = range(0)
         self._over, self._everyone = NOBODY, np.ones(self._num_envs, dtype=np.bool_)
         self._running = np.broadcast_to(np.array("", dtype=object), (self._num_envs,))
@@ -388,12 +388,6 @@ class LabPendulumVectorEnv(Members):
         last = {**self._infos(np.where(shown, results.info, 0.0), shown), **reasons}
         last["stop_reason"] = np.where(shown, last["stop_reason"], None)
         return {"final_obs": last_seen, "_final_obs": shown, "final_info": last, "_final_info": shown.copy()}
-
-    @property
-    def _each(self) -> Each:
-        """The scenes of the environments, with the parameters of their present episodes."""
-        assert self._spec.each is not None
-        return self._spec.each
 
     def _restart(
         self, which: Places, results: Results, own: Mapping[str, Array], starts: Mapping[str, Array], task: Task

@@ -255,7 +255,7 @@ BAD: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "numbers": (spoilt(numbers={}), "numbers in a state to restore must be a dict"),
     "shape": (lambda saved: spoilt(state={**saved["state"], "v": np.zeros(2)})(saved), "v in a state to"),
     "nan": (lambda saved: spoilt(state={**saved["state"], "v": np.full(SIZE, np.nan)})(saved), "v in a state"),
-    "angle": (lambda saved: spoilt(state={**saved["state"], "q": np.full(SIZE, 4.0)})(saved), "q in a state"),
+    "angle": (lambda saved: spoilt(state={**saved["state"], "q": np.full(SIZE, 4.0)})(saved), "angle in a state"),
     "steps": (lambda saved: spoilt(state={**saved["state"], "index": np.full(SIZE, -1.0)})(saved), "index in a state"),
     "random": (spoilt(random=np.zeros((4, SIZE))), "random in a state to restore must be an array"),
     "increment": (spoilt(random=np.zeros((4, SIZE), dtype=np.uint64)), "odd increments"),
