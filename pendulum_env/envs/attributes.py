@@ -204,7 +204,8 @@ class Portable(Displayed):
         self._dt, self._substeps, self._h = dt, spec.hold, spec.h
         self._randomization, self._checks = draws, task.own
         self._rate, self._penalty = dt if given.reward_rate else 1.0, given.speed_penalty
-        self._velocity_bound, self._bounded = given.velocity_bound, given.velocity_bound < UNBOUNDED
+        self._velocity_bound = given.velocity_bound
+        self._bounded = given.velocity_bound < UNBOUNDED and (plan is None or plan.swift)
         self._acts = acting(given)
         self._delays: dict[str, Any] = {}
         self._turning = spec.turning_speed()

@@ -18,14 +18,14 @@ from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.pieces import FEW
-from pendulum_env.engine.sensing import copied
+from pendulum_env.engine.sensing import MotionFields, copied
 from pendulum_env.engine.settings import described, documented, taking
-from pendulum_env.engine.shape import DIVERGED, LOST, SLACK, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.shape import DIVERGED, HOLD, LOST, SLACK, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.envs.attributes import Fixed, Portable, fix
 from pendulum_env.envs.limits import check_duration, episode_steps, time_limit
 from pendulum_env.envs.saved import checked_parameters, checked_random, checked_state, identity
-from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings_of
+from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings
 from pendulum_env.envs.settings import METADATA, START, EnvSettings, checked_options, spaces_of
 from pendulum_env.envs.switch import carried, following
 from pendulum_env.films.picture import Camera
@@ -107,7 +107,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     @taking(EnvSettings)
     def __init__(self, given: EnvSettings) -> None:
         plan = self._set_up(given)
-        self._machine, self._sensing = readings_of(self._spec, plan)
+        self._machine = self._spec.machine()
+        remembers = HOLD[0] in self._machine.numbers
+        place = MotionFields(1, ANGLE, TURNS, VELOCITY, self._scene.periodic)
+        self._sensing = readings(self._spec, plan, place, remembers, 1)
+        if plan is not None and plan.changes and remembers:  # effects' state follows actions within control steps
+            self._machine = replace(self._spec, hold=1).machine()
         self._observed = 0.0
         self._tell()
         self._speed_limit, self._omega0 = self._spec.speed_limit, frequency(self._scene)
@@ -345,7 +350,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             given, angle = empty((1, plan.width), SINGLE), empty(1)
             self._sensing.give(given, angle)
             seen, self._observed, turned = given[0], float(angle[0]), plan.width - plan.swift
-        if self._bounded and (self._sensing is None or self._sensing.plan.swift):
+        if self._bounded:
             seen[2] = min(max(seen[2], -self._velocity_bound), self._velocity_bound)
         if self._upright:
             seen[:turned] = -seen[:turned]
