@@ -159,10 +159,6 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
     _members: dict[int, Member]
     """The environments on which attributes have been set."""
 
-    def _ready_to_render(self) -> Cameras | None:
-        """Return the renderer; ResetNeeded before the first reset."""
-        raise NotImplementedError
-
     def _seeded(self) -> Streams:
         """Return the random streams of all environments."""
         raise NotImplementedError
@@ -247,6 +243,14 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
         if name in numbers:
             return float(numbers[name][0])
         return float(np.broadcast_to(self._spec.numbers[name], (self._num_envs,))[place])
+
+    def _ready_to_render(self) -> Cameras | None:
+        """Return the renderer, None without a render mode; ResetNeeded before the first reset."""
+        if self._camera is None:
+            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
+        elif not self._begun:
+            raise self._unready("the first render()")
+        return self._camera
 
     def _unready(self, call: str) -> Exception:
         """Return the error of a call that needs a state of every environment: why there is none, and what to do."""

@@ -270,13 +270,6 @@ class LabPendulumVectorEnv(Members):
         shares[which] = self._acted(shares[which], lambda: self._seeded().uniform(which))
         return shares
 
-    def _ready_to_render(self) -> Cameras | None:
-        if self._camera is None:
-            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
-        elif not self._begun:
-            raise self._unready("the first render()")
-        return self._camera
-
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes for a copy or a pickle, without the cached infos, which share arrays with this object.
         """

@@ -538,7 +538,7 @@ BAD_ACTIONS = {
     "shape": (np.zeros(3, np.float32), "must have the shape (3, 1), not (3,)"),
     "number": (np.zeros((2, 1), np.float32), "must have the shape (3, 1), not (2, 1)"),
     "nan": (np.array([[0.0], [np.nan], [np.inf]]), "those of the environments 1, 2 are not"),
-    "words": (np.array([["a"], ["b"], ["c"]]), "must be real numbers"),
+    "words": (np.array([["a"], ["b"], ["c"]]), "must have real numbers"),
 }
 
 
