@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.each import checked_limit, frequency
 from pendulum_env.engine.goal import looking_ahead
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.pieces import FEW
 from pendulum_env.engine.sensing import MotionFields, copied
 from pendulum_env.engine.settings import described, documented, taking
@@ -36,6 +36,7 @@ from pendulum_env.physics.units import boolean, line, number, shown, whole_numbe
 from pendulum_env.render import View
 from pendulum_env.tasks import TASKS, TaskError
 from pendulum_env.tasks.action import SINGLE, torque_share
+from pendulum_env.tasks.task import earlier
 from pendulum_env.window import Shown, window_of
 
 
@@ -233,7 +234,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if self.window is not None:
             self.window.attend()
         self._share = share
-        before = earlier(self._state, self._machine.phi, self._before) if self._before else {}
+        before: dict[str, float] = {}
+        if self._before:
+            numbers = self._state[self._machine.phi], *self._state[ANGLE : VELOCITY + 1]
+            before = earlier(self._before, *map(float, numbers))
         if self._plain:
             observation, code, values = self._run(self._substeps)
         else:
@@ -486,13 +490,6 @@ documented(
     LabPendulumEnv, arguments=described(EnvSettings), tasks="\n".join([
         "| task | reward per step | ends |", "| --- | --- | --- |",
         *(f"| `{task.name}` | {task.equation} | {task.ends} |" for task in TASKS.values())]))
-
-
-def earlier(state: Any, phi: int, names: Sequence[str]) -> dict[str, float]:
-    """Return the quantities of a state, at the start of a control step, that a task takes, by name [rad, rad/s]."""
-    values = {"phi_before": state[phi], "velocity_before": state[VELOCITY],
-              "angle_before": state[ANGLE] + TWO_PI * state[TURNS]}
-    return {name: float(values[name]) for name in names}
 
 
 def one_start(spec: RunSpec, angle: Any, velocity: Any) -> tuple[float, float]:

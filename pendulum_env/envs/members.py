@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import FIELD_OF, Batch
 from pendulum_env.engine.each import Each
+from pendulum_env.engine.machine import ANGLE, VELOCITY, Machine
 from pendulum_env.engine.random_streams import Streams, generator_state, words_of
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.envs.attributes import Fixed, Portable, parameter
 from pendulum_env.envs.cameras import Cameras, state_of
-from pendulum_env.envs.env import LabPendulumEnv, earlier
+from pendulum_env.envs.env import LabPendulumEnv
 from pendulum_env.envs.randomize import Bank
 from pendulum_env.envs.saved import (
     by_name,
@@ -31,7 +32,9 @@ from pendulum_env.envs.saved import (
     identity,
 )
 from pendulum_env.envs.settings import METADATA
+from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, line, nearest, shown
+from pendulum_env.tasks.task import earlier
 
 Places = NDArray[np.intp]
 P = ParamSpec("P")
@@ -203,7 +206,7 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
         Raises AttributeError for a name that is no method or attribute, SceneError for an index out of range.
         """
         places = self._places(which).tolist()
-        if name == "set_state":  # of all at once, as before the first reset
+        if line(name, "name") == "set_state":  # of all at once, as before the first reset
             self.set_state([*args, *kwargs.values()] * len(places), places)
             return (None,) * len(places)
         values = [self._member(place).get_wrapper_attr(name) for place in places]
@@ -308,7 +311,9 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
             if len(saved) != len(places):
                 raise SceneError(f"saved must have one state for each of {len(places)} environments, not {len(saved)}.")
             self._check_alone()
-            self._restore(places, *self._joined([*map(self._checked_one, places.tolist(), saved)]))
+            machine = self._spec.one(0).machine()
+            rows = [self._checked_one(machine, place, one) for place, one in zip(places.tolist(), saved, strict=True)]
+            self._restore(places, *self._joined(rows))
             return
         checked = self._checked(saved, places)
         if "more" in saved:
@@ -446,15 +451,20 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
                 "trail": [], "past": [], "seen": 0,
                 "random": generator_state(self._seeded().words(np.array([place]))[:, 0])}
 
-    def _checked_one(self, place: int, saved: Any) -> tuple[dict[str, float], NDArray[np.uint64]]:
-        """Check the state of a single environment; return its numbers by field, and its random words."""
-        machine = self._spec.one(place).machine()
-        values, _, _ = checked_state(saved, identity(self._spec, machine.scene, machine.tolerance), machine)
+    def _checked_one(
+        self, machine: Machine, place: int, saved: Any
+    ) -> tuple[dict[str, float], NDArray[np.uint64]]:
+        """Check the state of a single environment; return its numbers by field, and its random words.
+
+        The ``machine`` may be that of another environment, as the numbers are checked for being finite only.
+        """
+        scene: Scene = self._member(place).scene
+        values, _, _ = checked_state(saved, identity(self._spec, scene, machine.tolerance), machine)
         if values is None:
             raise SceneError("A state to restore in a vector must be that of an environment that has been reset.")
         numbers = by_name(values, machine.names)
         fields = {FIELDS.get(name, name): value for name, value in numbers.items()}
-        fields |= earlier(values, machine.phi, self._task.goal.before)
+        fields |= earlier(self._task.goal.before, values[machine.phi], *values[ANGLE : VELOCITY + 1])
         return fields, words_of(checked_random(saved["random"], np.random.PCG64(0)))
 
     def _joined(

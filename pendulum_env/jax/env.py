@@ -28,7 +28,7 @@ from pendulum_env.jax.sensing import TwinSensing
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import build_scene
 from pendulum_env.physics.units import SceneError, count, naming_keywords, nearest, setting, shown
-from pendulum_env.tasks.task import steps_of
+from pendulum_env.tasks.task import earlier, steps_of
 
 LONGEST = 2**31 - 1
 """Most control steps in an episode: they are counted in 32 bits."""
@@ -391,17 +391,12 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
     def _judged(self, state: EnvState, values: Any, share: Any, used: EnvParams) -> Any:
         """Return reward and loss of a control step that led to a state of the program."""
-        names = self.twin.names
-        place = {name: values[names.index(name)] for name in ("index", "angle", "turns", "velocity")}
-        phi = self._reports(values, used)["phi"]
-        goal, before = self.task.goal, []
-        if goal.before:
-            earlier = self._reports(state.values, used)
-            known = {"phi_before": earlier["phi"], "angle_before": self.twin.turned(state.values),
-                     "velocity_before": state.values[names.index("velocity")]}
-            before = [known[name] for name in goal.before]
-        reward, lost = self._judge.call("judge", *place.values(), phi, share, used.omega0, self.h, *before)
-        shape = jnp.shape(place["angle"])
+        phi, before = self._reports(values, used)["phi"], dict[str, Any]()
+        if names := self.task.goal.before:
+            before = earlier(names, self._reports(state.values, used)["phi"], *self.twin.motion(state.values))
+        reward, lost = self._judge.call("judge", values[0], *self.twin.motion(values), phi, share, used.omega0, self.h,
+                                        *before.values())
+        shape = jnp.shape(values[0])
         return jnp.broadcast_to(jnp.asarray(reward, self.kind), shape), jnp.broadcast_to(jnp.asarray(lost, bool), shape)
 
 

@@ -99,18 +99,17 @@ class Task:
         """Check and translate the functions, and try them."""
         name = line(self.name, "The name of a task")
         ranges = self.start if isinstance(self.start, Mapping) else {}
-        given = {"reward": self.reward, "lost": _never if self.lost is None else self.lost, "reference": self.reference,
-                 "start": None if isinstance(self.start, Mapping) else self.start}
-        translator, made = Translator(name), dict[str, Any]()
-        for role, function in given.items():
-            left_out = function is None and role in ("reference", "start")
-            made[role] = None if left_out else translator.plain(function, role)
         follows = self.reference is not None
         quantities = {name: one.meaning for name, one in OFFERED.items() if follows or name not in FOLLOWED}
-        offered = {"reward": quantities, "lost": quantities, "reference": REFERENCE, "start": BEGIN}
-        for role, function in made.items():
-            if function is not None:
-                self._check_names(role, function, offered[role])
+        given: dict[str, tuple[Any, Mapping[str, str]]] = {
+            "reward": (self.reward, quantities), "lost": (_never if self.lost is None else self.lost, quantities),
+            "reference": (self.reference, REFERENCE),
+            "start": (None if isinstance(self.start, Mapping) else self.start, BEGIN)}
+        translator, made = Translator(name), dict[str, Any](reference=None, start=None)
+        for role, (function, offered) in given.items():
+            if function is not None or role not in made:
+                made[role] = translator.plain(function, role)
+                self._check_names(role, made[role], offered)
         begin = made["start"]  # the package's own takes arrays, and need not be copied into a program
         goal = Goal(made["reward"], made["lost"], made["reference"], None if begin is None or is_ours(begin) else begin,
                     boolean(self.upright, "upright"), tuple(translator.pieces))
@@ -260,6 +259,15 @@ def steps_of(duration: Any, dt: float) -> int:
         raise TaskError(f"duration={length:g} s is not a whole number of control steps of dt={dt:g} s; the nearest is "
                         f"{whole * dt:.10g} s.")
     return whole
+
+
+def earlier(names: Sequence[str], phi: Any, angle: Any, turns: Any, velocity: Any) -> dict[str, Any]:
+    """Return those of a task's quantities that are of the start of a control step, by name: ``goal.before``.
+
+    ``angle`` [rad] and ``turns`` are those of the state, which is that at the start of the step; they may be arrays.
+    """
+    values = {"phi_before": phi, "angle_before": angle + 2.0 * math.pi * turns, "velocity_before": velocity}
+    return {name: values[name] for name in names}
 
 
 def _checked_ranges(task: str, given: Mapping[str, Any]) -> dict[str, Range]:

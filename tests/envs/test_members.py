@@ -210,8 +210,9 @@ def test_states_go_between_vectors_and_single_environments(life: str) -> None:
         together = np.repeat(action[:1], SIZE, axis=0)
         assert np.array_equal(back.step(together)[0], np.repeat(vector.step(together)[0][1:2], SIZE, axis=0))
     state = single.get_state()  # type: ignore[attr-defined]
-    back.call("set_state", state)
-    assert [one["state"] for one in back.call("get_state")] == [state["state"]] * SIZE
+    for each in (back, native(**options)):  # also before the first reset
+        each.call("set_state", state)
+        assert [one["state"] for one in each.call("get_state")] == [state["state"]] * SIZE
 
 
 def test_an_ended_episode_is_still_ended() -> None:
@@ -257,6 +258,12 @@ BAD: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "nan": (lambda saved: spoilt(state={**saved["state"], "v": np.full(SIZE, np.nan)})(saved), "v in a state"),
     "angle": (lambda saved: spoilt(state={**saved["state"], "q": np.full(SIZE, 4.0)})(saved), "angle in a state"),
     "steps": (lambda saved: spoilt(state={**saved["state"], "index": np.full(SIZE, -1.0)})(saved), "index in a state"),
+    "half a step": (lambda saved: spoilt(state={**saved["state"], "index": np.full(SIZE, 0.5)})(saved),
+                    "index in a state to restore must be a whole number"),
+    "turns": (lambda saved: spoilt(state={**saved["state"], "turns": np.array([0.0, 0.5, 1.0 / 3.0])})(saved),
+              "turns in a state to restore must be a multiple of 1/2, not 0.333"),
+    "speed": (lambda saved: spoilt(state={**saved["state"], "v": np.array([0.0, -1e151, 0.0])})(saved),
+              "velocity in a state to restore must be within"),
     "random": (spoilt(random=np.zeros((4, SIZE))), "random in a state to restore must be an array"),
     "increment": (spoilt(random=np.zeros((4, SIZE), dtype=np.uint64)), "odd increments"),
     "over": (spoilt(over=[False] * SIZE), "over in a state to restore must be an array"),

@@ -493,7 +493,7 @@ def test_gymnasiums_vector_wrappers(wrap: Any, mode: str) -> None:
                           **options)
     if mode == "SameStep" and issubclass(wrap, VectorObservationWrapper):  # would leave final_obs as it is
         for env in (native, theirs):
-            with pytest.raises((ValueError, AssertionError), match="autoreset_mode"):
+            with pytest.raises((ValueError, AssertionError), match=r"autoreset_mode|^$"):  # Gymnasium 1.1 says no word
                 wrap(env, **arguments.get(wrap, {}))
         return
     found, wanted = (wrap(env, **arguments.get(wrap, {})) for env in (native, theirs))
