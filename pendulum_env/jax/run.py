@@ -451,40 +451,38 @@ def _recorded(turn: Turn, carry: Any, taken: int, count: int, every: int) -> Any
     """
     part = math.isqrt(count) if count > LONG else count
 
-    def some(carry: Any, begin: Any, steps: int) -> Any:
-        """Take steps, with all that a derivative needs of them."""
-        return lax.scan(lambda carry, i: (turn(carry, i), None), carry, begin + jnp.arange(steps))[0]
-
     def many(carry: Any, begin: Any, steps: int) -> Any:
-        """Take steps in parts, with only the first state of each."""
-        if steps <= part:
-            return turn(carry, begin) if steps == 1 else some(carry, begin, steps)
-
-        def next_part(carry: Any, i: Any) -> tuple[Any, None]:
-            return some(carry, begin + i * part, part), None
-
-        whole, rest = divmod(steps, part)
-        carry, _ = lax.scan(jax.checkpoint(next_part), carry, jnp.arange(whole))
-        return some(carry, begin + whole * part, rest) if rest else carry
+        if steps == 1:
+            return turn(carry, begin)
+        return _in_parts(lambda carry, i: (turn(carry, i), None), carry, begin, steps, part)[0]
 
     def row(carry: Any, k: Any) -> tuple[Any, Any]:
         after = many(carry, k * every, every)
         return after, after
 
-    records, first = [], 0
+    records = []
     if taken:
         carry = many(carry, jnp.asarray(taken), every - taken) if every > taken else carry
         records.append(jax.tree.map(lambda value: value[None], carry))
-        first = 1
-    rows = count // every - first
-    block = max(1, part // every)
-    whole, rest = divmod(rows, block) if rows > block else (0, rows)
-    if whole:
-        def block_of(carry: Any, i: Any) -> tuple[Any, Any]:
-            return lax.scan(row, carry, first + i * block + jnp.arange(block))  # type: ignore[no-any-return]
+    _, rows = _in_parts(row, carry, taken, count // every - taken, max(1, part // every))
+    return jax.tree.map(lambda *parts: jnp.concatenate(parts), *records, rows)
 
-        carry, blocks = lax.scan(jax.checkpoint(block_of), carry, jnp.arange(whole))
-        records.append(jax.tree.map(lambda value: value.reshape((-1, *value.shape[2:])), blocks))
-    if rest:
-        records.append(lax.scan(row, carry, first + whole * block + jnp.arange(rest))[1])
-    return jax.tree.map(lambda *parts: jnp.concatenate(parts), *records)
+
+def _in_parts(body: Callable[[Any, Any], tuple[Any, Any]], carry: Any, first: Any, count: int, part: int) -> Any:
+    """Return what ``lax.scan`` returns for a body over the numbers from ``first`` on, ``count`` of them.
+
+    They are divided into parts, of which only the first carried value is stored for a derivative.
+    """
+    def some(carry: Any, begin: Any, count: int) -> Any:
+        return lax.scan(body, carry, begin + jnp.arange(count))
+
+    whole, rest = divmod(count, part) if count > part else (0, count)
+    results = []
+    if whole:
+        carry, parts = lax.scan(jax.checkpoint(lambda carry, i: some(carry, first + i * part, part)), carry,
+                                jnp.arange(whole))
+        results.append(jax.tree.map(lambda value: value.reshape((-1, *value.shape[2:])), parts))
+    if rest or not whole:
+        carry, last = some(carry, first + whole * part, rest)
+        results.append(last)
+    return carry, jax.tree.map(lambda *parts: jnp.concatenate(parts), *results)
