@@ -24,7 +24,7 @@ from pendulum_env.engine.shape import indent, joined
 from pendulum_env.physics import elementary
 from pendulum_env.physics.random import next_uniform, normal, started
 from pendulum_env.physics.sensor import rounded, taken
-from pendulum_env.physics.units import SceneError, shown
+from pendulum_env.physics.units import SceneError
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -41,7 +41,7 @@ TURNED = "q + 6.283185307179586*turns"
 SCRATCH = ("x0", "y0", "w0", "x1", "y1", "w1", "x_old", "y_old", "cosine", "sine", "angle")
 """Names of the intermediate values of the programs."""
 
-UNFIT = "sensing in a state to restore must hold the readings and actions that get_state returned"
+UNFIT = "sensing in a state to restore must hold the readings and actions that get_state returned."
 
 
 @dataclass(frozen=True)
@@ -571,26 +571,13 @@ class Sensing:
 
     def checked(self, saved: Any) -> Sensing:
         """Return a copy with the numbers of :meth:`saved`; SceneError if they do not fit this environment."""
-        other = copied(self)
         try:
-            readings = np.array(saved["readings"], dtype=np.float64, order="C")
-            actions = np.array(saved["actions"], dtype=np.float64, order="C")
-            slot, row, late = (int(saved[name]) for name in ("slot", "row", "late"))
-            low, high = self.plan.acts_late
-            good = (readings.shape == self._memory[0].shape and actions.shape == self._queue[:, 0].shape
-                    and bool(np.isfinite(readings).all()) and bool((np.abs(actions) <= 1.0).all())
-                    and 0 <= slot < self.plan.slots and 0 <= row < len(self._queue) and low <= late <= high)
-            lags = [readings[self._fields.index(name)] for name in ("lag", "late")] if self.plan.random else []
-            good = good and all(value in range(self.plan.substeps * self.plan.slots + 1) for value in lags)
+            whole, part = divmod(int(saved["late"]), self.plan.substeps)
+            given = {"readings": [saved["readings"]], "actions": [[float(value)] for value in saved["actions"]],
+                     "whole": [whole], "part": [part], "slot": saved["slot"], "row": saved["row"]}
         except (TypeError, ValueError, LookupError, OverflowError):
-            good, lags = False, []
-        if not good or (lags and not 0 <= lags[0] < self.plan.slots):
-            raise SceneError(f"{UNFIT}, not {shown(saved)}.")
-        other._memory[0], other._queue = readings, actions[:, None].copy()
-        other._set_late(0, late)
-        other._now, other._row = slot, row
-        return other
-
+            given = None
+        return self.checked_of_all(given)
 
     def saved_of_all(self) -> dict[str, Any]:
         """Return everything that differs between episodes, for all environments, as arrays and whole numbers."""
@@ -613,11 +600,11 @@ class Sensing:
             if good and "lag" in self._fields:
                 width, place = self.place.width, self._fields.index("lag")
                 lags = given["readings"][:, place * width : (place + 1) * width].ravel()[: self.size]
-                good = bool((lags >= 0).all() and (lags < self.plan.slots).all())
+                good = bool((lags >= 0).all() and (lags < self.plan.slots).all() and (lags % 1 == 0).all())
         except (TypeError, ValueError, LookupError, OverflowError):
             good = False
         if not good:
-            raise SceneError(f"{UNFIT}, not {shown(saved)}.")
+            raise SceneError(UNFIT)
         other._memory, other._queue = given["readings"], given["actions"]
         other._whole, other._part = given["whole"], given["part"]
         other._now, other._row = int(given["slot"]), int(given["row"])

@@ -35,7 +35,7 @@ from pendulum_env.physics.sensor import Sensor
 from pendulum_env.physics.units import SceneError, naming_keywords, nearest, shown
 from pendulum_env.tasks.task import Task, steps_of
 
-FORMAT = 8
+FORMAT = 9
 """Number of the form in which environments are pickled.
 
 It is raised by one whenever their attributes change, or what their programs return: pickles hold the programs' texts.
@@ -204,7 +204,8 @@ class Portable(Displayed):
         self._dt, self._substeps, self._h = dt, spec.hold, spec.h
         self._randomization, self._checks = draws, task.own
         self._rate, self._penalty = dt if given.reward_rate else 1.0, given.speed_penalty
-        self._velocity_bound, self._bounded = given.velocity_bound, given.velocity_bound < UNBOUNDED
+        self._velocity_bound = given.velocity_bound
+        self._bounded = given.velocity_bound < UNBOUNDED and (plan is None or plan.swift)
         self._acts = acting(given)
         self._delays: dict[str, Any] = {}
         self._turning = spec.turning_speed()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import Batch
+from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.films.picture import Camera
 from pendulum_env.films.reel import Reel
@@ -54,14 +55,18 @@ class Cameras:
                 self._frames[place].append(self.frame(place))
 
     def render(self) -> tuple[Any, ...]:
-        """Return one frame for each environment or, with "rgb_array_list", one list of those since the last call.
+        """Return one frame for each environment or, with "rgb_array_list", one list of those since the last call."""
+        return tuple(map(self.taken, range(self._batch.size)))
+
+    def taken(self, place: int) -> Any:
+        """Return the frame of one environment or, with "rgb_array_list", the list of those since the last call.
 
         As with Gymnasium's RenderCollection, a list begins anew with each episode.
         """
         if self._frames is None:
-            return tuple(map(self.frame, range(self._batch.size)))
-        frames, self._frames = self._frames, [[] for _ in range(self._batch.size)]
-        return tuple(frames)
+            return self.frame(place)
+        frames, self._frames[place] = self._frames[place], []
+        return frames
 
     def frame(self, place: int) -> NDArray[np.uint8]:
         """Return the picture of one environment, the one with index ``place``."""
@@ -83,7 +88,12 @@ class Cameras:
 
     def _shown(self, place: int) -> tuple[Any, ...]:
         """Return what the camera draws for one environment: state, fraction of motor torque, trail, and past states."""
-        machine = self._camera(place).machine
-        state = machine.array(self._batch.state(place, machine.names))
-        machine.advance(state, 0.0, self._batch.h, 0)
+        state = state_of(self._batch, self._camera(place).machine, place)
         return state, self._shares[place], self._reel.trail_of(place), self._reel.past_of(place)
+
+
+def state_of(batch: Batch, machine: Machine, place: int) -> Any:
+    """Return the state of one environment in the form of its own ``machine``, with the quantities that it reports."""
+    state = machine.array(batch.state(place, machine.names))
+    machine.advance(state, 0.0, batch.h, 0)
+    return state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import chain
 from typing import Any
@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.goal import looking_ahead
-from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine
+from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.pieces import FEW
-from pendulum_env.engine.sensing import copied
+from pendulum_env.engine.sensing import MotionFields, copied
 from pendulum_env.engine.settings import described, documented, taking
-from pendulum_env.engine.shape import DIVERGED, LOST, SLACK, STOP_REASONS, TOO_SHORT
+from pendulum_env.engine.shape import DIVERGED, HOLD, LOST, SLACK, STOP_REASONS, TOO_SHORT
 from pendulum_env.engine.spec import RunSpec, coarse_steps, long_steps
 from pendulum_env.engine.starts import checked_limit, frequency
 from pendulum_env.envs.attributes import Fixed, Portable, fix
 from pendulum_env.envs.limits import check_duration, episode_steps, time_limit
 from pendulum_env.envs.saved import checked_parameters, checked_random, checked_state, identity
-from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings_of
+from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings
 from pendulum_env.envs.settings import METADATA, START, EnvSettings, checked_options, spaces_of
 from pendulum_env.envs.switch import carried, following
 from pendulum_env.films.picture import Camera
@@ -36,6 +36,7 @@ from pendulum_env.physics.units import boolean, line, number, shown, whole_numbe
 from pendulum_env.render import View
 from pendulum_env.tasks import TASKS, TaskError
 from pendulum_env.tasks.action import SINGLE, torque_share
+from pendulum_env.tasks.task import earlier
 from pendulum_env.window import Shown, window_of
 
 
@@ -107,7 +108,12 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
     @taking(EnvSettings)
     def __init__(self, given: EnvSettings) -> None:
         plan = self._set_up(given)
-        self._machine, self._sensing = readings_of(self._spec, plan)
+        self._machine = self._spec.machine()
+        remembers = HOLD[0] in self._machine.numbers
+        place = MotionFields(1, ANGLE, TURNS, VELOCITY, self._scene.periodic)
+        self._sensing = readings(self._spec, plan, place, remembers, 1)
+        if plan is not None and plan.changes and remembers:  # effects' state follows actions within control steps
+            self._machine = replace(self._spec, hold=1).machine()
         self._observed = 0.0
         self._tell()
         self._speed_limit, self._omega0 = self._spec.speed_limit, frequency(self._scene)
@@ -228,7 +234,10 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
         if self.window is not None:
             self.window.attend()
         self._share = share
-        before = earlier(self._state, self._machine.phi, self._before) if self._before else {}
+        before: dict[str, float] = {}
+        if self._before:
+            numbers = self._state[self._machine.phi], *self._state[ANGLE : VELOCITY + 1]
+            before = earlier(self._before, *map(float, numbers))
         if self._plain:
             observation, code, values = self._run(self._substeps)
         else:
@@ -345,7 +354,7 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             given, angle = empty((1, plan.width), SINGLE), empty(1)
             self._sensing.give(given, angle)
             seen, self._observed, turned = given[0], float(angle[0]), plan.width - plan.swift
-        if self._bounded and (self._sensing is None or self._sensing.plan.swift):
+        if self._bounded:
             seen[2] = min(max(seen[2], -self._velocity_bound), self._velocity_bound)
         if self._upright:
             seen[:turned] = -seen[:turned]
@@ -481,13 +490,6 @@ documented(
     LabPendulumEnv, arguments=described(EnvSettings), tasks="\n".join([
         "| task | reward per step | ends |", "| --- | --- | --- |",
         *(f"| `{task.name}` | {task.equation} | {task.ends} |" for task in TASKS.values())]))
-
-
-def earlier(state: Any, phi: int, names: Sequence[str]) -> dict[str, float]:
-    """Return the quantities of a state, at the start of a control step, that a task takes, by name [rad, rad/s]."""
-    values = {"phi_before": state[phi], "velocity_before": state[VELOCITY],
-              "angle_before": state[ANGLE] + TWO_PI * state[TURNS]}
-    return {name: float(values[name]) for name in names}
 
 
 def one_start(spec: RunSpec, angle: Any, velocity: Any) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from threading import RLock
 from typing import Any, Concatenate, ParamSpec, TypeVar, cast
@@ -14,17 +14,27 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
 from pendulum_env.engine.batch import FIELD_OF, Batch
-from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine
+from pendulum_env.engine.each import Each
+from pendulum_env.engine.machine import ANGLE, VELOCITY, Machine
 from pendulum_env.engine.random_streams import Streams, generator_state, words_of
 from pendulum_env.engine.sensing import Sensing
 from pendulum_env.envs.attributes import Fixed, Portable, parameter
-from pendulum_env.envs.cameras import Cameras
-from pendulum_env.envs.env import LabPendulumEnv, earlier
+from pendulum_env.envs.cameras import Cameras, state_of
+from pendulum_env.envs.env import LabPendulumEnv
 from pendulum_env.envs.randomize import Bank
-from pendulum_env.envs.saved import check_made_for, checked_random, checked_state, identity
+from pendulum_env.envs.saved import (
+    by_name,
+    check_form,
+    check_made_for,
+    check_numbers,
+    checked_random,
+    checked_state,
+    identity,
+)
 from pendulum_env.envs.settings import METADATA
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, line, nearest, shown
+from pendulum_env.tasks.task import earlier
 
 Places = NDArray[np.intp]
 P = ParamSpec("P")
@@ -35,12 +45,13 @@ KEYS = ("made_for", "numbers", "state", "random", "over")
 """Keys of a saved state of several environments; see :meth:`Members.get_state`."""
 FIELDS = dict(zip(FIELD_OF, ("index", "q", "turns", "v"), strict=True))
 """Names of a single environment's state whose fields in a vector have other names."""
-ATTRIBUTES = ("scene", "integrator", "dt", "substeps", "task", "render_mode", "render_size", "metadata", "speed_limit",
-              "omega0", "velocity_bound", "observation_space", "action_space", "np_random_seed")
+FIELD_NAMES = {field: name for name, field in FIELDS.items()}
+SHARED = ("integrator", "dt", "substeps", "task", "render_mode", "render_size", "velocity_bound")
+"""Attributes of a single environment that are those of the vector."""
+ATTRIBUTES = (*SHARED, "scene", "metadata", "speed_limit", "omega0", "observation_space", "action_space",
+              "np_random_seed")
 """Attributes of a single environment that a vector knows; with the parameters of its scene, such as ``length``."""
-EACH = {"get_wrapper_attr": "_attribute", "has_wrapper_attr": "_has", "set_wrapper_attr": "_assign"}
-"""Methods of a single environment, and those of a vector that do the same for the environment with an index."""
-METHODS = ("get_state", "set_state", "render", *EACH)
+METHODS = ("get_state", "set_state", "render", "get_wrapper_attr", "has_wrapper_attr", "set_wrapper_attr")
 """Methods of a single environment that a vector can call for each."""
 
 
@@ -63,6 +74,78 @@ def alone(call: Callable[Concatenate[M, P], T]) -> Callable[Concatenate[M, P], T
     return cast("Callable[Concatenate[M, P], T]", run)
 
 
+class Member:
+    """One environment of a vector, with the attributes and methods of a single environment that a vector knows.
+
+    Attributes that a user sets are its own.
+    """
+
+    def __init__(self, vector: Members, place: int) -> None:
+        self._vector, self._place = vector, place
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the user has not set; AttributeError for names that the vector does not know."""
+        if name.startswith("_"):  # also while a copy is made, which has no vector yet
+            raise AttributeError(f"The environments of a vector have no attribute {shown(name)}.")
+        vector, place = self._vector, self._place
+        if name in SHARED:
+            return getattr(vector, name)
+        if name in ("observation_space", "action_space"):
+            return getattr(vector, f"single_{name}")
+        if name == "np_random_seed":
+            return getattr(vector, name)[place]
+        if name == "metadata":
+            return {**METADATA, "render_fps": 1.0 / vector.dt}
+        if name in ("speed_limit", "omega0"):
+            return vector._number_of(place, name)
+        if name == "scene":
+            return vector.scene if vector._each.alike else vector._each.own(place)
+        if isinstance(getattr(LabPendulumEnv, name, None), Fixed):
+            return parameter(self.scene, name)
+        known = (*METHODS, *ATTRIBUTES)
+        if hasattr(LabPendulumEnv, name):
+            raise AttributeError(f"{shown(name)} cannot be called or read in the environments of a vector one by one; "
+                                 f"these can: {', '.join(known)}, and the scene's parameters.")
+        raise AttributeError(f"The environments of this vector have no attribute {shown(name)}{nearest(name, known)}")
+
+    def get_wrapper_attr(self, name: str) -> Any:
+        """Return an attribute or a method; AttributeError for other names."""
+        return getattr(self, line(name, "name"))
+
+    def has_wrapper_attr(self, name: str) -> bool:
+        """Return True if there is an attribute or a method of this name."""
+        return hasattr(self, line(name, "name"))
+
+    def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
+        """Set an attribute of the environment's own; with ``force`` False only one that was set before.
+
+        Returns True if it was set. Raises AttributeError for a setting, and for what all environments share.
+        """
+        vector = self._vector
+        if isinstance(getattr(type(vector), line(name, "name"), None), Fixed):
+            setattr(vector, name, value)  # refuses, with its reason
+        if name in ATTRIBUTES or hasattr(LabPendulumEnv, name) or hasattr(type(vector), name):
+            raise AttributeError(f"{name} cannot be assigned in the environments of a vector, as all share it.")
+        if not force and name not in vars(self):
+            return False
+        vars(self)[name] = value
+        vector._members[self._place] = self
+        return True
+
+    def render(self) -> Any:
+        """Return the environment's frame, or the list of its frames; None without a render mode."""
+        cameras = self._vector._ready_to_render()
+        return None if cameras is None else cameras.taken(self._place)
+
+    def get_state(self) -> dict[str, Any]:
+        """Return the environment's state as ``LabPendulumEnv.get_state`` returns it, without past actions."""
+        return self._vector._state_of(self._place)
+
+    def set_state(self, saved: Mapping[str, Any]) -> None:
+        """Restore a state of a single environment."""
+        self._vector.set_state([saved], [self._place])
+
+
 class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """The part of a vector environment that reads, calls, saves and restores its single environments."""
 
@@ -76,6 +159,8 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
     _turn: RLock
     _bank: Bank | None
     _sensing: Sensing | None
+    _members: dict[int, Member]
+    """The environments on which attributes have been set."""
 
     def _seeded(self) -> Streams:
         """Return the random streams of all environments."""
@@ -113,7 +198,7 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
             raise SceneError(f"values must be one value or a list of one for each of {self._num_envs} environments, "
                              f"not of {len(each)}.")
         for place, value in enumerate(each):
-            self._assign(place, name, value)
+            self._member(place).set_wrapper_attr(name, value)
 
     def call_at(self, which: Any, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Return what :meth:`call` returns, for the environments ``which`` only: an index, or a list of indices.
@@ -121,13 +206,15 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
         Raises AttributeError for a name that is no method or attribute, SceneError for an index out of range.
         """
         places = self._places(which).tolist()
-        if line(name, "name") in EACH:
-            return tuple(getattr(self, EACH[name])(place, *args, **kwargs) for place in places)
-        if name in METHODS:
-            called: tuple[Any, ...] = getattr(self, f"_call_{name}")(places, *args, **kwargs)
-            return called
-        values = tuple(self._attribute(place, name) for place in places)
+        if line(name, "name") == "set_state":  # of all at once, as before the first reset
+            self.set_state([*args, *kwargs.values()] * len(places), places)
+            return (None,) * len(places)
+        values = [self._member(place).get_wrapper_attr(name) for place in places]
         return tuple(value(*args, **kwargs) if callable(value) else value for value in values)
+
+    def _member(self, place: int) -> Member:
+        """Return one environment."""
+        return self._members.get(place) or Member(self, place)
 
     def _places(self, which: Any) -> Places:
         """Return the distinct indices of the environments ``which``, None for all, as an array."""
@@ -145,82 +232,28 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
                              f"to {size - 1}, not {shown(which)}.") from None
         return places.astype(np.intp)
 
-    def _attribute(self, place: int, name: str) -> Any:
-        """Return an attribute of the single environment with the index ``place``; AttributeError for other names."""
-        line(name, "name")
-        own: Any = vars(self).get("_attributes", {}).get(name, {})
-        if place in own:
-            return own[place]
-        if name == "scene":
-            return self._scene_of(place)
-        if name in ("speed_limit", "omega0"):
-            return self._number_of(place, name)
-        if name in ("observation_space", "action_space"):
-            return getattr(self, f"single_{name}")
-        if name == "np_random_seed":
-            return getattr(self, name)[place]
-        if name == "metadata":
-            return {**METADATA, "render_fps": 1.0 / self._dt}
-        if name in ATTRIBUTES:
-            return getattr(self, name)
-        if isinstance(getattr(LabPendulumEnv, name, None), Fixed):
-            return parameter(self._scene_of(place), name)
-        if name in METHODS or hasattr(LabPendulumEnv, name):
-            raise AttributeError(f"{shown(name)} cannot be called or read in the environments of a vector one by one; "
-                                 f"these can: {', '.join((*METHODS, *ATTRIBUTES))}, and the scene's parameters.")
-        raise AttributeError(f"The environments of this vector have no attribute {shown(name)}"
-                             f"{nearest(name, (*METHODS, *ATTRIBUTES))}")
-
-    def _call_render(self, places: Sequence[int]) -> tuple[Any, ...]:
-        """Return the frames of some environments; None for each without a render mode."""
-        frames = self.render()
-        return tuple(None if frames is None else frames[place] for place in places)
-
-    def _call_get_state(self, places: Sequence[int]) -> tuple[dict[str, Any], ...]:
-        """Return the states of some environments in the form of single environments."""
-        machine = self._machine()
-        return tuple(self._state_of(machine, place) for place in places)
-
-    def _call_set_state(self, places: Sequence[int], saved: Mapping[str, Any]) -> tuple[None, ...]:
-        """Restore one state of a single environment in some environments."""
-        self.set_state([saved] * len(places), places)
-        return (None,) * len(places)
-
-    def _has(self, place: int, name: str) -> bool:
-        """Return True if the single environment with the index ``place`` has an attribute or method."""
-        try:
-            return name in METHODS or self._attribute(place, name) is not self
-        except AttributeError:
-            return False
-
-    def _assign(self, place: int, name: str, value: Any, *, force: bool = True) -> bool:
-        """Assign an attribute in one environment, as its ``set_wrapper_attr``; AttributeError for a setting."""
-        line(name, "name")
-        kept: dict[str, dict[int, Any]] = vars(self).get("_attributes", {})
-        if isinstance(getattr(type(self), name, None), Fixed):
-            setattr(self, name, value)  # refuses, with its reason
-        if name in ATTRIBUTES or hasattr(LabPendulumEnv, name) or hasattr(type(self), name):
-            raise AttributeError(f"{name} cannot be assigned in the environments of a vector, as all share it.")
-        if not force and place not in kept.get(name, {}):
-            return False
-        vars(self).setdefault("_attributes", kept).setdefault(name, {})[place] = value
-        return True
-
-    def _scene_of(self, place: int) -> Scene:
-        """Return the scene of one environment, with its own parameters."""
-        each = self._spec.each
-        return self._spec.scene if each is None or each.alike else each.own(place)
+    @property
+    def _each(self) -> Each:
+        """The scenes of the environments, with the parameters of their present episodes."""
+        assert self._spec.each is not None
+        return self._spec.each
 
     def _number_of(self, place: int, name: str) -> float:
         """Return the program's parameter ``name`` in one environment, with the parameters of its present episode."""
-        each = self._spec.each
         at = np.array([place])
-        episode = {} if each is None else {key: column[at] for key, column in each.episode.items()
-                                           if not math.isnan(column[place])}
-        numbers = each.numbers_with(at, episode) if each is not None and episode else {}
+        episode = {key: column[at] for key, column in self._each.episode.items() if not math.isnan(column[place])}
+        numbers = self._each.numbers_with(at, episode) if episode else {}
         if name in numbers:
             return float(numbers[name][0])
         return float(np.broadcast_to(self._spec.numbers[name], (self._num_envs,))[place])
+
+    def _ready_to_render(self) -> Cameras | None:
+        """Return the renderer, None without a render mode; ResetNeeded before the first reset."""
+        if self._camera is None:
+            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
+        elif not self._begun:
+            raise self._unready("the first render()")
+        return self._camera
 
     def _unready(self, call: str) -> Exception:
         """Return the error of a call that needs a state of every environment: why there is none, and what to do."""
@@ -277,9 +310,10 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
         if isinstance(saved, (list, tuple)):
             if len(saved) != len(places):
                 raise SceneError(f"saved must have one state for each of {len(places)} environments, not {len(saved)}.")
-            machine = self._machine()
+            self._check_alone()
+            machine = self._spec.one(0).machine()
             rows = [self._checked_one(machine, place, one) for place, one in zip(places.tolist(), saved, strict=True)]
-            self._restore(places, *joined(rows))
+            self._restore(places, *self._joined(rows))
             return
         checked = self._checked(saved, places)
         if "more" in saved:
@@ -290,47 +324,28 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
 
     def _extra(self) -> tuple[str, ...]:
         """Return what a state has beside the motion and the random streams, as words; () for nothing."""
-        each = self._spec.each
-        reasons = {"drawn parameters": self._randomization or (each is not None and each.episode),
+        reasons = {"drawn parameters": self._randomization or self._each.episode,
                    "sensors, delays or a history": self._sensing is not None}
         return tuple(reason for reason, holds in reasons.items() if holds)
 
     def _more(self) -> dict[str, Any]:
         """Return the drawn parameters of present and next episodes, the drawn delays, and all readings and actions."""
-        each, bank = self._spec.each, self._bank
         return {
-            "episode": {} if each is None else {name: column.copy() for name, column in each.episode.items()},
+            "episode": {name: column.copy() for name, column in self._each.episode.items()},
             "delays": {name: column.copy() for name, column in self._delays.items()},
-            "ahead": None if bank is None else bank.saved(),
+            "ahead": None if self._bank is None else self._bank.saved(),
             "sensing": None if self._sensing is None else self._sensing.saved_of_all(),
         }
 
-    def _checked_more(self, more: Any) -> None:
-        """Raise SceneError for what :meth:`_more` cannot have returned."""
-        own, size = self._more(), self._num_envs
-        checked_dict(more, "more", own)
-        checked_columns(more["episode"], "episode", self._spec.scene.parameters(), size, some=True)
-        checked_columns(more["delays"], "delays", ("observation_delay", "action_delay"), size, some=True)
-        if self._randomization is not None:
-            ahead = checked_dict(more["ahead"], "ahead", own["ahead"])
-            array_of(ahead["ready"], "ready", (size,), "b")
-            checked_columns(ahead["values"], "values", self._randomization.names, size, some=True)
-            checked_columns(ahead["numbers"], "numbers", self._spec.numbers, size, some=True)
-        if self._sensing is not None:
-            self._sensing.checked_of_all(more["sensing"])
-
     def _restore_more(self, more: Mapping[str, Any], state: dict[str, NDArray[np.float64]]) -> None:
         """Write the checked part "more" of a state, and add to its motion the numbers that the vector lets vary."""
-        batch, each = self._batch, self._spec.each
+        batch = self._batch
         if names := [name for name in state if name not in batch.layout.fields]:
             batch.vary(names)
         own = self._numbers(np.arange(self._num_envs))
         state.update((name, own[name]) for name in batch.layout.varying if name not in state)
-        if each is not None:
-            each.episode.clear()
-            each.episode.update({name: column.copy() for name, column in more["episode"].items()})
-        self._delays.clear()
-        self._delays.update({name: column.copy() for name, column in more["delays"].items()})
+        self._each.episode = {name: column.copy() for name, column in more["episode"].items()}
+        self._delays = {name: column.copy() for name, column in more["delays"].items()}
         if self._bank is not None:
             self._bank.restore(more["ahead"])
         if self._sensing is not None:
@@ -356,16 +371,20 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
     ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.uint64], NDArray[np.bool_]]:
         """Check a saved state of several environments, and return its motion, random words and ended episodes."""
         check_made_for(saved, KEYS, self._made_for(), "a vector")
-        size, numbers, state = len(places), saved["numbers"], saved["state"]
+        size, own = len(places), self._numbers(places)
         wanted = [*self._batch.layout.moving]
-        if self._extra() or "more" in saved:
+        more = bool(self._extra()) or "more" in saved
+        if more:
             if size < self._num_envs:
                 raise SceneError("A state with more than the motion is restored as a whole; leave out which.")
-            self._checked_more(saved.get("more"))
+            state = saved["state"]
             wanted += [name for name in state if name in self._spec.numbers] if isinstance(state, Mapping) else []
-        own = self._numbers(places)
-        checked_columns(numbers, "numbers", own, size)
-        checked_columns(state, "state", wanted, size)
+        check_form({**saved, "more": saved.get("more")}, {
+            **dict.fromkeys(saved), "numbers": dict.fromkeys(own, "f"), "state": dict.fromkeys(wanted, "f"),
+            "random": "u", "over": "b", "more": self._form_of_more() if more else None}, "saved", size)
+        if more and self._sensing is not None:
+            self._sensing.checked_of_all(saved["more"]["sensing"])
+        numbers, state, random = saved["numbers"], saved["state"], saved["random"]
         for name, values in own.items():
             if (differs := np.flatnonzero(numbers[name] != values)).size:
                 raise SceneError(f"The state to restore is of another pendulum than that of environment "
@@ -374,14 +393,20 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
         for name in wanted:
             if not np.isfinite(state[name]).all():
                 raise SceneError(f"{name} in a state to restore must be finite.")
-        whole = [name for name in ("index", "status") if not (state[name] >= 0.0).all()]
-        if whole or (self._spec.scene.periodic and (np.abs(state["q"]) > math.pi).any()):
-            raise SceneError(f"{whole[0] if whole else 'q'} in a state to restore is out of range.")
-        random = array_of(saved["random"], "random", (4, size), "u")
-        over = array_of(saved["over"], "over", (size,), "b")
+        shape = self._batch.layout.shape
+        check_numbers({FIELD_NAMES.get(name, name): state[name] for name in self._batch.layout.moving},
+                      self._spec.scene, shape.drawn, self._spec.hold)
         if not (random[3] % 2 == 1).all():
             raise SceneError("random in a state to restore must have odd increments.")
-        return {name: state[name] for name in wanted}, random, over
+        return {name: state[name] for name in wanted}, random, saved["over"]
+
+    def _form_of_more(self) -> dict[str, Any]:
+        """Return the form of what :meth:`_more` returns; see :func:`pendulum_env.envs.saved.check_form`."""
+        draws = self._randomization
+        return {
+            "episode": {*self._spec.scene.parameters()}, "delays": {"observation_delay", "action_delay"},
+            "ahead": None if draws is None else {
+                "ready": "b", "values": {*draws.names}, "numbers": {*self._spec.numbers}}, "sensing": None}
 
     def _check_saves(self, which: Any) -> None:
         """Raise SceneError for a vector that saves no states, or that is saved as a whole and not in parts."""
@@ -410,75 +435,42 @@ class Members(Portable, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDAr
 
     # --- states in the form of single environments --------------------------------------------------------------
 
-    def _machine(self) -> Machine:
-        """Return a simulator of one pendulum of the vector; its parameters are those of environment 0."""
+    def _check_alone(self) -> None:
+        """Raise SceneError for a vector whose environments have more than the motion of a single one."""
         known = {*self._batch.layout.numbers} <= {*self._spec.numbers, *self._batch.tolerance}
         if reasons := (*self._extra(), *(() if known else (f"the task {self._task.name}",))):
             raise SceneError(f"States of a vector with {' and '.join(reasons)} cannot be saved one by one, as they "
                              "have more than the motion; get_state() of the vector saves all.")
-        return self._spec.one(0).machine()
 
-    def _parameters(self, machine: Machine, place: int) -> Any:
-        """Return a machine's parameters with the values of one environment."""
-        numbers = self._spec.numbers
-        return machine.array(
-            np.broadcast_to(numbers[name], (self._num_envs,))[place] if name in numbers else value
-            for name, value in zip(machine.numbers, machine.parameters, strict=True))
-
-    def _identity(self, place: int) -> dict[str, Any]:
-        """Return scene, method and step of one environment, as a single environment's states have them."""
-        return identity(self._spec, self._scene_of(place), self._batch.tolerance)
-
-    def _state_of(self, machine: Machine, place: int) -> dict[str, Any]:
+    def _state_of(self, place: int) -> dict[str, Any]:
         """Return the state of one environment as ``LabPendulumEnv.get_state`` returns it, without past actions."""
-        values = None
-        if self._begun:
-            state = machine.array(self._batch.state(place, machine.names))
-            machine.run(state, self._parameters(machine, place), 0.0, self._spec.h, 1, 0, math.inf, NOWHERE, UNSEEN)
-            values = [float(value) for value in state]
-        return {"made_for": self._identity(place), "state": values, "action": 0.0, "trail": [], "past": [], "seen": 0,
+        self._check_alone()
+        machine = self._spec.one(place).machine()
+        values = [float(value) for value in state_of(self._batch, machine, place)] if self._begun else None
+        return {"made_for": identity(self._spec, machine.scene, machine.tolerance), "state": values, "action": 0.0,
+                "trail": [], "past": [], "seen": 0,
                 "random": generator_state(self._seeded().words(np.array([place]))[:, 0])}
 
     def _checked_one(
         self, machine: Machine, place: int, saved: Any
     ) -> tuple[dict[str, float], NDArray[np.uint64]]:
-        """Check the state of a single environment; return its numbers by field, and its random words."""
-        values, _, _ = checked_state(saved, self._identity(place), machine)
+        """Check the state of a single environment; return its numbers by field, and its random words.
+
+        The ``machine`` may be that of another environment, as the numbers are checked for being finite only.
+        """
+        scene: Scene = self._member(place).scene
+        values, _, _ = checked_state(saved, identity(self._spec, scene, machine.tolerance), machine)
         if values is None:
             raise SceneError("A state to restore in a vector must be that of an environment that has been reset.")
-        random = checked_random(saved["random"], np.random.PCG64(0))
-        # Reported quantities follow the state itself, partly under the same names: reversed, so that the state counts.
-        by_field = {FIELDS.get(name, name): value
-                    for name, value in reversed([*zip(machine.names, values, strict=True)])}
-        by_field |= earlier(values, machine.phi, self._task.goal.before)
-        return {name: by_field.get(name, 0.0) for name in self._batch.layout.moving}, words_of(random)
+        numbers = by_name(values, machine.names)
+        fields = {FIELDS.get(name, name): value for name, value in numbers.items()}
+        fields |= earlier(self._task.goal.before, values[machine.phi], *values[ANGLE : VELOCITY + 1])
+        return fields, words_of(checked_random(saved["random"], np.random.PCG64(0)))
 
-
-def joined(
-    rows: Sequence[tuple[Mapping[str, float], NDArray[np.uint64]]]
-) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.uint64], NDArray[np.bool_]]:
-    """Return the checked states of single environments as columns, in the form of a vector's."""
-    state = {name: np.array([numbers[name] for numbers, _ in rows]) for name in rows[0][0]} if rows else {}
-    words = np.stack([word for _, word in rows], axis=1) if rows else np.empty((4, 0), dtype=np.uint64)
-    return state, words, np.zeros(len(rows), dtype=np.bool_)
-
-
-def checked_dict(saved: Any, what: str, names: Collection[str], some: bool = False) -> Mapping[str, Any]:
-    """Return a part of a saved state; SceneError unless it is a dict with these names, or with ``some`` of them."""
-    if not isinstance(saved, Mapping) or not {*saved} <= {*names} or (len(saved) < len(names) and not some):
-        words = "of arrays, with names among" if some else "with"
-        raise SceneError(f"{what} in a state to restore must be a dict {words} {', '.join(names)}.")
-    return saved
-
-
-def checked_columns(saved: Any, what: str, names: Collection[str], size: int, some: bool = False) -> None:
-    """Raise SceneError unless a part of a saved state is a dict of arrays with a number for each environment."""
-    for name, column in checked_dict(saved, what, names, some).items():
-        array_of(column, name, (size,), "f")
-
-
-def array_of(values: Any, name: str, shape: tuple[int, ...], kind: str) -> Any:
-    """Return an array of a saved state; SceneError unless it has this shape and kind of number."""
-    if not isinstance(values, np.ndarray) or values.shape != shape or values.dtype.kind != kind:
-        raise SceneError(f"{name} in a state to restore must be an array of the shape {shape}, not {shown(values)}.")
-    return values
+    def _joined(
+        self, rows: Sequence[tuple[Mapping[str, float], NDArray[np.uint64]]]
+    ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.uint64], NDArray[np.bool_]]:
+        """Return the checked states of single environments as columns, in the form of a vector's."""
+        state = {name: np.array([fields.get(name, 0.0) for fields, _ in rows]) for name in self._batch.layout.moving}
+        words = np.array([word for _, word in rows], dtype=np.uint64).reshape(-1, 4).T
+        return state, words, np.zeros(len(rows), dtype=np.bool_)

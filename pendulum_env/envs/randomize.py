@@ -316,10 +316,9 @@ class Bank:
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Take over what :meth:`saved` returned, which must fit."""
-        for columns, name in zip(self._columns, ("values", "numbers"), strict=True):
-            columns.clear()
-            columns.update({key: column.copy() for key, column in saved[name].items()})
-        self._ready[:] = saved["ready"]
+        values, numbers = ({name: column.copy() for name, column in saved[part].items()}
+                           for part in ("values", "numbers"))
+        self._columns, self._ready = (values, numbers), saved["ready"].copy()
 
 
 def check_parameters(names: Iterable[Any], scene: Scene, refusal: str, more: Iterable[str] = ()) -> None:

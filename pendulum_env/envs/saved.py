@@ -5,26 +5,30 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from operator import index
 from typing import Any
 
 import numpy as np
 
-from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, VELOCITY, Machine
+from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.shape import LARGEST
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import checked_control
 from pendulum_env.envs.randomize import check_parameters
+from pendulum_env.envs.switch import HALF
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, number, shown
 
 KEYS = ("made_for", "state", "action", "trail", "random")
 """Keys of an environment's saved state."""
-COUNTS = ("index", "taken", "rejected", "slackened", "phase")
+COUNTS = ("index", "taken", "rejected", "slackened", "phase", "status")
 """Numbers of a state that count something and so are whole; see FRACTIONS."""
 FRACTIONS = ("index", "slackened")
 """Counts of steps that may have a fraction on a wire, which can go slack within a step."""
 ENDLESS = ("quality_factor", "error_estimate")
 """Quantities that may be inf: a quality factor without losses, an error estimate that is unknown."""
+MOST = float(LARGEST)
+"""Largest angle [rad] and velocity [rad/s] in a saved state."""
 MOST_COUNT = 2.0**53
 """Largest counter, such as a number of steps, in a saved state."""
 MOST_TURNS = 2.0**50
@@ -51,11 +55,14 @@ def checked_state(
     share = checked_control(saved["action"], "action")
     if not isinstance(saved["trail"], (list, tuple, deque, np.ndarray)):
         raise SceneError(f"trail must be a list of angles [rad], not {shown(saved['trail'])}.")
-    trail = [_within(number(angle, "trail", unit="rad"), "trail", float(LARGEST)) for angle in saved["trail"]]
+    trail = [number(angle, "trail", unit="rad") for angle in saved["trail"]]
+    if any(abs(angle) > MOST for angle in trail):
+        raise SceneError(f"trail in a state to restore must be within -{MOST:g} and {MOST:g} rad.")
     if saved["state"] is None:
         return None, share, trail
     values = _numbers(saved["state"], machine.names)
-    _check_ranges(values, machine)
+    columns = {name: np.array([value]) for name, value in by_name(values, machine.names).items()}
+    check_numbers(columns, machine.scene, machine.drawn, machine.hold)
     state = machine.array(values)
     try:
         with np.errstate(all="ignore"):
@@ -107,11 +114,15 @@ def checked_random(saved: Any, own: np.random.BitGenerator) -> dict[str, Any]:
     if not isinstance(saved, Mapping) or not _same(saved.get("bit_generator"), name):
         raise SceneError(f"random must be a state of the generator {name}, not {shown(saved)}.")
     restored: Any = type(own)()
+    reason = "its numbers are out of range"
     try:
-        restored.state = saved
-        # numpy itself drops what is beyond 32 bits, and takes an even increment, whose numbers would not be random
-        fits = name not in PCG or (restored.state == saved and saved["state"]["inc"] % 2 == 1)
-        reason = "its numbers are out of range"
+        # NumPy drops what is beyond its words, NumPy 1 takes numbers below 0, too, and an even increment is not random.
+        fits = name not in PCG or (
+            all(0 <= index(saved["state"][word]) < 2**128 for word in ("state", "inc"))
+            and saved["state"]["inc"] % 2 == 1
+            and index(saved["has_uint32"]) in (0, 1) and 0 <= index(saved["uinteger"]) < 2**32)
+        if fits:
+            restored.state = saved
     except (TypeError, ValueError, LookupError, ArithmeticError, AttributeError) as error:
         fits, reason = False, str(error)
     if not fits:
@@ -140,34 +151,55 @@ def _numbers(values: Any, names: Sequence[str]) -> list[float]:
         ) from None
 
 
-def _check_ranges(values: Sequence[float], machine: Machine) -> None:
-    """Raise SceneError if a saved state contains numbers that no run reaches, such as an angle out of range.
+def by_name(values: Sequence[float], names: Sequence[str]) -> dict[str, float]:
+    """Return the numbers of a single environment's state by name.
 
-    Numbers that the program computes anew from the others are not checked.
+    Reported quantities follow the state itself, partly under the same names: of two the first counts.
     """
-    names = machine.names
-    halves = (0, names.index("half_index")) if "half_index" in names else (0,)
-    for first in halves:
-        if machine.scene.periodic:
-            _within(values[first + ANGLE], "angle", math.pi, " rad")
-            turns = _within(values[first + TURNS], "turns", MOST_TURNS)
-            if turns % 0.5:
-                raise SceneError(f"The number of turns in a state to restore must be a multiple of 1/2, not {turns!r}.")
-        for place in (ANGLE, VELOCITY):
-            _within(values[first + place], names[place], float(LARGEST))
-        for place in range(machine.phi):
-            name, value = names[place], values[first + place]
-            most = MOST_WORD if name in machine.drawn else machine.hold - 1 if name == "phase" else MOST_COUNT
-            whole = value % 1.0 == 0.0 or (name in FRACTIONS and machine.scene.body.suspension == "wire")
-            if (name in COUNTS or name in machine.drawn) and not (0.0 <= value <= most and whole):
-                raise SceneError(
-                    f"{name} in a state to restore must be a whole number from 0 to {most:g}, not {value!r}."
-                )
-    if values[halves[-1] + INDEX] > len(halves) * math.ceil(values[INDEX]):
-        raise SceneError("half_index in a state to restore must be at most twice index.")
+    return dict(zip(reversed(names), reversed(values), strict=True))
 
 
-def _within(value: float, name: str, most: float, unit: str = "") -> float:
-    if abs(value) > most:
-        raise SceneError(f"{name} in a state to restore must be within -{most:g} and {most:g}{unit}, not {value!r}.")
-    return value
+def check_numbers(columns: Mapping[str, Any], scene: Scene, drawn: Sequence[str], hold: float) -> None:
+    """Raise SceneError if saved states contain numbers that no run reaches, such as an angle out of range.
+
+    ``columns`` are arrays with one number for each state, by the names of a single environment's state. ``drawn`` are
+    the names of those that start as random whole numbers; ``hold`` is the number of steps in a control step. Numbers
+    that the program computes anew from the others are not checked.
+    """
+    def check(name: str, good: Any, wanted: str) -> None:
+        if not good.all():
+            raise SceneError(f"{name} in a state to restore must be {wanted}, not {float(columns[name][~good][0])!r}.")
+
+    most = {"angle": math.pi if scene.periodic else MOST, "turns": MOST_TURNS, "velocity": MOST}
+    for name, column in columns.items():
+        own = name.removeprefix(HALF)
+        if own in most:
+            check(name, abs(column) <= most[own], f"within -{most[own]:g} and {most[own]:g}")
+        if own == "turns" and scene.periodic:
+            check(name, column % 0.5 == 0.0, "a multiple of 1/2")
+        if own in COUNTS or own in drawn:
+            last = MOST_WORD if own in drawn else hold - 1 if own == "phase" else MOST_COUNT
+            whole = (column % 1.0 == 0.0) | (own in FRACTIONS and scene.body.suspension == "wire")
+            check(name, (column >= 0.0) & (column <= last) & whole, f"a whole number from 0 to {last:g}")
+    if "half_index" in columns:
+        check("half_index", columns["half_index"] <= 2.0 * np.ceil(columns["index"]), "at most twice index")
+
+
+def check_form(saved: Any, form: Any, name: str, size: int) -> None:
+    """Raise SceneError unless a part of a saved state of ``size`` environments has a form.
+
+    A form is the kind of number of an array with one number for each environment, "u" for the words of random
+    generators; None for what is checked elsewhere; a dict of the forms of parts; or a set of names, some of which may
+    be left out, of columns of floats.
+    """
+    if isinstance(form, str):
+        shape = (4, size) if form == "u" else (size,)
+        if not isinstance(saved, np.ndarray) or saved.shape != shape or saved.dtype.kind != form:
+            raise SceneError(f"{name} in a state to restore must be an array of the shape {shape}, not {shown(saved)}.")
+    elif form is not None:
+        some = not isinstance(form, Mapping)
+        if not isinstance(saved, Mapping) or not {*saved} <= {*form} or (len(saved) < len(form) and not some):
+            words = "of arrays, with names among" if some else "with"
+            raise SceneError(f"{name} in a state to restore must be a dict {words} {', '.join(sorted(form))}.")
+        for key, value in saved.items():
+            check_form(value, "f" if some else form[key], key, size)

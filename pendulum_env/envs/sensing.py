@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from numpy.typing import NDArray
 
-from pendulum_env.engine.batch import Batch
-from pendulum_env.engine.layout import BLOCK
-from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
 from pendulum_env.engine.sensing import SEEDS, MotionFields, Plan, Sensing, gain_of
-from pendulum_env.engine.shape import HOLD
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.envs.settings import USUAL_HISTORY, EpisodeSettings
 from pendulum_env.physics.sensor import Sensor
@@ -114,39 +109,20 @@ def delays(bounds: tuple[int, int], uniform: Any) -> Any:
 # --- environments ---------------------------------------------------------------------------------------------------
 
 
-def readings_of(spec: RunSpec, plan: Plan | None) -> tuple[Machine, Sensing | None]:
-    """Return the simulator of a single environment, and its readings; None if observations show the true motion.
+def readings(
+    spec: RunSpec, plan: Plan | None, place: MotionFields, remembers: bool, size: int, num_threads: int = 1
+) -> Sensing | None:
+    """Return the readings of environments; None if observations show the true motion.
 
-    Where actions arrive within control steps, the state of effects, such as a lagging motor, is advanced in every
-    integration step. Raises SceneError for the diagnostic "error" with readings or actions within control steps.
+    ``remembers`` is True for scenes with effects that have a state, such as a lagging motor. Raises SceneError for the
+    diagnostic "error" with readings or actions within control steps.
     """
-    machine = spec.machine()
-    if plan is None:
-        return machine, None
-    remembers = HOLD[0] in machine.numbers
-    check_parts(plan, remembers, spec)
-    if remembers and plan.changes:
-        machine = replace(spec, hold=1).machine()
-    place = MotionFields(1, ANGLE, TURNS, VELOCITY, spec.scene.periodic)
-    return machine, Sensing(plan, place, 1, remembers, spec.backend)
-
-
-def readings_of_many(spec: RunSpec, batch: Batch, plan: Plan | None) -> Sensing | None:
-    """Return the readings of a vector of environments; see :func:`readings_of`."""
     if plan is None:
         return None
-    fields, remembers = batch.layout.fields, bool(batch.layout.shape.remembered)
-    check_parts(plan, remembers, spec)
-    batch.also(OBSERVED)
-    place = MotionFields(BLOCK, fields.index("q"), fields.index("turns"), fields.index("v"), spec.scene.periodic)
-    return Sensing(plan, place, batch.size, remembers, spec.backend, batch.num_threads)
-
-
-def check_parts(plan: Plan, remembers: bool, spec: RunSpec) -> None:
-    """Raise SceneError if errors are to be estimated within control steps."""
     if spec.estimate_error and len(plan.parts(remembers)) > 1:
         raise SceneError('The diagnostic "error" compares runs at the ends of control steps, so that it needs delays '
                          "of whole control steps, and a rate of one reading for each at most.")
+    return Sensing(plan, place, size, remembers, spec.backend, num_threads)
 
 
 def drawn_delays(plan: Plan, uniform: Callable[[], Array]) -> tuple[list[Any], dict[str, Array]]:

@@ -236,15 +236,35 @@ def acting(policy: Any) -> Callable[[Any], Any]:
 # --- what is different ----------------------------------------------------------------------------------------------
 
 
-class Swap(NamedTuple):
-    """A difference between two environments: its name, both values as text, and a function that applies it.
+@dataclass(frozen=True)
+class Swap:
+    """A difference between two environments: of keywords, of a part of the scene, or of one of the part's parameters.
 
-    ``apply(to, source)`` returns the keywords ``to`` with this one difference taken from ``source``.
+    Attributes:
+        name: the first of the keywords, the part, or the parameter, such as "body.length".
+        values: both values as text.
+        keywords: the keywords, if any; then ``part`` is empty.
+        part: the part of the scene, as :func:`parts_of` names it.
+        field: the part's parameter; empty for the part as a whole.
     """
 
     name: str
     values: tuple[str, str]
-    apply: Callable[[Keywords, Keywords], Keywords]
+    keywords: tuple[str, ...] = ()
+    part: str = ""
+    field: str = ""
+
+    def apply(self, to: Keywords, source: Keywords) -> Keywords:
+        """Return the keywords ``to`` with this one difference taken from ``source``."""
+        if self.keywords:
+            return {**{name: value for name, value in to.items() if name not in self.keywords},
+                    **{name: source[name] for name in self.keywords if name in source}}
+        scene, wanted = to["scene"], parts_of(source["scene"]).get(self.part)
+        if self.field or self.part in PARTS:
+            given = {self.name: getattr(wanted, self.field) if self.field else wanted}
+            return {**to, "scene": scene.replace(**given)}
+        others = [effect for effect in scene.effects if kind_of(effect) != self.part]
+        return {**to, "scene": scene.with_effects(others + ([wanted] if wanted is not None else []))}
 
 
 def checked(given: Any, label: str) -> Keywords:
@@ -296,13 +316,7 @@ def different(nominal: Keywords, real: Keywords) -> Iterator[Swap]:
         if not all(equal(nominal.get(name), real.get(name)) for name in group):
             one, other = (", ".join(f"{name} {side[name]}" if name in NUMERICS[1:] else value_text(side[name])
                                     for name in group if name in side) or "usual" for side in (nominal, real))
-            yield Swap(group[0], (one, other), keywords_from(group))
-
-
-def keywords_from(names: tuple[str, ...]) -> Callable[[Keywords, Keywords], Keywords]:
-    """Return the function that takes these keywords from other ones."""
-    return lambda to, source: {**{name: value for name, value in to.items() if name not in names},
-                               **{name: source[name] for name in names if name in source}}
+            yield Swap(group[0], (one, other), group)
 
 
 def kind_of(effect: Effect) -> str:
@@ -329,30 +343,9 @@ def scene_changes(nominal: Scene, real: Scene) -> Iterator[Swap]:
                 values = getattr(one, field.name), getattr(other, field.name)
                 if values[0] != values[1]:
                     yield Swap(f"{owner}.{field.name}", (value_text(values[0]), value_text(values[1])),
-                               parameter_from(part, owner, field.name))
+                               part=part, field=field.name)
         else:
-            yield Swap(part, (value_text(one), value_text(other)), part_from(part))
-
-
-def parameter_from(part: str, owner: str, field: str) -> Callable[[Keywords, Keywords], Keywords]:
-    """Return the function that takes one parameter of the body or of an effect from another scene."""
-    def apply(to: Keywords, source: Keywords) -> Keywords:
-        value = getattr(parts_of(source["scene"])[part], field)
-        return {**to, "scene": to["scene"].replace(**{f"{owner}.{field}": value})}
-
-    return apply
-
-
-def part_from(part: str) -> Callable[[Keywords, Keywords], Keywords]:
-    """Return the function that takes gravity, the medium, the body or an effect as a whole from another scene."""
-    def apply(to: Keywords, source: Keywords) -> Keywords:
-        scene, wanted = to["scene"], parts_of(source["scene"]).get(part)
-        if part in PARTS:
-            return {**to, "scene": scene.replace(**{part: wanted})}
-        others = [effect for effect in scene.effects if kind_of(effect) != part]
-        return {**to, "scene": scene.with_effects(others + ([wanted] if wanted is not None else []))}
-
-    return apply
+            yield Swap(part, (value_text(one), value_text(other)), part=part)
 
 
 def tried(

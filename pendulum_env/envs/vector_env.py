@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.shown import one_line
 from pendulum_env.engine.batch import Results
-from pendulum_env.engine.each import Each
+from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.random_streams import MOST_SEED, Streams, fresh_seeds, words_of_range
 from pendulum_env.engine.report import SEEN
+from pendulum_env.engine.sensing import MotionFields
 from pendulum_env.engine.settings import described, documented, taking
 from pendulum_env.engine.shape import LOST, STOP_REASONS
 from pendulum_env.engine.spec import RunSpec
@@ -25,7 +26,7 @@ from pendulum_env.envs.cameras import Cameras
 from pendulum_env.envs.limits import check_duration
 from pendulum_env.envs.members import Members, alone
 from pendulum_env.envs.randomize import Bank
-from pendulum_env.envs.sensing import drawn_delays, readings_of_many
+from pendulum_env.envs.sensing import OBSERVED, drawn_delays, readings
 from pendulum_env.envs.settings import (
     MANY,
     MOST_ENVS,
@@ -89,7 +90,12 @@ class LabPendulumVectorEnv(Members):
         most = np.inf if self._episode_steps is None else self._episode_steps
         self._batch = spec.batch(self._num_envs, task.goal, most, given.num_threads)
         self._bank = Bank(self._num_envs) if self._randomization else None
-        self._sensing = readings_of_many(spec, self._batch, plan)
+        fields, shape = self._batch.layout.fields, self._batch.layout.shape
+        q, turns, v = map(fields.index, ("q", "turns", "v"))
+        place = MotionFields(BLOCK, q, turns, v, spec.scene.periodic)
+        self._sensing = readings(spec, plan, place, bool(shape.remembered), self._num_envs, self._batch.num_threads)
+        if self._sensing is not None:
+            self._batch.also(OBSERVED)
         self._plain = self._sensing is None and not self._acts
         self._seen_before: NDArray[np.float32] | None = None
         self._tell()
@@ -105,6 +111,7 @@ class LabPendulumVectorEnv(Members):
                                 given.render_mode == "rgb_array_list")
                         if given.render_mode else None)
         self._streams: Streams | None = None
+        self._members = {}
         self._seeds: NDArray[Any] | range = range(0)
         self._over, self._everyone = NOBODY, np.ones(self._num_envs, dtype=np.bool_)
         self._running = np.broadcast_to(np.array("", dtype=object), (self._num_envs,))
@@ -114,7 +121,7 @@ class LabPendulumVectorEnv(Members):
         self._told: Infos | None = None
         self._begun = self._explained = False
         self._steps = 0
-        self._slack = not self._batch.layout.shape.lenient  # True once no warning of a slack wire is due
+        self._slack = not shape.lenient  # True once no warning of a slack wire is due
 
     def __repr__(self) -> str:
         return one_line(self, f"{self._num_envs} x {self.scene.name}, {self.integrator}, task {self.task.name}, "
@@ -143,7 +150,8 @@ class LabPendulumVectorEnv(Members):
             self._settled = True
         which = np.flatnonzero(mask)
         asked, task, given = checked_options(rest, self.scene, self.task)
-        own = {name: checked_values(name, values, which, size) for name, values in given.items()}
+        own = {name: np.array([number(value, name) for value in checked_shape(name, values, which, size).tolist()])
+               for name, values in given.items()}
         if own:
             self._each.numbers_with(which, own)
         starts = checked_starts(self._spec, asked, which, size)
@@ -152,7 +160,7 @@ class LabPendulumVectorEnv(Members):
         if some:
             self._batch.look(results)
         parameters = self._restart(which, results, own, starts, task)
-        seen = self._seen(self._read(results), results)
+        seen = self._seen(results)
         self._known = True
         self._over = np.setdiff1d(self._over, which, assume_unique=True)
         if self._camera is not None:
@@ -187,8 +195,7 @@ class LabPendulumVectorEnv(Members):
         results = self._batch.results() if self._reused is None else self._reused
         try:
             if self._sensing is None:
-                given = results.observation
-                taken = self._batch.step(action, results)
+                given, taken = None, self._batch.step(action, results)
             else:
                 given, taken = self._room(results), True
                 self._batch.step_in_parts(self._sensing, action, results, given)
@@ -212,8 +219,8 @@ class LabPendulumVectorEnv(Members):
         if waiting.size and self.autoreset_mode is AutoresetMode.NEXT_STEP:
             extra = self._restart(waiting, results, {}, {}, self._task)
             results.reward[waiting] = 0.0
-            given = self._read(results)
-        seen = given if self._sensing is None and not self._bounded else self._seen(given, results)
+            given = None
+        seen = self._seen(results, given) if self._bounded or self._sensing is not None else results.observation
         over, self._over = NOBODY, NOBODY
         if self._batch.ended and (over := np.flatnonzero(results.terminated | results.truncated)).size:
             if self._penalty:
@@ -226,7 +233,7 @@ class LabPendulumVectorEnv(Members):
                 reward = results.reward[over]
                 extra |= self._restart(over, results, {}, {}, self._task)
                 results.terminated[over], results.truncated[over], results.reward[over] = ended, late, reward
-                seen = self._seen(self._read(results), results)
+                seen = self._seen(results)
             else:
                 self._over, extra = over, {**extra, **reasons}
         if self._camera is not None:
@@ -263,13 +270,6 @@ class LabPendulumVectorEnv(Members):
         shares[which] = self._acted(shares[which], lambda: self._seeded().uniform(which))
         return shares
 
-    def _ready_to_render(self) -> Cameras | None:
-        if self._camera is None:
-            gymnasium.logger.warn("render() draws nothing without render_mode='rgb_array' in gym.make_vec.")
-        elif not self._begun:
-            raise self._unready("the first render()")
-        return self._camera
-
     def __getstate__(self) -> dict[str, Any]:
         """Return the attributes for a copy or a pickle, without the cached infos, which share arrays with this object.
         """
@@ -297,45 +297,35 @@ class LabPendulumVectorEnv(Members):
     # --- parts --------------------------------------------------------------------------------------------------
 
     def _room(self, results: Results) -> NDArray[np.float32]:
-        """Return the array into which the step writes the observations."""
-        if self._sensing is None:
-            return results.observation
+        """Return the array into which the sensors write the observations."""
+        assert self._sensing is not None
         shape = self._num_envs, self._sensing.plan.width + results.observation.shape[1] - len(SEEN)
         seen = np.empty(shape, np.float32) if self._seen_before is None else self._seen_before
         self._seen_before = None if self._reused is None else seen
         return seen
 
-    def _read(self, results: Results) -> NDArray[np.float32]:
-        """Return the observations of the present states, after new episodes have begun."""
-        seen = self._room(results)
-        if self._sensing is not None:
-            self._sensing.give(seen, results.info[-1])
-        return seen
-
-    def _seen(self, seen: NDArray[np.float32], results: Results) -> NDArray[np.float32]:
+    def _seen(self, results: Results, seen: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """Return the observations: of the true motion or of the sensors, with the entries of the task's reference.
 
-        Velocities are cut to ``velocity_bound``.
+        Those of the sensors are ``seen``; None takes them anew, after new episodes have begun. Velocities are cut to
+        ``velocity_bound``.
         """
         sensing = self._sensing
-        if sensing is not None:
+        if sensing is None:
+            seen = results.observation
+        else:
+            if seen is None:
+                seen = self._room(results)
+                sensing.give(seen, results.info[-1])
             width = sensing.plan.width
             seen[:, width:] = results.observation[:, len(SEEN):]
             if self.task.goal.upright:
                 turned = seen[:, : width - sensing.plan.swift]
                 np.negative(turned, out=turned)
-        if self._bounded and (sensing is None or sensing.plan.swift):
+        if self._bounded:
             velocity, bound = seen[:, 2], self._velocity_bound
             np.clip(velocity, -bound, bound, out=velocity)
         return seen
-
-    def _begin_readings(self, which: Places) -> None:
-        """Begin the readings of new episodes in the environments ``which``, with delays and noise drawn for them."""
-        if self._sensing is not None:
-            drawn, steps = drawn_delays(self._sensing.plan, lambda: self._seeded().uniform(which))
-            self._batch.begin_readings(self._sensing, which, *drawn)
-            for name, late in steps.items():
-                self._delays.setdefault(name, np.zeros(self._num_envs))[which] = late * self._batch.h
 
     def _infos_of_all(self, results: Results) -> Infos:
         """Return the infos of a step in a new dict.
@@ -389,12 +379,6 @@ class LabPendulumVectorEnv(Members):
         last["stop_reason"] = np.where(shown, last["stop_reason"], None)
         return {"final_obs": last_seen, "_final_obs": shown, "final_info": last, "_final_info": shown.copy()}
 
-    @property
-    def _each(self) -> Each:
-        """The scenes of the environments, with the parameters of their present episodes."""
-        assert self._spec.each is not None
-        return self._spec.each
-
     def _restart(
         self, which: Places, results: Results, own: Mapping[str, Array], starts: Mapping[str, Array], task: Task
     ) -> Infos:
@@ -407,8 +391,13 @@ class LabPendulumVectorEnv(Members):
         drawn = dict(zip(START, self._random(which, numbers, task), strict=True)) if len(starts) < len(START) else {}
         angle, velocity = ({**drawn, **starts}[name] for name in START)
         these = None if len(which) == self._num_envs else which
-        self._batch.start(these, angle, velocity, self._drawn_for(which), results, numbers)
-        self._begin_readings(which)
+        gusts = self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}
+        self._batch.start(these, angle, velocity, gusts, results, numbers)
+        if self._sensing is not None:
+            drawn_late, late = drawn_delays(self._sensing.plan, lambda: self._seeded().uniform(which))
+            self._batch.begin_readings(self._sensing, which, *drawn_late)
+            for name, steps in late.items():
+                self._delays.setdefault(name, np.zeros(self._num_envs))[which] = steps * self._batch.h
         self._begun = True
         return self._parameter_infos(which)
 
@@ -494,10 +483,6 @@ class LabPendulumVectorEnv(Members):
         self._seeded()
         return tuple(map(int, self._seeds))
 
-    def _drawn_for(self, which: Places) -> dict[str, Array]:
-        """Return the random initial values of effects' state variables, such as gusts, for environments ``which``."""
-        return self._batch.drawn(self._seeded(), which) if self._batch.layout.shape.drawn else {}
-
 
 fix(LabPendulumVectorEnv, ("omega0",))
 documented(LabPendulumVectorEnv, arguments=described(VectorSettings, EnvSettings))
@@ -541,15 +526,6 @@ def checked_shape(name: str, values: Any, which: Places, size: int) -> NDArray[A
     if shape not in ((), (size,)):
         raise SceneError(f"{wanted}, not {shape}.")
     return np.broadcast_to(np.asarray(values), (size,))[which]
-
-
-def checked_values(name: str, values: Any, which: Places, size: int) -> Array:
-    """Return a parameter's values for one episode of the environments ``which``, from the options of ``reset``.
-
-    Raises SceneError for another shape than that of one number or ``size`` numbers, and for values that are no numbers.
-    """
-    own = checked_shape(name, values, which, size)
-    return np.array([number(value, name) for value in own.tolist()])
 
 
 def checked_seeds(seed: Any, size: int) -> range | list[int | None] | None:

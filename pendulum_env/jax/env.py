@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import singledispatch
-from typing import Any, cast
+from functools import partial
+from typing import Any, ClassVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -17,10 +15,9 @@ from pendulum_env.common.many import twin_of
 from pendulum_env.engine.goal import goal_text
 from pendulum_env.engine.machine import find_method
 from pendulum_env.engine.settings import described, documented, taking
-from pendulum_env.engine.shape import HOLD
 from pendulum_env.engine.starts import checked_limit, frequency
 from pendulum_env.envs.limits import REGISTERED
-from pendulum_env.envs.randomize import Joint, Randomization, Range, randomization
+from pendulum_env.envs.randomize import Function, Joint, Randomization, Range, randomization
 from pendulum_env.envs.sensing import OBSERVED, plan_of
 from pendulum_env.envs.settings import UNBOUNDED, EpisodeSettings, acting, spaces_of, task_of, usual
 from pendulum_env.jax.gymnax import Gymnax
@@ -31,7 +28,7 @@ from pendulum_env.jax.sensing import TwinSensing
 from pendulum_env.physics import random
 from pendulum_env.physics.damping import build_scene
 from pendulum_env.physics.units import SceneError, count, naming_keywords, nearest, setting, shown
-from pendulum_env.tasks.task import steps_of
+from pendulum_env.tasks.task import earlier, steps_of
 
 LONGEST = 2**31 - 1
 """Most control steps in an episode: they are counted in 32 bits."""
@@ -39,9 +36,28 @@ FELL = 4.0
 """Stop code of an episode whose task is lost."""
 
 
+class Replaced:
+    """A dataclass with ``replace``, as gymnax's have it.
+
+    Attributes:
+        remedy: sentence for those who look for other fields.
+    """
+
+    remedy: ClassVar[str]
+
+    def replace(self, **changes: Any) -> Any:
+        """Return the same with other values of some fields; SceneError for other names."""
+        known = [field.name for field in fields(cast(Any, self))]
+        for name in changes:
+            if name not in known:
+                raise SceneError(f"{type(self).__name__} has no field {shown(name)}{nearest(name, known)} "
+                                 f"{self.remedy}")
+        return cast(Any, replace)(self, **changes)
+
+
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class EnvParams:
+class EnvParams(Replaced):
     """What differs between environments of one program: numbers, and the length of an episode.
 
     Attributes:
@@ -51,20 +67,16 @@ class EnvParams:
         max_steps_in_episode: control steps in an episode.
     """
 
+    remedy = "Parameters of the scene, such as length, are those of get_default_params(length=x)."
     numbers: tuple[Any, ...]
     omega0: Any
     speed_limit: Any
     max_steps_in_episode: Any
 
-    def replace(self, **changes: Any) -> EnvParams:
-        """Return the parameters with other values of these fields; SceneError for other names."""
-        remedy = "Parameters of the scene, such as length, are those of get_default_params(length=x)."
-        return cast(EnvParams, replaced(self, changes, remedy))
-
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class EnvState:
+class EnvState(Replaced):
     """The state of an episode.
 
     Attributes:
@@ -77,25 +89,13 @@ class EnvState:
         acted: the last action, as settings such as ``action_noise`` have changed it; None without them.
     """
 
+    remedy = "To start elsewhere, use started(angle, velocity)."
     values: tuple[Any, ...]
     stop: Any
     time: Any
     params: EnvParams | None
     sensed: Any = None
     acted: Any = None
-
-    def replace(self, **changes: Any) -> EnvState:
-        """Return the state with other values of these fields; SceneError for other names."""
-        return cast(EnvState, replaced(self, changes, "To start elsewhere, use started(angle, velocity)."))
-
-
-def replaced(one: Any, changes: Mapping[str, Any], remedy: str) -> Any:
-    """Return a dataclass with other values of its fields; SceneError for other names, with a remedy."""
-    known = [field.name for field in fields(one)]
-    for name in changes:
-        if name not in known:
-            raise SceneError(f"{type(one).__name__} has no field {shown(name)}{nearest(name, known)} {remedy}")
-    return replace(one, **changes)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -177,10 +177,9 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         Raises SceneError for invalid parameters.
         """
         place = with_parameters(self.scene, parameters)
-        values = {HOLD[0]: float(self._hold), **numbers(place)}
         limit = checked_limit(self._settings.speed_limit, place)
         return EnvParams(
-            tuple(jnp.asarray(values[name], self.kind) for name in self.twin.parameters),
+            self.twin.parameters(numbers(place), self._hold, self.kind),
             jnp.asarray(twin_of(frequency(place)), self.kind), jnp.asarray(twin_of(limit), self.kind),
             jnp.asarray(self.max_steps))
 
@@ -203,8 +202,8 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         columns = {name: jnp.asarray([trial[name] for trial in trials], self.kind) for name in draws.names}
         found = jax.jit(jax.vmap(lambda values: self.get_default_params(**values).numbers))(columns)
         for i, (values, place) in enumerate(zip(trials, scenes, strict=True)):
-            exact = {HOLD[0]: float(self._hold), **numbers(place)}
-            if not np.allclose([float(column[i]) for column in found], [exact[name] for name in self.twin.parameters],
+            exact = self.twin.parameters(numbers(place), self._hold, self.kind)
+            if not np.allclose([float(column[i]) for column in found], [float(value) for value in exact],
                                rtol=1e-6 if wide else 1e-3, atol=1e-30, equal_nan=True):
                 label = ", ".join(f"{name}={value:.6g}" for name, value in values.items())
                 raise SceneError(f"randomize: {label} calls for other formulas than the values of the scene "
@@ -260,7 +259,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         stream = {name: random.started(uniform[i]) for i, name in enumerate(names)}
         values = self.twin.start(angle, velocity, used.numbers, stream, self.kind)
         rest = uniform[len(names):] if self._draws else None
-        sensed = None if self._sensing is None else self._sensing.begin(self._motion((values, None)), rest)
+        sensed = None if self._sensing is None else self._sensing.begin(self.twin.motion(values), rest)
         return EnvState(values, jnp.zeros_like(values[1]), jnp.zeros(values[1].shape, jnp.int32), own, sensed,
                         jnp.zeros_like(values[1]) if self._acts else None)
 
@@ -283,7 +282,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         else:
             (values, stop), sensed = self._sensing.step(
                 carry, sensed, share, rng, lambda carry, share, steps: self._advanced(carry, used, share, steps),
-                self._motion)
+                lambda carry: self.twin.motion(carry[0]))
             share = self._sensing.acting(sensed, share, self._sensing.last)
         _, lost = self._judged(state, values, share, used)
         stop = jnp.where((stop == 0.0) & lost, FELL, stop)
@@ -338,7 +337,7 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
         seen = self._reports(state.values, self._of(state, params))
         info = {name: value for name, value in seen.items() if name in self.twin.program.shape.info}
         if self._sensing is not None:
-            turned = self._turned(state.values)
+            turned = self.twin.turned(state.values)
             info[OBSERVED] = self._sensing.give(state.sensed)[1] if self._sensing.reads else turned
         return info
 
@@ -373,15 +372,6 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
             carry = jax.lax.fori_loop(1, steps, turn, carry)
         return carry
 
-    def _motion(self, carry: Any) -> tuple[Any, ...]:
-        """Return angle, turns and velocity of a state of the program and its stop code."""
-        return tuple(carry[0][self.twin.names.index(name)] for name in ("angle", "turns", "velocity"))
-
-    def _turned(self, values: Any) -> Any:
-        """Return the unwrapped angle of a state of the program [rad]."""
-        angle, turns, _ = self._motion((values, None))
-        return angle + 2.0 * math.pi * turns
-
     def _share(self, action: Any) -> Any:
         action = jnp.asarray(action, self.kind)
         return jnp.clip(action[..., 0] if action.ndim and action.shape[-1] == 1 else action, -1.0, 1.0)
@@ -401,17 +391,12 @@ class LabPendulum(FuncEnv[Any, Any, Any, Any, Any, Any, Any]):
 
     def _judged(self, state: EnvState, values: Any, share: Any, used: EnvParams) -> Any:
         """Return reward and loss of a control step that led to a state of the program."""
-        names = self.twin.names
-        place = {name: values[names.index(name)] for name in ("index", "angle", "turns", "velocity")}
-        phi = self._reports(values, used)["phi"]
-        goal, before = self.task.goal, []
-        if goal.before:
-            earlier = self._reports(state.values, used)
-            known = {"phi_before": earlier["phi"], "angle_before": self._turned(state.values),
-                     "velocity_before": state.values[names.index("velocity")]}
-            before = [known[name] for name in goal.before]
-        reward, lost = self._judge.call("judge", *place.values(), phi, share, used.omega0, self.h, *before)
-        shape = jnp.shape(place["angle"])
+        phi, before = self._reports(values, used)["phi"], dict[str, Any]()
+        if names := self.task.goal.before:
+            before = earlier(names, self._reports(state.values, used)["phi"], *self.twin.motion(state.values))
+        reward, lost = self._judge.call("judge", values[0], *self.twin.motion(values), phi, share, used.omega0, self.h,
+                                        *before.values())
+        shape = jnp.shape(values[0])
         return jnp.broadcast_to(jnp.asarray(reward, self.kind), shape), jnp.broadcast_to(jnp.asarray(lost, bool), shape)
 
 
@@ -421,9 +406,10 @@ documented(LabPendulum, arguments=described(TwinSettings, EpisodeSettings))
 # --- random parameters ------------------------------------------------------------------------------------------------
 
 
-@singledispatch
-def drawn(part: Any, uniform: Any, key: Any) -> dict[str, Any]:
+def drawn(part: Range | Joint | Function, uniform: Any, key: Any) -> dict[str, Any]:
     """Return the parameters of an episode by name, drawn from a part of a randomisation.
+
+    A fit gives a row of its bootstrap or posterior, or a draw from its covariance; those below a bound are left out.
 
     Args:
         part: parameters that are drawn together.
@@ -432,26 +418,17 @@ def drawn(part: Any, uniform: Any, key: Any) -> dict[str, Any]:
 
     Raises SceneError for a function of a NumPy generator.
     """
-    raise SceneError("A function of a NumPy generator as randomize has no twin in JAX, which cannot trace it; give "
-                     "ranges or a fit, or call the function and pass get_default_params(...) of its values.")
-
-
-@drawn.register
-def _from_range(part: Range, uniform: Any, key: Any) -> dict[str, Any]:
-    def array(values: Any) -> Any:
-        return jnp.asarray(values, uniform.dtype)
-
-    return {part.name: array(part.values[0]) if part.fixed else part.at(uniform, jnp.exp, array)}
-
-
-@drawn.register
-def _from_fit(part: Joint, uniform: Any, key: Any) -> dict[str, Any]:
-    """Return a row of a bootstrap or posterior, or a draw from a covariance; those below a bound are left out."""
+    if isinstance(part, Function):
+        raise SceneError("A function of a NumPy generator as randomize has no twin in JAX, which cannot trace it; give "
+                         "ranges or a fit, or call the function and pass get_default_params(...) of its values.")
+    array = partial(jnp.asarray, dtype=uniform.dtype)
+    if isinstance(part, Range):
+        return {part.name: array(part.values[0]) if part.fixed else part.at(uniform, jnp.exp, array)}
     if part.rows is not None:
-        rows = jnp.asarray(part.rows[np.all(part.rows >= part.least, axis=1)], uniform.dtype)
+        rows = array(part.rows[np.all(part.rows >= part.least, axis=1)])
         row = rows[(uniform * len(rows)).astype(int).clip(0, len(rows) - 1)]
     else:
-        values, least, spread = (jnp.asarray(one, uniform.dtype) for one in (part.values, part.least, part.spread))
+        values, least, spread = map(array, (part.values, part.least, part.spread))
 
         def again(carry: Any) -> Any:
             key, own = jax.random.split(carry[0])

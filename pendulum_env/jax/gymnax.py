@@ -81,19 +81,11 @@ class Gymnax:
     """
 
     supports_transition_gradients = transition_gradients_enabled = True
+    name = "LabPendulum-v0"
+    num_actions = 1
 
     def __init__(self, env: Any, split: bool = False) -> None:
         self.env, self.split = env, split
-
-    @property
-    def name(self) -> str:
-        """Return the environment's name."""
-        return "LabPendulum-v0"
-
-    @property
-    def num_actions(self) -> int:
-        """Return the number of an action's entries."""
-        return 1
 
     @property
     def default_params(self) -> Any:

@@ -294,25 +294,19 @@ class Functions:
         turns = self._turns(node, names)
         counter = node.target.id  # type: ignore[attr-defined]
         if turns < 1:
-            return self._block(node.orelse, names)
+            return names, Exits()
         ends = any(isinstance(part, (ast.Break, ast.Return)) for part in ast.walk(node))
         if ends and turns > 1:
             names = {name: stopped(value) for name, value in names.items()}
         names, exits = self._block(node.body, {**names, counter: 0})
         if turns > 1:
             names, exits = (self._while if ends else self._repeat)(node, counter, turns, names, exits)
-        after = Exits(exits.returned, exits.value)
-        if node.orelse:
-            left = either(exits.returned, exits.broken)
-            with under(negated(left)):
-                rest, further = self._block(node.orelse, dict(names))
-            return merged(left, names, rest), after.joined(further, left)
-        return names, after
+        return names, Exits(exits.returned, exits.value)
 
     def _turns(self, node: ast.For, names: Names) -> int:
         call = node.iter
         if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
-                and len(call.args) == 1 and isinstance(node.target, ast.Name)):
+                and len(call.args) == 1 and isinstance(node.target, ast.Name) and not node.orelse):
             raise unknown(node, "the loop")
         turns = self._value(call.args[0], names)
         if not isinstance(turns, int):

@@ -90,10 +90,20 @@ class Twin:
         """Return the names of a state's entries."""
         return self.program.shape.state
 
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Return the names of the numbers that a step takes as parameters, in their order."""
-        return self.program.shape.params
+    def parameters(self, values: Mapping[str, Any], hold: int, kind: Any) -> tuple[Any, ...]:
+        """Return the numbers that a step takes, as arrays: those of a scene, with ``hold`` steps in a control step."""
+        values = {**values, HOLD[0]: float(hold)}
+        return tuple(jnp.asarray(values[name], kind) for name in self.program.shape.params)
+
+    def motion(self, state: Any) -> tuple[Any, Any, Any]:
+        """Return angle, turns and velocity of a state."""
+        angle, turns, velocity = (state[self.names.index(name)] for name in ("angle", "turns", "velocity"))
+        return angle, turns, velocity
+
+    def turned(self, state: Any) -> Any:
+        """Return the unwrapped angle of a state [rad]."""
+        angle, turns, _ = self.motion(state)
+        return angle + 2.0 * math.pi * turns
 
     @property
     def size(self) -> int:
@@ -291,8 +301,7 @@ def rollout(
         raise SceneError(f"every must divide the number of steps, {count}, in JAX, where all records are of one "
                          f"length; {stride} does not.")
     one = twin(place, method, check_diagnostics(diagnostics))
-    values = {HOLD[0]: float(hold), **numbers(place)}
-    arrays = tuple(jnp.asarray(values[name], kind) for name in one.parameters)
+    values = numbers(place)
     share = control if is_array(control) else checked_control(control)
     start = [value if is_array(value) else start_values(usual_one if value is None else value, name, unit)
              for name, value, usual_one, unit in (
@@ -302,14 +311,13 @@ def rollout(
     forced = None if controls is None else jnp.asarray(controls, kind)
     start, share, limit = jax.tree.map(lambda value: jnp.asarray(value, kind), (start, share, most))
     run: TwinRollout = _runner(one, count, stride, hold, place.name, method.name, kind)(
-        *start, arrays, drawn, share, forced, jnp.asarray(h, kind), limit)
+        *start, one.parameters(values, hold, kind), drawn, share, forced, jnp.asarray(h, kind), limit)
     if not estimates:
         return run
-    values = endless({**values, HOLD[0]: 2.0 * hold})
-    arrays = tuple(jnp.asarray(values[name], kind) for name in one.parameters)
+    arrays = one.parameters(endless(values), 2 * hold, kind)
     second = _runner(one, 2 * count, 2 * stride, 2 * hold, place.name, method.name, kind)(
         *start, arrays, drawn, share, forced, jnp.asarray(0.5 * h, kind), jnp.asarray(math.inf, kind))
-    estimator = ErrorEstimator.of(place, method, h, {**numbers(place), "omega0": twin_of(frequency(place))}, False,
+    estimator = ErrorEstimator.of(place, method, h, {**values, "omega0": twin_of(frequency(place))}, False,
                                   library=jnp)
     estimate = lax.stop_gradient(_estimated(estimator, run, second, stride, functions(one.program.text)))
     jax.debug.callback(partial(_warn, place.name), run.time, estimate)
@@ -427,10 +435,9 @@ def _runner(one: Twin, count: int, every: int, hold: int, scene: str, integrator
         ends = jnp.where(stops[-1] != 0.0, stops[-1], jnp.max(judged, axis=0))
         series = {name: jnp.moveaxis(value, 0, -1) for name, value in reports.items()
                   if name not in ("phi", *SEEN)}
-        turned = states[one.names.index("angle")] + 2.0 * math.pi * states[one.names.index("turns")]
         time = series.pop("time", jnp.moveaxis(states[0] * h, 0, -1))
-        angles = series.pop("angle", jnp.moveaxis(turned, 0, -1))
-        velocities = series.pop("velocity", jnp.moveaxis(states[one.names.index("velocity")], 0, -1))
+        angles = series.pop("angle", jnp.moveaxis(one.turned(states), 0, -1))
+        velocities = series.pop("velocity", jnp.moveaxis(one.motion(states)[2], 0, -1))
         return TwinRollout(time, angles, velocities, series, ends, scene, integrator, np.dtype(kind).name)
 
     return jax.jit(run)  # type: ignore[no-any-return]
@@ -444,40 +451,38 @@ def _recorded(turn: Turn, carry: Any, taken: int, count: int, every: int) -> Any
     """
     part = math.isqrt(count) if count > LONG else count
 
-    def some(carry: Any, begin: Any, steps: int) -> Any:
-        """Take steps, with all that a derivative needs of them."""
-        return lax.scan(lambda carry, i: (turn(carry, i), None), carry, begin + jnp.arange(steps))[0]
-
     def many(carry: Any, begin: Any, steps: int) -> Any:
-        """Take steps in parts, with only the first state of each."""
-        if steps <= part:
-            return turn(carry, begin) if steps == 1 else some(carry, begin, steps)
-
-        def next_part(carry: Any, i: Any) -> tuple[Any, None]:
-            return some(carry, begin + i * part, part), None
-
-        whole, rest = divmod(steps, part)
-        carry, _ = lax.scan(jax.checkpoint(next_part), carry, jnp.arange(whole))
-        return some(carry, begin + whole * part, rest) if rest else carry
+        if steps == 1:
+            return turn(carry, begin)
+        return _in_parts(lambda carry, i: (turn(carry, i), None), carry, begin, steps, part)[0]
 
     def row(carry: Any, k: Any) -> tuple[Any, Any]:
         after = many(carry, k * every, every)
         return after, after
 
-    records, first = [], 0
+    records = []
     if taken:
         carry = many(carry, jnp.asarray(taken), every - taken) if every > taken else carry
         records.append(jax.tree.map(lambda value: value[None], carry))
-        first = 1
-    rows = count // every - first
-    block = max(1, part // every)
-    whole, rest = divmod(rows, block) if rows > block else (0, rows)
-    if whole:
-        def block_of(carry: Any, i: Any) -> tuple[Any, Any]:
-            return lax.scan(row, carry, first + i * block + jnp.arange(block))  # type: ignore[no-any-return]
+    _, rows = _in_parts(row, carry, taken, count // every - taken, max(1, part // every))
+    return jax.tree.map(lambda *parts: jnp.concatenate(parts), *records, rows)
 
-        carry, blocks = lax.scan(jax.checkpoint(block_of), carry, jnp.arange(whole))
-        records.append(jax.tree.map(lambda value: value.reshape((-1, *value.shape[2:])), blocks))
-    if rest:
-        records.append(lax.scan(row, carry, first + whole * block + jnp.arange(rest))[1])
-    return jax.tree.map(lambda *parts: jnp.concatenate(parts), *records)
+
+def _in_parts(body: Callable[[Any, Any], tuple[Any, Any]], carry: Any, first: Any, count: int, part: int) -> Any:
+    """Return what ``lax.scan`` returns for a body over the numbers from ``first`` on, ``count`` of them.
+
+    They are divided into parts, of which only the first carried value is stored for a derivative.
+    """
+    def some(carry: Any, begin: Any, count: int) -> Any:
+        return lax.scan(body, carry, begin + jnp.arange(count))
+
+    whole, rest = divmod(count, part) if count > part else (0, count)
+    results = []
+    if whole:
+        carry, parts = lax.scan(jax.checkpoint(lambda carry, i: some(carry, first + i * part, part)), carry,
+                                jnp.arange(whole))
+        results.append(jax.tree.map(lambda value: value.reshape((-1, *value.shape[2:])), parts))
+    if rest or not whole:
+        carry, last = some(carry, first + whole * part, rest)
+        results.append(last)
+    return carry, jax.tree.map(lambda *parts: jnp.concatenate(parts), *results)

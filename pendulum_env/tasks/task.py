@@ -41,7 +41,7 @@ def _never(phi: float) -> bool:
     return False
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Task:
     """A task: where an episode starts, the reward of a control step, and when the episode ends.
 
@@ -81,34 +81,35 @@ class Task:
     """
 
     name: str
-    reward: Function
-    lost: Function | None = None
-    start: Mapping[str, Any] | Function | None = None
-    reference: Function | None = None
+    reward: Function = field(compare=False)  # tasks are compared by the functions of their goals
+    lost: Function | None = field(default=None, compare=False)
+    start: Mapping[str, Any] | Function | None = field(default=None, compare=False)
+    reference: Function | None = field(default=None, compare=False)
     duration: float | None = None
     upright: bool = False
     equation: str = field(default="", kw_only=True)
     ends: str = field(default="-", kw_only=True)
-    widths: tuple[str, ...] = field(default=(), kw_only=True)
+    widths: tuple[str, ...] = field(default=(), kw_only=True, compare=False)
 
     goal: Goal = field(init=False, repr=False)
     begin: Function | None = field(init=False, repr=False)
-    ranges: Mapping[str, Range] = field(init=False, repr=False)
+    ranges: Mapping[str, Range] = field(init=False, repr=False, hash=False)
 
     def __post_init__(self) -> None:
         """Check and translate the functions, and try them."""
         name = line(self.name, "The name of a task")
         ranges = self.start if isinstance(self.start, Mapping) else {}
-        given = {"reward": self.reward, "lost": _never if self.lost is None else self.lost, "reference": self.reference,
-                 "start": None if isinstance(self.start, Mapping) else self.start}
-        translator, made = Translator(name), dict[str, Any]()
-        for role, function in given.items():
-            left_out = function is None and role in ("reference", "start")
-            made[role] = None if left_out else translator.plain(function, role)
-        offered = {**dict.fromkeys(("reward", "lost"), self._offered()), "reference": REFERENCE, "start": BEGIN}
-        for role, function in made.items():
-            if function is not None:
-                self._check_names(role, function, offered[role])
+        follows = self.reference is not None
+        quantities = {name: one.meaning for name, one in OFFERED.items() if follows or name not in FOLLOWED}
+        given: dict[str, tuple[Any, Mapping[str, str]]] = {
+            "reward": (self.reward, quantities), "lost": (_never if self.lost is None else self.lost, quantities),
+            "reference": (self.reference, REFERENCE),
+            "start": (None if isinstance(self.start, Mapping) else self.start, BEGIN)}
+        translator, made = Translator(name), dict[str, Any](reference=None, start=None)
+        for role, (function, offered) in given.items():
+            if function is not None or role not in made:
+                made[role] = translator.plain(function, role)
+                self._check_names(role, made[role], offered)
         begin = made["start"]  # the package's own takes arrays, and need not be copied into a program
         goal = Goal(made["reward"], made["lost"], made["reference"], None if begin is None or is_ours(begin) else begin,
                     boolean(self.upright, "upright"), tuple(translator.pieces))
@@ -120,14 +121,9 @@ class Task:
             raise TaskError(f"widths of the task {shown(name)} must be two names of options, for ranges of angle and "
                             f"velocity, not {shown(self.widths)}.")
         length = None if self.duration is None else number(self.duration, "duration", above=0.0, unit="s")
-        vars(self).update(goal=goal, begin=begin, ranges=_checked_ranges(name, ranges),
-                          duration=length)
+        ranges = _checked_ranges(name, ranges) if isinstance(self.start, Mapping) else {}
+        vars(self).update(goal=goal, begin=begin, ranges=MappingProxyType(ranges), duration=length)
         self._try()
-
-    def _offered(self) -> dict[str, str]:
-        """Return the quantities that reward and lost may take, with their meanings."""
-        follows = self.reference is not None
-        return {name: one.meaning for name, one in OFFERED.items() if follows or name not in FOLLOWED}
 
     def _check_names(self, role: str, function: FunctionType, offered: Mapping[str, str]) -> None:
         """Raise TaskError if a function takes a quantity that is not offered."""
@@ -203,18 +199,6 @@ class Task:
                 "begin": self.begin if self.goal.begin is None else None}
         return _rebuilt, (mine,)
 
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        start = tuple(sorted(self.ranges.items())) if self.start is not None else None
-        return self.name, self.goal, self.begin, start, self.duration, self.equation, self.ends
-
-    def __eq__(self, other: object) -> bool:
-        """Return True for a task with the same name, functions, starts and length."""
-        return isinstance(other, Task) and self._key == other._key
-
-    def __hash__(self) -> int:
-        return hash(self._key)
-
     # --- trials -----------------------------------------------------------------------------------------------------
 
     def _try(self) -> None:
@@ -277,7 +261,16 @@ def steps_of(duration: Any, dt: float) -> int:
     return whole
 
 
-def _checked_ranges(task: str, given: Mapping[str, Any]) -> Mapping[str, Range]:
+def earlier(names: Sequence[str], phi: Any, angle: Any, turns: Any, velocity: Any) -> dict[str, Any]:
+    """Return those of a task's quantities that are of the start of a control step, by name: ``goal.before``.
+
+    ``angle`` [rad] and ``turns`` are those of the state, which is that at the start of the step; they may be arrays.
+    """
+    values = {"phi_before": phi, "angle_before": angle + 2.0 * math.pi * turns, "velocity_before": velocity}
+    return {name: values[name] for name in names}
+
+
+def _checked_ranges(task: str, given: Mapping[str, Any]) -> dict[str, Range]:
     """Return the ranges of a start, complete; TaskError for unknown names, and for reversed ends."""
     ranges: dict[str, Range] = {}
     for name, values in given.items():
@@ -298,7 +291,7 @@ def _checked_ranges(task: str, given: Mapping[str, Any]) -> Mapping[str, Range]:
     ranges.setdefault("angle", (0.0, 0.0))
     if "speed" not in ranges:
         ranges.setdefault("velocity", (0.0, 0.0))
-    return MappingProxyType(ranges)
+    return ranges
 
 
 def _drawn_states(source: random.Random) -> Iterator[dict[str, float]]:

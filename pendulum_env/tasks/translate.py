@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import math
+from functools import reduce
 from inspect import signature
 from types import FunctionType
 from typing import Any
@@ -214,8 +215,8 @@ class TaskWriter(FunctionWriter):
             if not all(isinstance(op, COMPARISONS) for op in node.ops):
                 raise self.error("compares with is or in", node)
             sides = [self.value(side, known) for side in (node.left, *node.comparators)]
-            links = [ast.Compare(sides[i], [op], [sides[i + 1]]) for i, op in enumerate(node.ops)]
-            return _chained(links, ast.BitAnd()), True
+            links: list[ast.expr] = [ast.Compare(sides[i], [op], [sides[i + 1]]) for i, op in enumerate(node.ops)]
+            return reduce(lambda left, right: ast.BinOp(left, ast.BitAnd(), right), links), True
         if isinstance(node, ast.IfExp):
             test = self.truth(node.test, known)
             (first, kind), (second, other) = self.expression(node.body, known), self.expression(node.orelse, known)
@@ -256,14 +257,6 @@ class TaskWriter(FunctionWriter):
             wanted = f"{least}" if least == most else f"{least} or more"
             raise self.error(f"calls {said.removeprefix('task_')} with {len(given)} arguments and not {wanted}", node)
         return ast.Call(node.func, given, []), said in self.translator.truths
-
-
-def _chained(parts: list[Any], mark: ast.operator) -> ast.expr:
-    """Return conditions joined by & or |."""
-    whole: ast.expr = parts[0]
-    for part in parts[1:]:
-        whole = ast.BinOp(whole, mark, part)
-    return whole
 
 
 def _named(node: ast.AST) -> str:

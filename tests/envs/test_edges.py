@@ -306,18 +306,18 @@ SHARED = """_acts _bounded _camera _checks _delays _dt _episode_steps _h _integr
 KEPT = {
     "LabPendulumEnv": f"""{SHARED} _ahead _before _explained _in_flow _judge _last _machine _observed _omega0
         _parameters _plain _reel _share _slackened _speed_limit _state _upright window""",
-    "LabPendulumVectorEnv": f"""{SHARED} _bank _batch _begun _everyone _explained _marks _masks _names _num_envs
-        _num_threads _over _plain _reused _running _seeds _seen_before _slack _steps _streams _told autoreset_mode
-        single_action_space single_observation_space""",
+    "LabPendulumVectorEnv": f"""{SHARED} _bank _batch _begun _everyone _explained _marks _masks _members _names
+        _num_envs _num_threads _over _plain _reused _running _seeds _seen_before _slack _steps _streams _told
+        autoreset_mode single_action_space single_observation_space""",
 }
-"""Attributes in format 8. Whoever changes them raises FORMAT, so that older pickles are refused."""
+"""Attributes in format 9. Whoever changes them raises FORMAT, so that older pickles are refused."""
 
 
 @pytest.mark.parametrize("kind", KEPT)
 def test_the_format_of_pickles_is_that_of_these_attributes(kind: str) -> None:
     env = make() if kind == "LabPendulumEnv" else LabPendulumVectorEnv(2, backend="python")
     env.reset(seed=0)
-    assert FORMAT == 8
+    assert FORMAT == 9
     assert {*env.__getstate__()} - {"format", "_np_random", "_np_random_seed", "_made_by"} == {
         *KEPT[kind].split()} - {"_np_random", "_np_random_seed"}
 

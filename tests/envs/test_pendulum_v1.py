@@ -88,11 +88,15 @@ def test_pendulum_v1_itself_in_a_thousand_episodes() -> None:
 
 def test_with_ordinary_actions_pendulum_v1_rounds_its_torque() -> None:
     """Pendulum-v1 multiplies the torque by 3 in float32, and swings near the top magnify that: a fifth of the episodes
-    part by more than 1e-6, by up to some thousandths. With the same torques in float64 none does.
+    part by more than 1e-6, by up to some thousandths. With the same torques in float64 none does, nor with NumPy 1,
+    where a number of Python times a float32 is a float64.
     """
     rounded, _ = differences(100, shares=ordinary)
-    assert 15 <= np.sum(SINGLE * rounded > 1e-6) <= 35
-    assert 1e-5 < SINGLE * rounded.max() < 1e-2
+    if isinstance(3.0 * np.float32(1.0), np.float64):
+        assert rounded.max() < 1.0
+    else:
+        assert 15 <= np.sum(SINGLE * rounded > 1e-6) <= 35
+        assert 1e-5 < SINGLE * rounded.max() < 1e-2
     assert max(float(each.max()) for each in differences(100, shares=ordinary, kind=np.float64)) < 1.0
 
 

@@ -493,7 +493,7 @@ def test_gymnasiums_vector_wrappers(wrap: Any, mode: str) -> None:
                           **options)
     if mode == "SameStep" and issubclass(wrap, VectorObservationWrapper):  # would leave final_obs as it is
         for env in (native, theirs):
-            with pytest.raises((ValueError, AssertionError), match="autoreset_mode"):
+            with pytest.raises((ValueError, AssertionError), match=r"autoreset_mode|^$"):  # Gymnasium 1.1 says no word
                 wrap(env, **arguments.get(wrap, {}))
         return
     found, wanted = (wrap(env, **arguments.get(wrap, {})) for env in (native, theirs))
@@ -538,7 +538,7 @@ BAD_ACTIONS = {
     "shape": (np.zeros(3, np.float32), "must have the shape (3, 1), not (3,)"),
     "number": (np.zeros((2, 1), np.float32), "must have the shape (3, 1), not (2, 1)"),
     "nan": (np.array([[0.0], [np.nan], [np.inf]]), "those of the environments 1, 2 are not"),
-    "words": (np.array([["a"], ["b"], ["c"]]), "must be real numbers"),
+    "words": (np.array([["a"], ["b"], ["c"]]), "must have real numbers"),
 }
 
 

@@ -338,7 +338,7 @@ def test_a_loop_of_environments_with_everything_random_starts_again_within_the_s
     late = {*sensed.acts_late.ravel().tolist()}
     assert late <= {0, 1, 2, 3}
     assert len(late) > 1
-    decay = states.params.numbers[env.env.twin.parameters.index("gust_decay")]
+    decay = states.params.numbers[env.env.twin.program.shape.params.index("gust_decay")]
     assert np.unique(decay).tolist() == [2.0, 4.0]
     assert bool(jnp.isfinite(seen).all())
 
@@ -392,7 +392,7 @@ def test_draws_from_a_posterior_are_its_rows_and_gusts_begin_at_whole_numbers_wi
     found = np.stack(states.params.numbers, axis=1)
     known = [numbers_of(SCENES["windy"].replace(mass=mass, bearing_viscosity=c)) for mass, c in ROWS[:4]]
     known = [{"hold": 1.0, **one} for one in known]
-    rows = np.array([[one[name] for name in env.twin.parameters] for one in known])
+    rows = np.array([[one[name] for name in env.twin.program.shape.params] for one in known])
     near = np.all(np.abs(found[:, None] - rows) <= 1e-12 * np.abs(rows), axis=2)
     assert (near.sum(axis=1) == 1).all()
     assert stats.chisquare(near.sum(axis=0)).pvalue > 1e-3
