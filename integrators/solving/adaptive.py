@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from integrators.errors import shown
 from integrators.method import Method, MethodError
 from integrators.registry import METHODS
-from integrators.solving.dense import Curve, Recorder
+from integrators.solving.dense import Curve, Recorder, hermite
 from integrators.solving.step_size import next_ratio, step_power
 from integrators.solving.values import is_finite, is_real, like, misshapen, state
 from integrators.steps.estimates import embedded_orders, has_estimates, order_of_estimate
@@ -244,14 +245,15 @@ class March:
 
     def record(
         self, recorder: Recorder, t: Any, h: Any, before: Sequence[Any], after: Sequence[Any], rest: Any = None,
-        earlier: tuple[float, float] = (math.inf, math.inf),
+        earlier: float = math.inf,
     ) -> None:
         """Record the curves of one step of length h between two states (q, v, a), within the tolerance.
 
-        A quintic that errs by more is replaced by those of two half steps, and so on. ``earlier`` are the errors over
-        twice and four times the length: if halving twice does not halve the error, rounding is all that is left of it.
-        ``rest`` is the part of the start that t does not hold; None for none. Raises MethodError if the acceleration
-        fails within the step.
+        A quintic that errs by more is replaced by the polynomial of degree 8 through the states at both ends and after
+        half the step, then by that of degree 14 through five states, then by the curves of four steps of h/4. The
+        method itself takes the shorter steps. ``earlier`` is the error of a quintic over four times the length: if the
+        error is not half as large, rounding is all that is left of it. ``rest`` is the part of the start that t does
+        not hold; None for none. Raises MethodError if the acceleration fails within the step.
         """
         (q, v, a), (q1, v1, a1) = before, after
         curve = recorder.curve(t, h, (q, v), (q1, v1), self._step_values, (a, a1), rest)
@@ -259,34 +261,50 @@ class March:
             recorder.put(curve)
             return
         try:
-            error = self._missed(curve, a, a1)
-            middle = self.step(t, *before, h / 2)[:3] if 1.0 < error < earlier[1] / 2 else None
+            states = [before, after]
+            error = coarse = self._missed(curve, states)
+            for _ in range(2):
+                if not 1.0 < error < earlier / 2:
+                    break
+                states = self._halved(t, h, states)
+                finer = recorder.joined(t, h, states, rest)
+                if (smaller := self._missed(finer, states)) < error:
+                    curve, error = finer, smaller
         except MethodError:
             raise
         except (ArithmeticError, ValueError) as fault:
             raise recorder.failed(t, h, fault) from fault
-        if middle is None:
+        if not 1.0 < error < earlier / 2:
             recorder.put(curve)
             return
-        half = t + h / 2
-        self.record(recorder, t, h / 2, before, middle, rest, (error, earlier[0]))
-        rounded = (t - half) + h / 2
-        self.record(recorder, half, h / 2, middle, after, rounded if rest is None else rounded + rest,
-                    (error, earlier[0]))
+        for k, (start, end) in enumerate(pairwise(states)):
+            begin = t + k * h / 4
+            rounded = (t - begin) + k * h / 4 if k else None
+            more = rest if rounded is None else rounded if rest is None else rounded + rest
+            self.record(recorder, begin, h / 4, start, end, more, coarse)
 
-    def _missed(self, curve: Curve, a: Any, a1: Any) -> float:
-        """Return the estimated error of a quintic between the ends of a step, in units of the tolerance.
+    def _halved(self, t: Any, h: Any, states: Sequence[Sequence[Any]]) -> list[Sequence[Any]]:
+        """Return states (q, v, a) at equal distances within a step with those half way between them."""
+        parts = len(states) - 1
+        found = [states[0]]
+        for k, (start, end) in enumerate(pairwise(states)):
+            with np.errstate(all="ignore"):
+                found += [self.step(t + k * h / parts, *start, h / parts / 2)[:3], end]
+        return found
 
-        a, a1 are the accelerations at its ends. With ``x = theta (1 - theta)`` the quintic leaves out ``C x**3`` of q,
-        of which the second derivative at the middle is ``-3 C/(8 h**2)``. So a difference d of accelerations there
-        means an error of q up to ``h**2 d/24``, and of v up to ``0.143 h d``, the largest value of the derivative.
+    def _missed(self, curve: Curve, states: Sequence[Sequence[Any]]) -> float:
+        """Return the estimated error of a curve within a step, in units of the tolerance.
+
+        The curve passes through ``states`` (q, v, a), and leaves out a multiple of the polynomial that is zero there
+        with two derivatives. The acceleration at another place shows how much; see :class:`Hermite`.
         """
-        h, half = curve.h, (curve.h / curve.h) / 2
+        rule, h = hermite(len(states) - 1), curve.h
+        one = h / h
+        at = one * rule.test.numerator / rule.test.denominator
         with np.errstate(all="ignore"):
-            d = self.slope(curve.time(half), *curve.at(half)) - (3 * curve.by_v[-1] / (2 * h) - (a + a1) / 4)
-        before = curve.q, curve.v
-        after = curve.q + curve.by_q[-1], curve.v + curve.by_v[-1]
-        return self.tolerance.size((h * h * d / 24, h * d * 143 / 1000), before, after)
+            d = self.slope(curve.time(at), *curve.at(at)) - curve.slope(at)
+        errors = (one * share.numerator / share.denominator * d for share in (rule.of_q, rule.of_v))
+        return self.tolerance.size([h * h * next(errors), h * next(errors)], states[0][:2], states[-1][:2])
 
     def _try(self, h: Any) -> tuple[float, tuple[Any, ...]]:
         """Try one step; return its error in units of the tolerance, nan if not finite, and (q, v, a) at its end."""

@@ -15,11 +15,12 @@ below 4                 cubic through q and v at both ends            cubic thro
 Over one step the cubic has the error O(h**4), the quintic O(h**6) in q and O(h**5) in v. Both also contain the method's
 own error O(h**(p + 1)) at the end of the step, which the derivative turns into O(h**p) in v. This gives
 ``Method.dense_order``. Under a tolerance a pair of high order takes steps so long that the quintic would miss the
-tolerance between their ends; such a step is divided into halves, quarters and so on by the method itself, until the
-curves meet the tolerance (:meth:`integrators.solving.adaptive.March.record`).
+tolerance between their ends. The method then takes shorter steps within the step, and the curve goes through their
+states as well: degree 8 through three of them, 14 through five (:meth:`integrators.solving.adaptive.March.record`).
 
 References: Hairer, Norsett & Wanner 1993, Solving ODEs I, section II.6; Farin 2002, Curves and Surfaces for CAGD,
-chapters 4 and 6 (Bezier form, de Casteljau's algorithm).
+chapters 4 and 6 (Bezier form, de Casteljau's algorithm); Davis 1975, Interpolation and Approximation, section 2.3
+(Hermite's polynomial through states at several places).
 """
 
 from __future__ import annotations
@@ -28,8 +29,9 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
+from functools import cache, reduce
 from itertools import pairwise
+from math import perm
 from operator import add
 from typing import Any
 
@@ -37,8 +39,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators.errors import shown
-from integrators.method import Method, MethodError
+from integrators.method import Method, MethodError, polynomial_at
 from integrators.solving.values import is_finite, is_real, widened
+from integrators.tables.butcher import bernstein
 
 Points = Sequence[Any]
 
@@ -76,6 +79,63 @@ class Curve:
     def at(self, theta: Any) -> tuple[Any, Any]:
         """Return (q, v) of dense output at ``theta``, a fraction of the step or an array that broadcasts with q."""
         return self.q + _bezier(self.by_q, theta), self.v + _bezier(self.by_v, theta)
+
+
+    def slope(self, theta: Any) -> Any:
+        """Return the derivative of the velocity at ``theta``, a fraction of the step, between 0 and 1."""
+        points = [0 * self.by_v[0], *self.by_v]
+        steps = [later - early for early, later in pairwise(points)]
+        return len(steps) * (steps[0] + _bezier([step - steps[0] for step in steps[1:]], theta)) / self.h
+
+
+@dataclass(frozen=True)
+class Hermite:
+    """Rule for the polynomial of degree 3n + 2 through q, v and a at n + 1 equal distances of a step.
+
+    Attributes:
+        weights: for each control point of q but the first one, the weights of ``q_j - q``, ``h v_j`` and ``h**2 a_j``.
+        test: place at which the polynomial is compared with the acceleration, as a fraction of the step.
+        of_q, of_v: the largest errors of q and v for a difference of accelerations of 1 there, over ``h**2`` and h.
+    """
+
+    weights: tuple[tuple[Fraction, ...], ...]
+    test: Fraction
+    of_q: Fraction
+    of_v: Fraction
+
+
+@cache
+def hermite(parts: int) -> Hermite:
+    """Return the rule for a step in this many parts."""
+    nodes = [Fraction(j, parts) for j in range(parts + 1)]
+    size = 3 * len(nodes)
+    rows = [[Fraction(perm(k, order)) * node ** (k - order) if k >= order else Fraction(0) for k in range(size)]
+            for node in nodes for order in range(3)]
+    basis = zip(*inverse(rows), strict=True)  # powers of the polynomial of each of the data q_j, v_j, a_j
+    weights = zip(*(bernstein(*powers[1:]) for powers in basis), strict=True)
+    left_out = [Fraction(1)]
+    for node in [*nodes] * 3:
+        left_out = [x - node * y for x, y in zip([Fraction(0), *left_out], [*left_out, Fraction(0)], strict=True)]
+    slopes = [k * x for k, x in enumerate(left_out)][1:]
+    test = Fraction(1, 2 * parts)
+    there = polynomial_at(tuple(k * x for k, x in enumerate(slopes))[1:], test)
+    grid = [Fraction(k, 64 * parts) for k in range(64 * parts + 1)]
+    of_q, of_v = (max(abs(polynomial_at(tuple(powers), x)) for x in grid) / abs(there) for powers in (left_out, slopes))
+    return Hermite(tuple(weights), test, of_q.limit_denominator(10**6), of_v.limit_denominator(10**6))
+
+
+def inverse(rows: Sequence[Sequence[Fraction]]) -> list[list[Fraction]]:
+    """Return the inverse of a matrix of fractions, by Gauss and Jordan's elimination."""
+    size = len(rows)
+    table = [[*row, *(Fraction(i == j) for j in range(size))] for i, row in enumerate(rows)]
+    for k in range(size):
+        pivot = next(i for i in range(k, size) if table[i][k])
+        table[k], table[pivot] = table[pivot], table[k]
+        table[k] = [x / table[k][k] for x in table[k]]
+        for i in range(size):
+            if i != k and table[i][k]:
+                table[i] = [x - table[i][k] * y for x, y in zip(table[i], table[k], strict=True)]
+    return [row[size:] for row in table]
 
 
 def _bezier(points: Points, theta: Any) -> Any:
@@ -226,6 +286,16 @@ class Recorder:
         if fault:
             raise self.failed(t, h, fault)
         return Curve(t, h, q, v, *curves, rest)
+
+    def joined(self, t: Any, h: Any, states: Sequence[Sequence[Any]], rest: Any) -> Curve:
+        """Return the curve through states (q, v, a) at equal distances of a step of length h; see :func:`hermite`."""
+        (q, v, _), (q1, v1, _) = states[0], states[-1]
+        data = [x for q_j, v_j, a_j in states for x in (q_j - q, h * v_j, h * h * a_j)]
+        by_q = [_sum(self._numbers(row), data) for row in hermite(len(states) - 1).weights]
+        steps = [later - early for early, later in pairwise([0 * by_q[0], *by_q])]
+        by_v = [len(by_q) * step / h - v for step in steps[1:]]
+        by_q[-1], by_v[-1] = q1 - q, v1 - v
+        return Curve(t, h, q, v, by_q, by_v, rest)
 
     def failed(self, t: Any, h: Any, fault: object) -> MethodError:
         """Return the error that the dense output of the step of length h from time t cannot be computed."""

@@ -276,6 +276,7 @@ class Watch:
         (start, rest), *later = samples
         if abs(rest) > NOISE * self.unit * max(abs(value) for _, value in later):
             self._positive[i] = bool(rest > 0)  # the action has moved the state to another place
+            self._acted.discard(i)
             return g, samples
 
         def above_rest(place: Any) -> Any:

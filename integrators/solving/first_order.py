@@ -22,7 +22,7 @@ from integrators.method import Method, MethodError, System
 from integrators.solving.dense import DenseOutput
 from integrators.solving.events import Event, checked_events
 from integrators.solving.probing import tried, with_arguments
-from integrators.solving.solve import accepted, integrated
+from integrators.solving.solve import accepted, integrated, span_of
 from integrators.solving.values import is_finite, state
 
 SOME = "rk4, dopri5, dop853, gauss4, radau5, abm4, bdf4 and taylor"
@@ -36,7 +36,8 @@ class FirstOrderSolution:
     The last axis of ``y`` is that of the times; for one number y it is the only one. They are arrays of float64 for
     floats and arrays, and object arrays for other numbers, such as mpmath's. ``steps`` counts the steps taken,
     ``rejected`` the steps that a tolerance rejected, and ``evaluations`` the calls of f, without those that probe it.
-    With ``dense=True`` the solution is a function of time. ``t_events`` and ``y_events`` are tuples with an array for
+    With ``dense=True`` the solution is a function of time (``dense`` holds its curves, with y as the second of two).
+    ``t_events`` and ``y_events`` are tuples with an array for
     each event function: the times at which it changed its sign, and the states there, one row for each. ``ended_by`` is
     the index of the event function that ended the solution; None if none did. ``lost_y`` is the rounding error of y
     that compensated summation has stored; None without it.
@@ -55,18 +56,12 @@ class FirstOrderSolution:
     lost_y: Any = None
 
     def __repr__(self) -> str:
-        return f"<FirstOrderSolution: {self.method}, {self._span}, {self.steps} steps>"
-
-    @property
-    def _span(self) -> str:
-        """Number of times, the first and the last, as text."""
-        ends = f" from {float(self.t[0]):.6g} to {float(self.t[-1]):.6g}" if len(self.t) else ""
-        return f"{len(self.t)} times{ends}"
+        return f"<FirstOrderSolution: {self.method}, {span_of(self.t)}, {self.steps} steps>"
 
     def _repr_html_(self) -> str:
         """Return a short table as HTML, which notebooks show."""
         return html.block(f"Solution by {self.method}", html.facts((
-            ("times", self._span),
+            ("times", span_of(self.t)),
             ("steps", f"{self.steps}{f', and {self.rejected} rejected' if self.rejected else ''}"),
             ("evaluations", str(self.evaluations)),
             ("y at the end", shown(self.y[..., -1]) if len(self.t) else ""),

@@ -69,21 +69,16 @@ class Solution:
     ended_by: int | None = None
 
     def __repr__(self) -> str:
-        return f"<Solution: {self.method}, {self._span}, {self.steps} steps>"
-
-    @property
-    def _span(self) -> str:
-        """Number of times, the first and the last, as text."""
-        return f"{len(self.t)} times from {float(self.t[0]):.6g} to {float(self.t[-1]):.6g}"
+        return f"<Solution: {self.method}, {span_of(self.t)}, {self.steps} steps>"
 
     def _repr_html_(self) -> str:
         """Return a short table as HTML, which notebooks show."""
         found = sum(map(len, self.t_events))
         return html.block(f"Solution by {self.method}", html.facts((
-            ("times", self._span),
+            ("times", span_of(self.t)),
             ("steps", f"{self.steps}{f', and {self.rejected} rejected' if self.rejected else ''}"),
             ("force evaluations", str(self.evaluations)),
-            ("q, v at the end", f"{shown(self.q[-1])}, {shown(self.v[-1])}"),
+            ("q, v at the end", f"{shown(self.q[-1])}, {shown(self.v[-1])}" if len(self.t) else ""),
             ("events", str(found) if self.t_events else ""),
         )))
 
@@ -97,6 +92,11 @@ class Solution:
         if self.dense is None:
             raise MethodError("This solution has no dense output; pass dense=True to solve.")
         return self.dense(t)
+
+
+def span_of(times: Any) -> str:
+    """Return the number of times, the first and the last, as text."""
+    return f"{len(times)} times" + (f" from {float(times[0]):.6g} to {float(times[-1]):.6g}" if len(times) else "")
 
 
 def accepted(method: str | Method) -> Method:

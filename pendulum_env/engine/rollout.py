@@ -97,10 +97,11 @@ def rollout(
         **parameters: single parameters of the scene, such as ``length=0.5``; arrays in a batch.
 
     Work and heat are computed only with the diagnostics "energy" or "heat_by_effect"; "error" is ``estimate_error``.
-    With ``rtol`` a run ends with "step_too_short" if no step meets the tolerance (root mean square of angle and
-    velocity); in a batch every run takes adaptive steps of its own, with the same bits as by itself. Warnings before a
-    run are those of a start that is likely in degrees, of an effect's formula that does not hold at the speed at the
-    bottom, of unstable steps, and of steps that turn the rod by more than half a turn.
+    With ``rtol`` adaptive steps end at every ``dt``, which so is the longest step, as ``max_step`` is that of
+    :func:`integrators.solve`. A run ends with "step_too_short" if no step meets the tolerance (root mean square of
+    angle and velocity); in a batch every run takes adaptive steps of its own, with the same bits as by itself. Warnings
+    before a run are those of a start that is likely in degrees, of an effect's formula that does not hold at the speed
+    at the bottom, of unstable steps, and of steps that turn the rod by more than half a turn.
 
     Returns a Rollout. A run that leaves the finite range, or whose energy residual is absurdly large, ends there with
     ``stop_reason`` "diverged"; the states recorded before are kept.

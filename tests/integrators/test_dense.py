@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
-from math import comb
+from math import comb, perm
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -25,6 +27,7 @@ from integrators.families.backward_differences import BackwardDifference
 from integrators.families.structural import GeneralizedAlpha
 from integrators.families.taylor import Taylor, coefficients
 from integrators.method import exact
+from integrators.solving.dense import Recorder, hermite
 from integrators.tables.butcher import bernstein
 
 METHODS = {name: m for name, m in integrators.METHODS.items() if name != "exact"}
@@ -309,6 +312,46 @@ def test_tolerances_take_the_same_steps(name):
         assert dense.evaluations == plain.evaluations + COSTS[name][1] * plain.steps
         assert len(dense.dense.curves) == plain.steps + 1
     assert plain.rejected > 0
+
+
+@pytest.mark.parametrize("parts", [1, 2, 4])
+def test_curves_through_several_states_of_a_step(parts: int) -> None:
+    """Exact for polynomials of degree 3n + 2; the next one shows how its second derivative at one place bounds it."""
+    degree, h, t = 3 * parts + 2, Fraction(3, 7), Fraction(2, 3)
+    recorder, rule = Recorder(METHODS["dprkn12"], lambda t, q, v: q, Fraction(0)), hermite(parts)
+
+    def value(powers: Sequence[Fraction], x: Fraction, order: int = 0) -> Fraction:
+        """Return a derivative of a polynomial."""
+        return sum((perm(k, order) * c * x ** (k - order) for k, c in enumerate(powers) if k >= order), Fraction(0))
+
+    def through(powers: Sequence[Fraction]) -> Any:
+        """Return the curve through the states of a polynomial of theta."""
+        states = [tuple(value(powers, Fraction(j, parts), order) / h**order for order in range(3))
+                  for j in range(parts + 1)]
+        return recorder.joined(t, h, states, None)
+
+    powers = [Fraction(k * k - 7, k + 1) for k in range(degree + 1)]
+    curve = through(powers)
+    for theta in (Fraction(1, 3), Fraction(8, 9), Fraction(1)):
+        assert (*curve.at(theta), curve.slope(theta)) == tuple(value(powers, theta, k) / h**k for k in range(3))
+    left_out = [Fraction(1)]
+    for j in 3 * [*range(parts + 1)]:
+        up, same = [Fraction(0), *left_out], [*left_out, Fraction(0)]
+        left_out = [x - Fraction(j, parts) * y for x, y in zip(up, same, strict=True)]
+    curve, places = through(left_out), [Fraction(k, 400) for k in range(401)]
+    assert not any(curve.at(theta)[0] for theta in places)
+    d = abs(value(left_out, rule.test, 2))
+    for share, order in ((rule.of_q, 0), (rule.of_v, 1)):
+        largest = max(abs(value(left_out, theta, order)) for theta in places)
+        assert float(share * d) == pytest.approx(float(largest), rel=2e-3)
+
+
+@pytest.mark.parametrize(("name", "most"), [("dprkn8", 2.5), ("dprkn12", 4.2)])
+def test_dense_output_of_high_nystroem_pairs_costs_a_few_steps(name: str, most: float) -> None:
+    for rtol in (1e-8, 1e-12):
+        plain, dense = (solve(lambda t, q, v: -math.sin(q), *START, [0.0, 50.0], method=name, rtol=rtol, dense=dense)
+                        .evaluations for dense in (False, True))
+        assert 1.2 * plain < dense < most * plain
 
 
 @pytest.mark.parametrize(("rtol", "start"), [(1e-4, 0.0), (1e-8, 0.0), (1e-12, 1e9), (1e-14, 0.0)])

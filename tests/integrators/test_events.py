@@ -282,6 +282,36 @@ def test_a_ball_that_comes_to_rest_ends_with_a_sentence(share: float, floor: flo
     assert when == pytest.approx(rest, abs=1e-3)
 
 
+def test_a_ball_that_stays_where_it_lands_is_at_rest_at_once() -> None:
+    """Also if it lands a rounding above the floor, from where it would fall again."""
+    calls = []
+    for height in (0.0, 1e-17, -1e-17):
+        event = Event(position, -1, action=lambda t, q, v, height=height: calls.append(t) or (height, 0.0))
+        with pytest.raises(MethodError, match="comes to rest"):
+            solve(falling, 1.0, 0.0, [0.0, 9.0], method="dop853", rtol=1e-8, events=event)
+    assert len(calls) == 3
+
+
+def test_actions_that_call_for_each_other_end_with_a_sentence() -> None:
+    calls = []
+    with pytest.raises(MethodError, match=r"has its action again and again at t = 0\.75"):
+        solve(lambda t, q, v: 0.0, 0.0, 1.0, [0.0, 2.0], method="rk4", h=0.25, events=[
+            Event(lambda t, q, v: q - 0.75, action=lambda t, q, v: (0.0, v)),
+            Event(lambda t, q, v: q - 0.5, direction=-1, action=lambda t, q, v: calls.append(t) or (2.0, v))])
+    assert len(calls) == 1
+
+
+@pytest.mark.parametrize("options", [{"method": "rk4", "h": 0.5}, {"method": "dop853", "rtol": 1e-9}])
+@pytest.mark.parametrize("early", [0.0, 2.0**-53, 2.0**-52])
+def test_a_time_at_which_an_action_happens_shows_the_state_before_it(options: dict[str, Any], early: float) -> None:
+    found = solve(lambda t, q, v: 0.0, 0.0, 1.0, [0.0, 1.0, 2.0], events=Event(
+        lambda t, q, v: t - (1.0 - early), action=lambda t, q, v: (q, -v)), **options)
+    assert found.t.tolist() == [0.0, 1.0, 2.0]
+    assert found.q == pytest.approx([0.0, 1.0, 0.0], abs=1e-14)
+    assert found.v[-1] == -1.0
+    assert found.v[1] == (1.0 if found.t_events[0][0] == 1.0 else -1.0)
+
+
 def test_a_ball_that_starts_on_the_floor() -> None:
     up = solve(falling, 0.0, 1.0, [0.0, 0.5], method="rk4", h=0.5, events=bouncing(0.9), t_eval=[0.25])
     assert up.t_events[0] == pytest.approx([2 / GRAVITY, 2 * 1.9 / GRAVITY], abs=1e-12)
@@ -317,6 +347,7 @@ def test_backwards_arrays_and_two_balls_that_land_together() -> None:
                  events=[mirror(0), mirror(1)])
     assert both.t_events[0] == pytest.approx(bounces(0.9, 3), abs=1e-11)
     assert both.t_events[1][:2] == pytest.approx(bounces(0.9, 2), abs=1e-11)
+    assert both.v_events[0][0] == pytest.approx(-math.sqrt(2 * GRAVITY) * np.ones(2))  # before the action
 
 
 def test_an_action_changes_the_sign_of_another_function_and_takes_arguments() -> None:
@@ -333,10 +364,24 @@ def test_an_action_changes_the_sign_of_another_function_and_takes_arguments() ->
     assert found.t_events[2] == pytest.approx(tops[tops < 2.0], abs=1e-12)
 
 
+@pytest.mark.parametrize("method", ["gauss4", "bdf4", "rk4", "dop853", "heun"])
+def test_the_force_after_a_bounce_is_that_of_the_new_velocity(method: str) -> None:
+    """Of a ball with drag, dense output just after the bounce against the closed form ``v = (v1 + g) exp(-s) - g``."""
+    options: dict[str, Any] = {"rtol": 1e-9} if method.startswith("d") else {"h": 0.02}
+    found = solve(lambda t, q, v: -GRAVITY - v, 1.0, 0.0, [0.0, 0.7], method=method, dense=True,
+                  events=bouncing(0.8), **options)
+    when, speed = found.t_events[0][0], -0.8 * found.v_events[0][0]
+    since = np.linspace(0.0, 0.02, 30)
+    truth = (speed + GRAVITY) * np.exp(-since) - GRAVITY
+    errors = abs(found(when + since)[1] - truth)
+    assert errors.max() < (2e-3 if method == "heun" else 1e-6)
+
+
 @pytest.mark.slow
 def test_bounces_in_forty_digits() -> None:
     with mpmath.workdps(40):
-        found = solve(lambda t, q, v: -mpmath.mpf("9.81"), mpmath.mpf(1), mpmath.mpf(0), [mpmath.mpf(0), mpmath.mpf(2)],
+        found = solve(lambda t, q, v: -mpmath.mpf("9.81"), mpmath.mpf(1), mpmath.mpf(0),
+                      [mpmath.mpf(0), mpmath.mpf("1.3")],
                       method="rk4", h=mpmath.mpf("0.3"), events=Event(position, -1, False, lambda t, q, v: (q, -v / 2)))
         first = mpmath.sqrt(2 / mpmath.mpf("9.81"))
         assert max(abs(t - first * (3 - mpmath.mpf(2) ** (1 - k))) for k, t in enumerate(found.t_events[0])) < 1e-36

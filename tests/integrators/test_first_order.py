@@ -224,6 +224,9 @@ def test_the_error_of_the_integral_of_y_does_not_count() -> None:
                                atol=1e-9, args=(c,)) for c in (0.0, 1e3)]
     assert found[0].y[-1] == pytest.approx(math.exp(-30.0), abs=1e-8)
     assert found[1].steps <= found[0].steps
+    steps = [solve_first_order(lambda t, y, unit: np.cos(t / unit) / unit, 0.0, [0.0, 20.0 * unit], method="dopri5",
+                               rtol=1e-6, first_step=0.1 * unit, args=(unit,)).steps for unit in (1.0, 64.0, 1 / 64)]
+    assert len({*steps}) == 1  # in any unit of time
 
 
 def test_exact_numbers_compensated_sums_and_text() -> None:

@@ -187,6 +187,8 @@ def test_times_read_off_backwards_at_ends_up_to_an_event_and_in_every_number() -
     none = solve(oscillator, np.ones(2), np.zeros(2), [0.0, 9.0], method="dop853", rtol=1e-10, t_eval=[5.0],
                  events=Event(lambda t, q, v: q[0], terminal=1))
     assert (none.t.shape, none.q.shape) == ((0,), (0, 2))
+    assert repr(none) == f"<Solution: dop853, 0 times, {none.steps} steps>"
+    assert "dop853" in none._repr_html_()
     exact = solve(oscillator, Fraction(1), Fraction(0), [Fraction(0), Fraction(1)], h=Fraction(1, 4),
                   t_eval=[Fraction(1, 2), 1])
     assert exact.q.dtype == object
