@@ -185,6 +185,9 @@ class Batch(Blocks):
 
     def _take(self, action: NDArray[np.floating[Any]], substeps: int, hold: int, into: Results) -> None:
         """Take steps with constant actions, in several calls if they are many; see :meth:`_run`."""
+        if substeps <= self.at_once:
+            self._run(self._state, action, substeps, hold, into)
+            return
         while substeps:
             now, begun = min(substeps, max(1, self.at_once)), perf_counter()
             substeps -= now

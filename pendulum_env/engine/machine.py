@@ -351,7 +351,7 @@ class Machine(Runner):
 
         A call may end within a control step divided into adaptive steps; it stores its progress in ``parameters``.
         """
-        before, pace, work = state.copy(), self._pace, [INDEX]
+        pace, work = self._pace, [INDEX]
         tries = self.numbers.index(BOUND[0]) if self.tolerance else 0
         if self.tolerance:
             parameters[tries + 1] = 0.0
@@ -363,9 +363,7 @@ class Machine(Runner):
                 parameters[tries] = float(pace.units)
             return int(self.entry(state, parameters, control, h, rows, every, speed_limit, out, seen))
 
-        if rows * every <= pace.units and (code := call(rows, every, out, seen)) != PAUSED:
-            return code
-        code = run_in_pieces(call, pace, work, state, before, rows, every, out, seen)
+        code = run_in_pieces(call, pace, work, state, rows, every, out, seen)
         self._at_once = 0 if self.tolerance else pace.units
         return code
 

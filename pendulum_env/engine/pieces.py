@@ -60,24 +60,22 @@ class Pace:
 
 
 def run_in_pieces(
-    call: Callable[[int, int, Any, Any], int], pace: Pace, work: Sequence[int], state: Any, before: Any, rows: int,
-    every: int, out: Any, seen: Any,
+    call: Callable[[int, int, Any, Any], int], pace: Pace, work: Sequence[int], state: Any, rows: int, every: int,
+    out: Any, seen: Any,
 ) -> int:
     """Advance a state by ``rows`` times ``every`` steps in several calls of a program, and return the stop code.
 
     The result is equal, bit for bit, to that of a single call. An interruption, such as KeyboardInterrupt, restores the
-    state ``before``.
+    state at the begin.
 
     Args:
         call: function of ``rows, every, out, seen`` that calls ``run``; it may return PAUSED after part of the work.
         pace: limit of the work per call, which is adapted.
         work: indices of the state's entries that count steps, or attempts of adaptive steps.
-        state: the state, advanced in place; some of the steps may have been taken already.
-        before: copy of the state before the first step.
+        state: the state, advanced in place.
         out, seen: as for ``run``.
     """
-    records, total, code = len(out) > 0, rows * every, OK
-    taken = float(state[TAKEN] - before[TAKEN])
+    before, records, total, code = state.copy(), len(out) > 0, rows * every, OK
     last = np.empty((1, out.shape[1])) if records else NOWHERE
 
     def report(records: Any, observation: Any) -> int:
@@ -89,6 +87,9 @@ def run_in_pieces(
         return code if code > SLACK else checked or code
 
     try:
+        if total <= pace.units and (code := call(rows, every, out, seen)) != PAUSED:
+            return code
+        taken = float(state[TAKEN] - before[TAKEN])
         if records and not taken:
             report(out[:1], UNREAD)
         while taken < total and code in (OK, PAUSED):

@@ -193,6 +193,17 @@ def test_a_state_is_as_it_was(
     assert state == other
 
 
+def test_a_state_is_as_it_was_after_adaptive_steps_in_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_pieces_of(100, monkeypatch)
+    machine = Machine(SCENES["lab"], "dopri5", ("energy",), "python", rtol=1e-9)
+    state = machine.state(1.0, 0.0)
+    before = state.copy()
+    machine.entry = Interrupted(machine.entry, 1)
+    with pytest.raises(KeyboardInterrupt):
+        machine.advance(state, 0.0, 0.01, 10)
+    assert state == before
+
+
 def program_that_is_interrupted(module: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> list[Interrupted]:
     """Wrap the function ``name`` of all programs that a module loads from now on in Interrupted; return their list."""
     wrapped, functions = list[Interrupted](), module.functions
