@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 import jax
 import jax.numpy as jnp
@@ -36,6 +36,9 @@ FELL = 4.0
 """Stop code of an episode whose task is lost."""
 
 
+R = TypeVar("R", bound="Replaced")
+
+
 class Replaced:
     """A dataclass with ``replace``, as gymnax's have it.
 
@@ -45,14 +48,14 @@ class Replaced:
 
     remedy: ClassVar[str]
 
-    def replace(self, **changes: Any) -> Any:
+    def replace(self: R, **changes: Any) -> R:
         """Return the same with other values of some fields; SceneError for other names."""
         known = [field.name for field in fields(cast(Any, self))]
         for name in changes:
             if name not in known:
                 raise SceneError(f"{type(self).__name__} has no field {shown(name)}{nearest(name, known)} "
                                  f"{self.remedy}")
-        return cast(Any, replace)(self, **changes)
+        return cast(R, replace(cast(Any, self), **changes))
 
 
 @jax.tree_util.register_dataclass
