@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import ast
 import builtins
-import inspect
+import linecache
 import operator
-import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -94,7 +93,9 @@ def name(text: str) -> ast.Name:
     return ast.Name(text, ast.Load())
 
 
-def specialised(template: Template, names: Names, known: Mapping[str, Any], decorator: str, title: str) -> Written:
+def specialised(
+    template: Template, names: Names, known: Mapping[str, Any], decorator: str, title: str, bare: bool = False
+) -> Written:
     """Write the source of the function of a program that a template becomes.
 
     Args:
@@ -103,12 +104,13 @@ def specialised(template: Template, names: Names, known: Mapping[str, Any], deco
         known: values of the template's arguments after ``*``, and further ones.
         decorator: the line before the function.
         title: the function's name in the program.
+        bare: True to leave out the first line of the template's docstring.
 
     Raises SpecialiseError for what has no meaning in a program.
     """
     node, body = _tree(template), _Body(template, names, _bound(template, known))
     given = [one.id for parameter in node.args.args for one in flat(names.value(parameter.arg))]
-    said = (ast.get_docstring(node) or "").partition("\n")[0]
+    said = "" if bare else (ast.get_docstring(node) or "").partition("\n")[0]
     lines = [*([f'"""{said}"""'] if said else []), *body.block(statements_of(node))]
     made = Written("\n".join([decorator, f"def {title}({', '.join(given)}):", *_indented(lines), ""]))
     made.function, made.sets = title, (*given, *body.sets)
@@ -136,14 +138,13 @@ def flat(value: Any) -> list[Any]:
 
 
 @cache
-def _file(module: str) -> dict[str, ast.FunctionDef]:
-    return functions_of(inspect.getsource(sys.modules[module]))
-
-
-@cache
 def _tree(template: Template) -> ast.FunctionDef:
-    """Return the syntax tree of a template; its file is read once."""
-    return _file(template.__module__)[template.__name__]
+    """Return the syntax tree of a template, of which the lines of the function alone are read, not its file."""
+    code = template.__code__
+    lines = linecache.getlines(code.co_filename)[code.co_firstlineno - 1:]
+    body = next(i for i, line in enumerate(lines) if line.startswith("def ")) + 1
+    end = next((i for i, line in enumerate(lines[body:], body) if line[0] not in " )\n"), len(lines))
+    return functions_of("".join(lines[:end]))[template.__name__]
 
 
 def _bound(template: Template, known: Mapping[str, Any]) -> dict[str, Any]:
@@ -203,9 +204,9 @@ class _Body:
 
     def error(self, node: ast.AST, why: str) -> SpecialiseError:
         """Return an error that names the line of the template."""
-        line = getattr(node, "lineno", self.template.__code__.co_firstlineno)
-        file = self.template.__code__.co_filename
-        return SpecialiseError(f"{file}, line {line}: {self.template.__name__} {why}.")
+        code = self.template.__code__
+        line = code.co_firstlineno - 1 + getattr(node, "lineno", 1)
+        return SpecialiseError(f"{code.co_filename}, line {line}: {self.template.__name__} {why}.")
 
     # --- statements -------------------------------------------------------------------------------------------------
 
@@ -633,9 +634,12 @@ def _text(node: ast.expr) -> tuple[str, int]:
         return node.id, 12
     match node:
         case ast.Constant(value=float() as number):
-            return float_text(number).replace("e+", "e"), 12
+            return _number(number), 12
         case ast.Constant():
             return repr(node.value), 12
+        case ast.BinOp(left, ast.BitOr(), right):  # with parentheses around "and", which few know by heart
+            first = 6 if isinstance(left, ast.BinOp) and isinstance(left.op, ast.BitOr) else 8
+            return f"{written(left, first)} | {written(right, 8)}", 6
         case ast.BinOp(left, operation, right):
             sign, binds = SIGNS[type(operation)]
             return f"{written(left, binds)}{sign}{written(right, binds + 1)}", binds
@@ -658,3 +662,14 @@ def _text(node: ast.expr) -> tuple[str, int]:
         case ast.Tuple(parts):
             return ", ".join(map(written, parts)) + ("," if len(parts) == 1 else ""), 12
     raise TypeError(f"A program cannot have the expression {ast.unparse(node)}.")
+
+
+def _number(number: float) -> str:
+    """Write a float as a person does: 8e8, 1e-9, 1e150."""
+    text = float_text(number)
+    digits, _, exponent = text.partition("e")
+    if exponent:
+        return f"{digits}e{int(exponent)}"
+    digits = text.removesuffix(".0").rstrip("0")
+    zeros = len(text) - 2 - len(digits)
+    return f"{digits}e{zeros}" if text.endswith(".0") and zeros > 5 else text

@@ -19,6 +19,9 @@ from pendulum_env.engine.specialise import Names, Written, lines_of, name, speci
 NAMED: dict[str, str] = {"advance_adaptively": "advance", "adapt_evenly": "adapt"}
 """Templates -> the function of the program that they become, if it has another name."""
 
+BARE = frozenset({"run", "stick_slip", "adapt", "adapt_evenly"})
+"""Templates whose docstrings speak of more than a program has, and do not stand in it."""
+
 
 def spans(start: int, *groups: Sequence[str]) -> tuple[tuple[int, int], ...]:
     """Return where groups of names begin and end that follow each other in an array."""
@@ -96,7 +99,7 @@ class Templates:
     def __call__(self, template: Callable[..., Any], decorator: str = "@inline") -> Written:
         """Write the source of the function that a template becomes."""
         title = NAMED.get(template.__name__, template.__name__)
-        return specialised(template, self.names, self.known, decorator, title)
+        return specialised(template, self.names, self.known, decorator, title, template.__name__ in BARE)
 
     def lines(self, template: Callable[..., Any], **known: Any) -> list[str]:
         """Return the source lines of a spliced function, which set the variables that it returns."""

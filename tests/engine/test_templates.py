@@ -12,12 +12,14 @@ import pytest
 
 import integrators
 from pendulum_env import SCENES, Scene
-from pendulum_env.engine.advance import After, State, adapt, adapt_evenly, advance, stick_slip
+from pendulum_env.engine.advance import After, Clip, State, adapt, adapt_evenly, advance, stick_slip
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.loops import run
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.problem import problem_of
+from pendulum_env.engine.report import observed
+from pendulum_env.engine.shape import STOP_REASONS
 from pendulum_env.engine.slack import settle, slack_after, taut
 from pendulum_env.engine.specialise import Names, SpecialiseError, lines_of, name, specialised, spliced
 from pendulum_env.engine.templates import Templates
@@ -215,12 +217,62 @@ def test_a_sticking_bob_breaks_away_when_the_torque_exceeds_the_limit() -> None:
 
 @pytest.mark.parametrize("h", [1.6, 2.0, 3.1, 4.5])
 def test_the_search_finds_the_zero_of_a_pull(h: float) -> None:
-    """A pull cos(t) is zero at pi/2; one that only touches zero from above is not slack."""
-    found = slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: math.cos(t),
-                        pull_after=lambda t, q, v, given, part, *_: math.cos(t + part))
-    assert found == pytest.approx(math.pi/2, abs=1e-9)
+    """A pull cos(t) is zero at pi/2, found in some 10 trials; one that only touches zero from above is not slack."""
+    trials = list[float]()
+
+    def pull_after(t: float, q: float, v: float, given: Floats, part: float, *_: Any) -> float:
+        trials.append(part)
+        return math.cos(t + part)
+
+    found = slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: math.cos(t), pull_after=pull_after)
+    assert found == pytest.approx(math.pi/2, abs=1e-13)
+    assert len(trials) < 15
     assert slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: 1.0 + math.cos(t),
                        pull_after=lambda t, q, v, given, part, *_: 1.0 + math.cos(t + part)) == math.inf
+
+
+def moved(path: float, speed: float) -> Function:
+    """A step that goes this way, whatever the time, and has this velocity."""
+    return lambda t, q, v, memory, given, h, extra: After(q + path, speed, (), (), (0.25,), ())
+
+
+@pytest.mark.parametrize("path", [0.1, 1.5, -1.6, 3.0, 8.0, -40.0])
+def test_a_step_wraps_the_angle_and_counts_half_turns(path: float) -> None:
+    stop, bob = advance(0.0, 0.1, 10.0, State(0.4, (-1.5, -1.0), 1.0, (), (), (2.0,), (), ()), (), (), (),
+                        take=moved(path, 9.0), taut=moved, potential=moved, clip=None, slack=False)
+    assert stop == 0.0
+    assert bob.q + 2*math.pi*bob.winding[0] == pytest.approx(0.4 - 3*math.pi + path, abs=1e-13)
+    assert abs(bob.q) <= math.pi/2
+    assert bob.winding[1] == math.copysign(1.0, math.cos(0.4 - 3*math.pi + path))
+    assert bob.sums == (2.25,)
+
+
+@pytest.mark.parametrize(("path", "speed", "stops"), [
+    (0.1, 9.0, "continues"), (0.1, -10.5, "speed_limit"), (math.nan, 1.0, "diverged"), (0.1, 1e200, "diverged")])
+def test_a_step_is_checked(path: float, speed: float, stops: str) -> None:
+    stop, _ = advance(0.0, 0.1, 10.0, State(0.4, (), 1.0, (), (), (2.0,), (), ()), (), (), (),
+                      take=moved(path, speed), taut=moved, potential=moved, clip=None, slack=False)
+    assert STOP_REASONS.get(int(stop), "continues") == stops
+
+
+def test_a_clip_takes_the_energy_that_it_tells() -> None:
+    _, bob = advance(0.0, 0.1, 10.0, State(0.4, (), 1.0, (), (), (0.0, 0.0), (), ()), (), (), (), take=moved(0.1, 5.0),
+                     taut=moved, potential=lambda q, parameters: 3.0*q, clip=Clip(2.0, 0.5, True), slack=False)
+    assert bob.v == 2.0
+    assert bob.q == pytest.approx(0.5 - 0.5*0.1*3.0, abs=1e-15)
+    assert bob.sums == pytest.approx((0.25, 0.5*(25 - 4) + 3.0*0.5*0.1*3.0), abs=1e-14)
+
+
+@pytest.mark.parametrize("angle", [0.3, -1.4, 1.9, -3.0, 3.1, 9.0])
+def test_an_observation_is_that_of_the_angle(angle: float) -> None:
+    """Also where the angle is wrapped; phi is measured from upright."""
+    halves = round(angle/math.pi)
+    wrapped = State(angle - halves*math.pi, (0.5*halves, math.cos(halves*math.pi)), 2.0, (), (), (), (), ())
+    for bob in (wrapped, wrapped._replace(q=angle, winding=())):
+        cosine, sine, rate, phi = observed(bob)
+        assert (cosine, sine, rate) == pytest.approx((math.cos(angle), math.sin(angle), 2.0), abs=1e-14)
+        assert -math.pi <= phi <= math.pi
+        assert (math.cos(phi), math.sin(phi)) == pytest.approx((-math.cos(angle), -math.sin(angle)), abs=1e-14)
 
 
 def test_adaptive_steps_follow_an_oscillator() -> None:
