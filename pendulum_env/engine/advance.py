@@ -1,14 +1,31 @@
-"""Generated source of one checked integration step: the functions ``advance``, ``stick_slip`` and ``adapt``.
+"""One checked integration step: templates of ``advance``, ``stick_slip``, ``adapt`` and ``land``.
 
-A generated program integrates one scene by one method. Single runs, environments and blocks of environments (see
-:mod:`pendulum_env.engine.blocks`) all call its function ``advance``, which :func:`advance` writes.
+A program integrates one scene by one method. Single runs, environments and blocks of environments (see
+:mod:`pendulum_env.engine.blocks`) all call its function ``advance``. The functions here run as they stand;
+:mod:`pendulum_env.engine.specialise` makes a program's functions of them. Their tuples hold what only some scenes and
+methods have:
+
+===================  =================================================================================================
+``winding``           whole or half turns, and +1 or -1 for the side of the horizontal, where torques repeat
+``memory``           a multistep method's history
+``lost``             rounding remainders of angle and velocity; ``lost_sums`` those of the sums
+``given``            what a step takes beside the motion and ``memory``: ``lost``, or in adaptive steps ``a, *rates``
+``sums``             work and heat since the start of a run, and ``integrals`` since the start of a step
+``parts``            work and heat of a step; ``rates`` those per time
+``slackened``        1 plus the number of steps when the wire went slack, if the run continues (``lenient``)
+``parameters``       the effects' coefficients; ``further`` the action and the effects' state variables
+``extra``            ``(*parameters, side, *further)``: what torques take beside time, angle and velocity
+``pull``             the two parameters of the pull on a wire that may go slack
+``errors``           error estimates of angle and velocity, alternately, of one or two embedded methods
+===================  =================================================================================================
+
+A step of a method, ``take``, gets ``t, q, v, memory, given, h, extra`` and returns :class:`After`.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from integrators import Method
 from integrators.solving.step_size import (
     BROKEN,
     GROW,
@@ -18,12 +35,8 @@ from integrators.solving.step_size import (
     step_power_of_many,
     step_ratio,
 )
-from integrators.steps.estimates import embedded_orders, order_of_estimate
-from pendulum_env.engine import slack
-from pendulum_env.engine.calls import potential, stepped
+from integrators.steps.compensated import added
 from pendulum_env.engine.shape import (
-    ADAPTED,
-    CLIPPED,
     DIVERGED,
     LARGEST,
     OK,
@@ -31,489 +44,658 @@ from pendulum_env.engine.shape import (
     SINE_RANGE,
     SLACK,
     SPEED_LIMIT,
-    TOLERANCE,
     TOO_SHORT,
     UNSURE,
-    Shape,
-    indent,
-    joined,
+    Floats,
+    Function,
 )
 from pendulum_env.engine.source import Plain
+from pendulum_env.engine.specialise import spliced
+from pendulum_env.engine.wrap import half_turns, side_of, without_half_turns, without_half_turns_kept
+from pendulum_env.physics.elementary import sin
 
 CALLED: tuple[Plain, ...] = (step_power, step_power_of_many, ratio_powers, step_ratio)
 """Functions that generated adaptive steps call."""
 
+EVEN_AIM = 0.8
+"""Largest error of a step, in units of the tolerance, at which steps of equal length aim."""
+MOST_EVEN = 16777216.0
+"""Largest number of equal steps that an interval is divided into; with more, steps are too short."""
 
-def advanced(shape: Shape, function: str = "advance") -> str:
-    """Write the source line that calls the generated ``advance`` and assigns its results.
 
-    It sets ``stop``, the code of the stop reason, and for every name of ``shape.carried`` a variable with "1" appended,
-    such as ``q1``, the angle after the step. With ``function="settle"``, and in adaptive runs, it also sets ``portion``
-    if slack ends the run: the fraction of the step taken. ``settle`` takes a step in which the wire may go slack.
+@spliced
+def total(values: Floats) -> float:
+    """Return the sum of at least one number, from left to right."""
+    return values[0] if len(values) == 1 else total(values[:-1]) + values[-1]
+
+
+@spliced
+def plus(sums: Floats, parts: Floats) -> Floats:
+    """Return sums with a step's parts added."""
+    return tuple(one + part for one, part in zip(sums, parts, strict=True))
+
+
+# --- one step ---------------------------------------------------------------------------------------------------------
+
+
+class State(NamedTuple):
+    """What a step changes; see the table above."""
+
+    q: float
+    winding: Floats
+    v: float
+    memory: Floats
+    lost: Floats
+    sums: Floats
+    lost_sums: Floats
+    slackened: Floats
+
+
+class After(NamedTuple):
+    """What a step of a method returns: motion, what it hands to the next step, work and heat, and its errors."""
+
+    q: float
+    v: float
+    memory: Floats
+    given: Floats
+    parts: Floats
+    errors: Floats
+
+
+class Clip(NamedTuple):
+    """A bound of the velocity after every step.
+
+    Attributes:
+        bound: the largest velocity [rad/s].
+        drift: fraction of h by which the last sub-flow of a splitting, a drift, turns the rod; 0 if there is none.
+        counts: True if the energy that the clip takes is reported.
     """
-    results = ("stop", *(f"{name}1" for name in shape.carried), *(ADAPTED if shape.adaptive else ()))
-    portion = slack.portion(shape) if shape.adaptive or function == "settle" else ()
-    return f"{joined(results, portion)} = {function}({_arguments(shape, 'index*h')})"
+
+    bound: float
+    drift: float
+    counts: bool
 
 
-def advance(shape: Shape) -> str:
-    """Write the source of ``advance``: one step of length ``h`` from the time ``t``.
+def advance(
+    t: float, h: float, speed_limit: float, bob: State, parameters: Floats, further: Floats, pull: Floats, *,
+    take: Function, taut: Function, potential: Function, clip: Clip | None, slack: bool,
+) -> tuple[Any, State]:
+    """Return the stop code (0.0 if the run continues) and the state after one step.
 
-    The step checks whether the run has to stop: divergence, the speed limit, a slack wire.
-
-    The generated function returns ``stop``, which is 0.0 or the code of the stop reason, and the variables in
-    ``shape.carried`` after the step. With the code DIVERGED or TOO_SHORT these are not valid, and the loop that called
-    ``advance`` keeps those from before the step. With UNSURE the loop calls ``settle`` in place of ``advance``.
+    The step of length ``h`` from the time ``t`` checks whether the run has to stop: divergence, the speed limit, a
+    slack wire. With the code DIVERGED the state is not valid, and the loop that called ``advance`` keeps that from
+    before the step. With UNSURE the loop calls ``settle`` in place of ``advance``.
     """
-    if shape.adaptive:
-        bounded = ("bound - taken - rejected", "params")
-        pull = shape.pull[:2] if shape.slack else ()
-        arguments = joined(("t", "q", "v", "h", "size"), bounded, TOLERANCE, shape.extra, pull, shape.slackened)
-        lines = [f"{joined(interval_results(shape))} = adapt({arguments})", f"return {landed(shape)}"]
-    else:
-        lines = [f"{joined(shape.step_results)} = {stepped(shape)}", *checked(shape), _returned(shape)]
-    title = '"""Return the stop code (0.0 if the run continues) and the state after one step."""'
-    return "\n".join(["@inline", f"def advance({_arguments(shape)}):", *indent([title, *lines], 1), ""])
+    extra = (*parameters, *bob.winding[1:], *further)
+    after = take(t, bob.q, bob.v, bob.memory, bob.lost, h, extra)
+    return checked(t, h, speed_limit, bob, parameters, extra, pull, after, taut=taut, potential=potential, clip=clip,
+                   slack=slack)
 
 
-def land(shape: Shape) -> str:
-    """Write the source of ``land``: the checks at the end of a step that was divided into adaptive steps.
-
-    Single runs call it in ``advance``, blocks for every pendulum that has come to the end of its step. It takes the
-    state before the step and :func:`interval_results`, and returns what ``advance`` returns.
-    """
-    title = '"""Return the stop code (0.0 if the run continues) and the state after adaptive steps over h."""'
-    return "\n".join(["@inline", f"def {landed(shape)}:", *indent([title, *checked(shape), _returned(shape)], 1), ""])
-
-
-def landed(shape: Shape) -> str:
-    """Return the source of the call of ``land``, which is also the head of its definition."""
-    fixed = [name for name in shape.extra if name not in shape.carried]
-    return f"land({joined(('t', 'h', 'speed_limit'), shape.carried, ADAPTED[1:], interval_results(shape), fixed)})"
-
-
-def interval_results(shape: Shape) -> tuple[str, ...]:
-    """Return the names of the results of adaptive steps over a whole step of h, in the order of ``adapt``."""
-    return ("q1", "v1", *(f"d_{name}" for name in shape.quadratures), "size", "steps", "vain", "reason", *_found(shape))
-
-
-def checked(shape: Shape) -> list[str]:
-    """Return the source lines that check the end of a step, and assign ``stop`` and the new state, such as ``q1``."""
-    parts = [f"d_{name}" for name in shape.quadratures]
-    finite = f"(abs(v1) <= {LARGEST}) & (abs(q1) <= {SINE_RANGE if shape.periodic else LARGEST})"
-    if parts:
-        finite += f" & (abs({' + '.join(parts)}) <= {LARGEST})"
-    lines = [f"good = {finite}"]
-    lines += _clipped(shape) if shape.clip else []
-    if shape.slack and not shape.adaptive:
-        within = joined(("t", "q", "v", "q1", "v1", "h"), slack.watches(shape))
-        lines.append(f"sure = {'(slackened > 0.0) | ' if shape.lenient else ''}taut({within})")
-    if shape.periodic:
-        turned = "q1 = without_half_turns(q1, halves)"
-        if shape.compensated:
-            turned = "q1, lost_q1 = without_half_turns_kept(q1, lost_q1, halves)"
-        lines += ["halves = half_turns(q1)", turned, "turns1 = turns + 0.5*halves", "side1 = side_of(turns1)"]
-    for name in shape.sums:
-        lost = f"lost_{name}"
-        lines.append(f"{name}1, {lost}1 = added({name}, {lost}, d_{name}, 0.0)" if shape.compensated else
-                     f"{name}1 = {name} + d_{name}")
-    lines.append(f"stop = {SPEED_LIMIT}.0 if abs(v1) > speed_limit else 0.0")
-    if shape.lenient:
-        loose = "1.0 + (t + loose)/h if (slackened == 0.0) & (loose >= 0.0) else " if shape.adaptive else ""
-        lines.append(f"slackened1 = {loose}slackened")
-    if shape.slack and not shape.adaptive:
-        lines.append(f"stop = stop if sure else {UNSURE}.0")
-    lines.append(f"stop = stop if good else {DIVERGED}.0")
-    if shape.adaptive:
-        lines.append(f"stop = stop if reason == {OK}.0 else reason")
-    return lines
+@spliced
+def checked(
+    t: float, h: float, speed_limit: float, bob: State, parameters: Floats, extra: Floats, pull: Floats, after: After,
+    *, taut: Function, potential: Function, clip: Clip | None, slack: bool,
+) -> tuple[Any, State]:
+    """Check the end of a step of fixed length, and return the stop code and the new bob."""
+    q1, v1, memory1, lost1, changes, _ = after
+    good = finite(q1, v1, changes, bob.winding)
+    if clip:
+        q1, v1, lost1, changes = clipped(h, bob.winding, parameters, q1, v1, lost1, changes, clip, potential)
+    if slack and bob.slackened:
+        sure = (bob.slackened[0] > 0.0) | taut(t, bob.q, bob.v, q1, v1, h, extra, pull)
+    elif slack:
+        sure = taut(t, bob.q, bob.v, q1, v1, h, extra, pull)
+    q1, winding1, lost1 = wrapped(q1, bob.winding, lost1)
+    sums1, lost_sums1 = summed(bob.sums, bob.lost_sums, changes)
+    stop = SPEED_LIMIT if abs(v1) > speed_limit else 0.0
+    slackened1 = bob.slackened
+    if slack:
+        stop = stop if sure else UNSURE
+    stop = stop if good else DIVERGED
+    return stop, State(q1, winding1, v1, memory1, lost1, sums1, lost_sums1, slackened1)
 
 
-def _returned(shape: Shape) -> str:
-    """Return the source line that returns the stop code and the state after a step."""
-    adapted = ("size", "taken + steps", "rejected + vain") if shape.adaptive else ()
-    portion = slack.portion(shape) if shape.adaptive else ()
-    return f"return {joined(('stop',), [f'{name}1' for name in shape.carried], adapted, portion)}"
+@spliced
+def finite(q1: float, v1: float, parts: Floats, winding: Floats) -> bool:
+    """Return True if the end of a step is finite, and its angle one whose sine is accurate."""
+    return ((abs(v1) <= LARGEST) & (abs(q1) <= (SINE_RANGE if winding else LARGEST))
+            & (abs(total(parts)) <= LARGEST if parts else True))
 
 
-def _clipped(shape: Shape) -> list[str]:
-    """Return the source lines that clip the velocity after a step, and sum the energy that this takes.
+@spliced
+def clipped(
+    h: float, winding: Floats, parameters: Floats, q1: float, v1: float, lost1: Floats, parts: Floats, clip: Clip,
+    potential: Function,
+) -> tuple[float, float, Floats, Floats]:
+    """Return the motion after a clip of the velocity, and the step's work and heat with the energy that it takes.
 
     A last drift of the step is taken back by the part that the velocity loses.
     """
-    bound = shape.clip
-    lines = ["free_q = q1", "free_v = v1", f"v1 = max(-{bound}, min({bound}, free_v))"]
-    if shape.drift:
-        lines.append(f"q1 = free_q - {shape.drift}*h*(free_v - v1)")
-    if shape.compensated:
-        lines.append("lost_v1 = lost_v1 if v1 == free_v else 0.0")
-    if CLIPPED in shape.sums:
-        before, after = (potential(shape, q, wrapped=False) for q in ("free_q", "q1"))
-        fallen = f" + ({before} - {after})" if shape.drift else ""
-        lines.append(f"d_{CLIPPED} = 0.5*(free_v - v1)*(free_v + v1){fallen}")
-    return lines
+    free_q = q1
+    free_v = v1
+    v1 = max(-clip.bound, min(clip.bound, free_v))
+    if clip.drift:
+        q1 = free_q - clip.drift*h*(free_v - v1)
+    if lost1:
+        lost1 = (lost1[0], lost1[1] if v1 == free_v else 0.0)
+    if not clip.counts:
+        return q1, v1, lost1, parts
+    if clip.drift:
+        d_heat_clip = 0.5*(free_v - v1)*(free_v + v1) + (
+            height(free_q, winding, parameters, potential) - height(q1, winding, parameters, potential))
+    else:
+        d_heat_clip = 0.5*(free_v - v1)*(free_v + v1)
+    return q1, v1, lost1, (*parts, d_heat_clip)
 
 
-def settle(shape: Shape) -> str:
-    """Write the source of ``settle``, which takes a step in which the wire may go slack; see :func:`slack.settle`."""
-    return slack.settle(shape, _arguments(shape), shape.carried, f"advance({_arguments(shape)})")
+@spliced
+def height(q: float, winding: Floats, parameters: Floats, potential: Function) -> Any:
+    """Return the potential energy per moment of inertia at an angle that is not wrapped."""
+    return potential(q, sin(0.5*q), parameters, winding[1:]) if winding else potential(q, parameters)
 
 
-def _found(shape: Shape) -> tuple[str, ...]:
-    """Return the name of the result of ``adapt`` for a wire: the fraction of the step taken, or the time of slack."""
-    return ("loose",) if shape.lenient else slack.portion(shape)
+@spliced
+def wrapped(q1: float, winding: Floats, lost1: Floats) -> tuple[float, Floats, Floats]:
+    """Return the angle from the nearer of bottom and top, with its turns and its side, where torques repeat."""
+    if not winding:
+        return q1, (), lost1
+    halves = half_turns(q1)
+    if lost1:
+        q1, lost_q1 = without_half_turns_kept(q1, lost1[0], halves)
+        lost1 = (lost_q1, lost1[1])
+    else:
+        q1 = without_half_turns(q1, halves)
+    turns1 = winding[0] + 0.5*halves
+    side1 = side_of(turns1)
+    return q1, (turns1, side1), lost1
 
 
-def _arguments(shape: Shape, t: str = "t") -> str:
-    """Return the comma-separated arguments of the generated ``advance`` and ``settle``, for definitions and calls.
+@spliced
+def summed(sums: Floats, lost_sums: Floats, changes: Floats) -> tuple[Floats, Floats]:
+    """Return work and heat after a step, and their rounding remainders with compensated summation."""
+    if not lost_sums:
+        return plus(sums, changes), ()
+    totals = tuple(added(one, rest, part, 0.0) for one, rest, part in zip(sums, lost_sums, changes, strict=True))
+    return tuple(one for one, _ in totals), tuple(rest for _, rest in totals)
 
-    ``t`` is the source of the time at the start of the step.
+
+# --- dry friction -----------------------------------------------------------------------------------------------------
+
+
+def stick_slip(
+    t: float, q: float, v: float, lost: Floats, h: float, extra: Floats, *,
+    step: Function, acceleration: Function, resting: Function, limit: float, count: int, timed: bool, held: bool,
+) -> tuple[Any, ...]:
+    """Return the state after a step under dry friction, cut at zeros of the velocity, with work and heat.
+
+    Methods without sub-flows take it. Between zeros the direction of the friction is fixed and the problem is smooth.
+    At a zero the bob sticks if the sum of all other torques is within the ``limit`` of the friction; otherwise it
+    slides in the direction of this sum. If torques depend on the time (``timed``), the time at which a sticking bob
+    breaks away is found by bisection; a larger torque for a shorter time within the step is overlooked. In moving air
+    (``held``) the ``count`` sums of work and heat grow while the bob is at rest. If the velocity changes its sign more
+    than 64 times in one step, the run ends as "diverged", because the rest of the step was not computed.
     """
-    state = shape.carried
-    fixed = [name for name in shape.extra if name not in state]
-    adapted = (*ADAPTED, "bound", "params", *TOLERANCE) if shape.adaptive else ()
-    pull = shape.pull[:2] if shape.slack else ()
-    return joined((t, "h", "speed_limit"), state, adapted, fixed, pull)
+    integrals = (0.0,)*count
+    left = h
+    for _ in range(64):
+        direction = 1.0 if v > 0.0 else -1.0
+        if v == 0.0:
+            other = acceleration(t, q, 0.0, extra, 0.0)
+            if abs(other) <= limit:
+                if not timed:
+                    if held:
+                        parts = tuple(resting(t, q, left, extra))
+                        integrals = plus(integrals, parts)
+                    break
+                other = acceleration(t + left, q, 0.0, extra, 0.0)
+                if not abs(other) > limit:
+                    if held:
+                        parts = tuple(resting(t, q, left, extra))
+                        integrals = plus(integrals, parts)
+                    break
+                low = 0.0
+                high = left
+                for _ in range(100):
+                    part = 0.5*(low + high)
+                    if part <= low or part >= high:
+                        break
+                    other = acceleration(t + part, q, 0.0, extra, 0.0)
+                    if abs(other) > limit:
+                        high = part
+                    else:
+                        low = part
+                if held:
+                    parts = tuple(resting(t, q, high, extra))
+                    integrals = plus(integrals, parts)
+                t = t + high
+                left = left - high
+                if left <= 0.0:
+                    break
+                other = acceleration(t, q, 0.0, extra, 0.0)
+            direction = 1.0 if other > 0.0 else -1.0
+        q1, v1, lost1, parts = step(t, q, v, lost, left, extra, direction)
+        turned = direction*v1 < 0.0
+        part = left
+        if turned:
+            high = left
+            low = 0.5*left
+            q1, v1, lost1, parts = step(t, q, v, lost, low, extra, direction)
+            for _ in range(60):
+                if not direction*v1 < 0.0:
+                    break
+                high = low
+                low = 0.5*low
+                q1, v1, lost1, parts = step(t, q, v, lost, low, extra, direction)
+            for _ in range(100):
+                part = 0.5*(low + high)
+                if part <= low or part >= high:
+                    break
+                q1, v1, lost1, parts = step(t, q, v, lost, part, extra, direction)
+                if direction*v1 < 0.0:
+                    high = part
+                else:
+                    low = part
+            part = high
+            q1, v1, lost1, parts = step(t, q, v, lost, part, extra, direction)
+            v1 = 0.0
+            if lost1:
+                lost1 = (lost1[0], 0.0)
+        q = q1
+        v = v1
+        lost = lost1
+        integrals = plus(integrals, parts)
+        if not turned:
+            break
+        t = t + part
+        left = left - part
+        if left <= 0.0:
+            break
+    else:
+        v = 1e999 - 1e999
+    return q, v, lost, integrals
 
 
-# --- steps of several parts -----------------------------------------------------------------------------------------
+# --- adaptive steps ---------------------------------------------------------------------------------------------------
 
 
-def stick_slip(shape: Shape, timed: bool = False, held: bool = False) -> str:
-    """Write the source of a step under dry friction, cut at zeros of the velocity, for methods without sub-flows.
+class Progress(NamedTuple):
+    """Progress of adaptive steps over h.
 
-    Between zeros the direction of the friction is fixed and the problem is smooth. At a zero the bob sticks if the sum
-    of all other torques is within the limit of the friction; otherwise it slides in the direction of this sum. If
-    torques depend on the time (``timed``), the time at which a sticking bob breaks away is found by bisection. In
-    moving air (``held``) work and heat grow while the bob is at rest. If the velocity changes its sign more than 64
-    times in one step, the run ends as "diverged", because the rest of the step was not computed.
-    """
-    extra, sums = shape.extra, shape.quadratures
-    parts = [f"d_{name}" for name in sums]
-    step = f"step({joined(('t', 'q', 'v'), shape.lost, ('{}',), extra, ('direction',))})"
-    at_rest = f"acceleration(t, q, 0.0, {joined(extra, ('0.0',))})"
-    lost = [f"{name}1" for name in shape.lost]
-    results = joined(("q1", "v1"), lost, parts)
-    return "\n".join(
-        [
-            "@inline",
-            f"def stick_slip({joined(('t', 'q', 'v'), shape.lost, ('h',), extra)}):",
-            *indent([f"{name} = 0.0" for name in sums], 1),
-            *indent(
-                [
-                    "left = h",
-                    "for _ in range(64):",
-                    "    direction = 1.0 if v > 0.0 else -1.0",
-                    "    if v == 0.0:",
-                    f"        other = {at_rest}",
-                    f"        if abs(other) <= {shape.dry}:",
-                    *indent(_breakaway(shape, held) if timed else [*_rest(shape, "left", held), "break"], 3),
-                    "        direction = 1.0 if other > 0.0 else -1.0",
-                    f"    {results} = {step.format('left')}",
-                    "    turned = direction*v1 < 0.0",
-                    "    part = left",
-                    "    if turned:",
-                    "        high = left",
-                    "        low = 0.5*left",
-                    f"        {results} = {step.format('low')}",
-                    "        for _ in range(60):",
-                    "            if not direction*v1 < 0.0:",
-                    "                break",
-                    "            high = low",
-                    "            low = 0.5*low",
-                    f"            {results} = {step.format('low')}",
-                    "        for _ in range(100):",
-                    "            part = 0.5*(low + high)",
-                    "            if part <= low or part >= high:",
-                    "                break",
-                    f"            {results} = {step.format('part')}",
-                    "            if direction*v1 < 0.0:",
-                    "                high = part",
-                    "            else:",
-                    "                low = part",
-                    "        part = high",
-                    f"        {results} = {step.format('part')}",
-                    "        v1 = 0.0",
-                    *(["        lost_v1 = 0.0"] if lost else []),
-                    "    q = q1",
-                    "    v = v1",
-                    *[f"    {name} = {name}1" for name in shape.lost],
-                    *[f"    {name} = {name} + d_{name}" for name in sums],
-                    "    if not turned:",
-                    "        break",
-                    "    t = t + part",
-                    "    left = left - part",
-                    "    if left <= 0.0:",
-                    "        break",
-                    "else:",
-                    "    v = 1e999 - 1e999",
-                    f"return {joined(('q', 'v'), shape.lost, sums)}",
-                ],
-                1,
-            ),
-            "",
-        ]
-    )
-
-
-def _rest(shape: Shape, span: str, held: bool) -> list[str]:
-    """Return the source lines that add work and heats of moving air while dry friction holds the bob at rest.
-
-    The rest lasts for the time ``span``.
-    """
-    if not held:
-        return []
-    sums = shape.quadratures
-    results = "".join(f"d_{name}, " for name in sums)
-    return [f"{results}= resting({joined(('t', 'q', span), shape.extra)})",
-            *(f"{name} = {name} + d_{name}" for name in sums)]
-
-
-def _breakaway(shape: Shape, held: bool) -> list[str]:
-    """Return the source lines that advance a bob, held at rest by dry friction, from ``t`` until it breaks away.
-
-    ``left`` is the time to the end of the step. If the other torques are within the friction's limit at the end of the
-    step, the lines leave the loop by ``break``; a larger torque for a shorter time within the step is overlooked.
-    """
-    other = f"other = acceleration({joined(('{}', 'q', '0.0'), shape.extra, ('0.0',))})"
-    return [
-        other.format("t + left"),
-        f"if not abs(other) > {shape.dry}:",
-        *indent([*_rest(shape, "left", held), "break"], 1),
-        "low = 0.0",
-        "high = left",
-        "for _ in range(100):",
-        "    part = 0.5*(low + high)",
-        "    if part <= low or part >= high:",
-        "        break",
-        f"    {other.format('t + part')}",
-        f"    if abs(other) > {shape.dry}:",
-        "        high = part",
-        "    else:",
-        "        low = part",
-        *_rest(shape, "high", held),
-        "t = t + high",
-        "left = left - high",
-        "if left <= 0.0:",
-        "    break",
-        other.format("t"),
-    ]
-
-
-def errors_of(method: Method) -> tuple[str, ...]:
-    """Return the names of the error estimates that an adaptive step of a method returns."""
-    return tuple(f"error_{y}{i}" for i in range(len(embedded_orders(method))) for y in "qv")
-
-
-EVEN_AIM = 0.8
-"""Largest error of a step, in units of the tolerance, at which steps of equal length aim."""
-MOST_EVEN = "16777216.0"
-"""Largest number of equal steps that an interval is divided into, as source; with more, steps are too short."""
-
-
-class Attempt(NamedTuple):
-    """Source lines of one attempt of an adaptive step from the time ``t + done``, for single runs and for blocks.
-
-    Attributes:
-        start: lines that set the progress at the start of a step of h, but for ``a`` and the rates: see ``slope``.
-        slope: line that computes the acceleration ``a`` and the rates of the quadratures at the start of a step of h.
-        length: lines that set ``now``, the attempt's time, and ``part``, its length.
-        short: condition under which the attempt is too short to change the time, and the run ends as TOO_SHORT.
-        trial: lines that take the attempt and set ``square``, its squared error in units of the tolerance.
-        judged: lines that accept or reject it, and choose the length of the next attempt; where a wire that goes slack
-            ends the run, they set ``reason`` to SLACK.
+    It is the time ``done``, the error of the ``last`` attempt, how much the next may grow at ``most``, the ``size`` to
+    try, the numbers of attempts, the motion, work and heat, and in ``loose`` the time after which the wire is slack, or
+    -1.
     """
 
-    start: list[str]
-    slope: str
-    length: list[str]
-    short: str
-    trial: list[str]
-    judged: list[str]
+    done: float
+    last: float
+    most: float
+    size: float
+    taken: float
+    rejected: float
+    q: float
+    v: float
+    a: float
+    rates: Floats
+    integrals: Floats
+    loose: Floats
 
 
-def attempt(shape: Shape, method: Method, power: str) -> Attempt:
-    """Return the source lines of one attempt of an adaptive step, chosen as in :mod:`integrators.solving.adaptive`.
+def advance_adaptively(
+    t: float, h: float, speed_limit: float, bob: State, size: float, taken: float, rejected: float, bound: float,
+    params: Any, rtol: float, atol: float, parameters: Floats, further: Floats, pull: Floats, *,
+    adapt: Function, land: Function,
+) -> Any:
+    """Return the stop code (0.0 if the run continues) and the state after one step.
 
-    ``power`` is the name of the function of powers: step_power, or step_power_of_many for SIMD code.
+    The step is divided as the tolerances require; ``land`` checks its end.
     """
-    sums = shape.quadratures
-    rates = [f"rate_{name}" for name in sums]
-    called = f"{'rates' if sums else 'acceleration'}({joined(('t', 'q', 'v'), shape.extra)})"
-    pairs = len(embedded_orders(method))
-    results = joined(shape.step_results, errors_of(method))
-    parts = {y: [f"(error_{y}{i}/scale_{y})" for i in range(pairs)] for y in "qv"}
-    squares = [f"square{i} = 0.5*({q}*{q} + {v}*{v})" for i, (q, v) in enumerate(zip(*parts.values(), strict=True))]
-    both = "square0*square0/(square0 + 0.01*square1) if square0 > 0.0 else 0.0*square1"
-    order = float(order_of_estimate(method))
-    cut = "cut" if shape.ends_slack else "part"
-    again = f"{results} = {stepped(shape, 'now', 'since')}"
-    return Attempt(
-        start=[
-            *(f"{name} = 0.0" for name in sums),
-            *(["loose = -1.0"] if shape.lenient else []),
-            "done = 0.0",
-            "last = 0.0",
-            "most = 10.0",
-            "taken = 0.0",
-            "rejected = 0.0",
-            "size = size if size > 0.0 else h",
-        ],
-        slope=f"{joined(('a',), rates)} = {called}",
-        length=[
-            "now = t + done",
-            "left = h - done",
-            "whole = 1.01*size < left",
-            "part = size if whole else left",
-        ],
-        short="whole & ((now + 0.0625*size == now) | (h + 0.0625*size == h))",
-        trial=[
-            f"{results} = {stepped(shape, 'now', 'part')}",
-            "scale_q = atol + rtol*(abs(q) if abs(q) > abs(q1) else abs(q1))",
-            "scale_v = atol + rtol*(abs(v) if abs(v) > abs(v1) else abs(v1))",
-            *squares,
-            f"square = {'square0' if pairs == 1 else both}",
-        ],
-        judged=[
-            f"accepted = (abs(q1) <= {LARGEST}) & (abs(v1) <= {LARGEST}) & (abs(a1) <= {LARGEST}) & (square <= 1.0)",
-            "known = accepted | (square > 1.0) & (square <= 1e300)",
-            "inside = square if known & (square > 1e-24) else 1e-24",
-            f"error = {power}(inside if inside < 1e40 else 1e40, 0.5)",
-            "error = error if known else 1e301",
-            f"base, exponent, earlier, share = ratio_powers(error, accepted, last, {order})",
-            f"ratio = step_ratio({power}(base, exponent), {power}(earlier, share), error, accepted, last)",
-            "tried = part*(most if accepted & (most < ratio) else ratio)",
-            "size = size if accepted & (not whole) & (not tried > size) else tried",
-            "last = error if accepted & whole else 0.0",
-            "most = 10.0 if accepted else 1.0",
-            *(slack.adapted(shape, again) if shape.slack else []),
-            f"ahead = done + {cut} if {'whole | (cut < part)' if shape.ends_slack else 'whole'} else h",
-            "done = ahead if accepted else done",
-            *(f"{name} = {name}1 if accepted else {name}" for name in ("q", "v", "a", *rates)),
-            *(f"{name} = {name} + d_{name} if accepted else {name}" for name in sums),
-            "taken = taken + (1.0 if accepted else 0.0)",
-            "rejected = rejected + (0.0 if accepted else 1.0)",
-        ],
-    )
+    extra = (*parameters, *bob.winding[1:], *further)
+    q1, v1, parts, size, steps, vain, reason, found = adapt(
+        t, bob.q, bob.v, h, size, bound - taken - rejected, params, rtol, atol, extra, pull, bob.slackened)
+    return land(t, h, speed_limit, bob, taken, rejected, q1, v1, parts, size, steps, vain, reason, found, parameters,
+                further)
 
 
-def adapt(shape: Shape, method: Method) -> str:
-    """Write the source of ``adapt``: adaptive steps from t to exactly t + h.
+def land(
+    t: float, h: float, speed_limit: float, bob: State, taken: float, rejected: float, q1: float, v1: float,
+    parts: Floats, size: float, steps: float, vain: float, reason: float, found: Floats, parameters: Floats,
+    further: Floats, *, potential: Function, clip: Clip | None,
+) -> tuple[Any, ...]:
+    """Return the stop code (0.0 if the run continues) and the state after adaptive steps over h.
 
-    The first attempt has the length ``size``, or h if that is 0. ``adapt`` returns the state, the quadratures, the next
+    Single runs call it in ``advance``, blocks for every pendulum that has come to the end of its step.
+    """
+    good = finite(q1, v1, parts, bob.winding)
+    changes = parts
+    if clip:
+        q1, v1, _, changes = clipped(h, bob.winding, parameters, q1, v1, (), parts, clip, potential)
+    q1, winding1, _ = wrapped(q1, bob.winding, ())
+    sums1, _ = summed(bob.sums, (), changes)
+    stop = SPEED_LIMIT if abs(v1) > speed_limit else 0.0
+    slackened1 = tuple(1.0 + (t + since)/h if (before == 0.0) & (since >= 0.0) else before
+                       for before, since in zip(bob.slackened, found, strict=False))
+    stop = stop if good else DIVERGED
+    stop = stop if reason == OK else reason
+    bob1 = State(q1, winding1, v1, (), (), sums1, (), slackened1)
+    return stop, bob1, size, taken + steps, rejected + vain, () if bob.slackened else found
+
+
+@spliced
+def begun(size: float, h: float, *, count: int, lenient: bool) -> tuple[Any, ...]:
+    """Return the first part of the progress at the start of steps over h, and its two last parts."""
+    integrals = (0.0,)*count
+    loose = (-1.0,) if lenient else ()
+    done = 0.0
+    last = 0.0
+    most = 10.0
+    taken = 0.0
+    rejected = 0.0
+    size = size if size > 0.0 else h
+    return (done, last, most, size, taken, rejected), integrals, loose
+
+
+@spliced
+def slopes(t: float, q: float, v: float, extra: Floats, *, slope: Function) -> tuple[Any, ...]:
+    """Return the acceleration and the rates of work and heat at the start of adaptive steps."""
+    a, rates = slope(t, q, v, extra)
+    return a, rates
+
+
+@spliced
+def length(t: float, h: float, size: float, done: float) -> tuple[Any, ...]:
+    """Return the time of an attempt, whether it ends before h, and its length."""
+    now = t + done
+    left = h - done
+    whole = 1.01*size < left
+    part = size if whole else left
+    return now, whole, part
+
+
+@spliced
+def too_short(now: float, h: float, size: float, whole: bool) -> bool:
+    """Return True if an attempt is too short to change the time."""
+    return whole & ((now + 0.0625*size == now) | (h + 0.0625*size == h))
+
+
+@spliced
+def possible(now: float, h: float, size: float, whole: bool) -> float:
+    """Return the stop code of an attempt that is too short, or OK."""
+    reason = TOO_SHORT if too_short(now, h, size, whole) else OK
+    return reason
+
+
+@spliced
+def larger(a: float, b: float) -> float:
+    """Return the larger of two magnitudes."""
+    return abs(a) if abs(a) > abs(b) else abs(b)
+
+
+@spliced
+def mean_square(x: float, y: float) -> float:
+    """Return the mean of two squares."""
+    return 0.5*(x*x + y*y)
+
+
+@spliced
+def trial(
+    now: float, part: float, q: float, v: float, given: Floats, rtol: float, atol: float, extra: Floats, *,
+    take: Function,
+) -> tuple[After, Any]:
+    """Return an attempt's step, and the square of its error in angle and velocity, in units of the tolerance."""
+    after = take(now, q, v, (), given, part, extra)
+    scale_q = atol + rtol*larger(q, after.q)
+    scale_v = atol + rtol*larger(v, after.v)
+    errors = after.errors
+    square0 = mean_square(errors[0]/scale_q, errors[1]/scale_v)
+    if len(errors) == 2:
+        square = square0
+    else:
+        square1 = mean_square(errors[2]/scale_q, errors[3]/scale_v)
+        square = square0*square0/(square0 + 0.01*square1) if square0 > 0.0 else 0.0*square1
+    return after, square
+
+
+@spliced
+def judged(
+    t: float, h: float, now: float, whole: bool, part: float, progress: Progress, after: After, square: float,
+    reason: float, extra: Floats, pull: Floats, slackened: Floats, *,
+    order: float, power: Function, take: Function, taut: Function, slack_after: Function, slack: bool, ends_slack: bool,
+) -> tuple[Any, ...]:
+    """Accept or reject an attempt, and choose the length of the next as in :mod:`integrators.solving.adaptive`.
+
+    An accepted step in which a wire goes slack is cut there, with the ``reason`` SLACK, or it stays whole, and
+    ``loose`` is the time since the start at which the wire first went slack. Returned are progress, reason, and step.
+    """
+    done, last, most, size, taken, rejected, q, v, a, rates, integrals, loose = progress
+    accepted = ((abs(after.q) <= LARGEST) & (abs(after.v) <= LARGEST) & (abs(after.given[0]) <= LARGEST)
+                & (square <= 1.0))
+    known = accepted | (square > 1.0) & (square <= 1e300)
+    inside = square if known & (square > 1e-24) else 1e-24
+    error = power(inside if inside < 1e40 else 1e40, 0.5)
+    error = error if known else 1e301
+    base, exponent, earlier, share = ratio_powers(error, accepted, last, order)
+    ratio = step_ratio(power(base, exponent), power(earlier, share), error, accepted, last)
+    tried = part*(most if accepted & (most < ratio) else ratio)
+    size = size if accepted & (not whole) & (not tried > size) else tried
+    last = error if accepted & whole else 0.0
+    most = 10.0 if accepted else 1.0
+    if ends_slack:
+        cut = part
+        if accepted and not taut(now, q, v, after.q, after.v, part, extra, pull):
+            since = slack_after(now, q, v, (a, *rates), part, extra, pull)
+            if since <= part:
+                reason = SLACK
+                cut = since
+                after = after._replace(q=q, v=v, parts=tuple(0.0 for _ in after.parts))
+                if since > 0.0:
+                    after = take(now, q, v, (), (a, *rates), since, extra)
+        ahead = done + cut if whole | (cut < part) else h
+    else:
+        if slack and (accepted and slackened[0] == 0.0 and loose[0] < 0.0
+                      and not taut(now, q, v, after.q, after.v, part, extra, pull)):
+            since = slack_after(now, q, v, (a, *rates), part, extra, pull)
+            loose = (now - t + since if since <= part else loose[0],)
+        ahead = done + part if whole else h
+    done = ahead if accepted else done
+    q = after.q if accepted else q
+    v = after.v if accepted else v
+    a = after.given[0] if accepted else a
+    rates = tuple(new if accepted else old for new, old in zip(after.given[1:], rates, strict=True))
+    integrals = tuple(one + part if accepted else one for one, part in zip(integrals, after.parts, strict=True))
+    taken = taken + (1.0 if accepted else 0.0)
+    rejected = rejected + (0.0 if accepted else 1.0)
+    progress = Progress(done, last, most, size, taken, rejected, q, v, a, rates, integrals, loose)
+    return progress, reason, after
+
+
+def adapt(
+    t: float, q: float, v: float, h: float, size: float, tries: float, params: Any, rtol: float, atol: float,
+    extra: Floats, pull: Floats, slackened: Floats, *,
+    take: Function, slope: Function, power: Function, taut: Function, slack_after: Function, order: float, count: int,
+    paused: int, slack: bool, ends_slack: bool, lenient: bool,
+) -> tuple[Any, ...]:
+    """Return the state after adaptive steps from t to exactly t + h, and what the next ones need.
+
+    The first attempt has the length ``size``, or h if that is 0. ``adapt`` returns the motion, work and heat, the next
     step size to try, the numbers of steps taken and rejected, and a stop code; for a wire that ends the run where it
-    goes slack also ``portion``, the fraction of h up to there, and for a wire with slack="warn" ``loose``, the time
-    from t to there or -1. The errors of angle and velocity are controlled, those of the quadratures are not. After
-    ``tries`` attempts it pauses: it stores its progress in ``params`` for the next call, and returns the values from
-    before the step.
+    goes slack also the fraction of h up to there, and for a wire with slack="warn" the time from t to there or -1.
+    After ``tries`` attempts it pauses: it stores its progress in ``params``, from the place ``paused`` on, for the next
+    call, and returns the values from before the step.
     """
-    lines = attempt(shape, method, step_power.__name__)
-    return _adapting(shape, [*lines.start, lines.slope], [
-        f"reason = {OK}.0",
-        "while done < h:",
-        *indent([
-            *_paused(),
-            *lines.length,
-            f"if {lines.short}:",
-            f"    reason = {TOO_SHORT}.0",
-            "    break",
-            *lines.trial,
-            *lines.judged,
-            *([f"if reason == {SLACK}.0:", "    break"] if shape.ends_slack else []),
-        ], 1),
-    ])
+    first = size
+    if params[paused] > 0.0:
+        progress = resumed(params, paused, count, lenient)
+        params[paused] = 0.0
+    else:
+        (done, last, most, size, taken, rejected), integrals, loose = begun(size, h, count=count, lenient=lenient)
+        a, rates = slope(t, q, v, extra)
+        progress = Progress(done, last, most, size, taken, rejected, q, v, a, rates, integrals, loose)
+    reason = OK
+    while progress.done < h:
+        if progress.taken + progress.rejected >= tries:
+            reason = PAUSED
+            break
+        now, whole, part = length(t, h, progress.size, progress.done)
+        if too_short(now, h, progress.size, whole):
+            reason = TOO_SHORT
+            break
+        given = (progress.a, *progress.rates)
+        after, square = trial(now, part, progress.q, progress.v, given, rtol, atol, extra, take=take)
+        progress, reason, after = judged(
+            t, h, now, whole, part, progress, after, square, reason, extra, pull, slackened, order=order, power=power,
+            take=take, taut=taut, slack_after=slack_after, slack=slack, ends_slack=ends_slack)
+        if ends_slack and reason == SLACK:
+            break
+    return ended(h, first, progress, reason, params, paused, ends_slack)
 
 
-def adapt_evenly(shape: Shape, method: Method) -> str:
-    """Write the source of ``adapt``, see :func:`adapt`, for steps of equal length from t to exactly t + h.
+@spliced
+def resumed(params: Any, paused: int, count: int, lenient: bool) -> Progress:
+    """Return the progress of steps that have paused."""
+    first, second, third = paused + 10, paused + 10 + count, paused + 10 + 2*count
+    return Progress._make((*params[paused + 1:first], params[first:second], params[second:third],
+                           params[third:third + 1] if lenient else ()))
 
-    Their number is that of the interval before, changed so that the largest estimated error of a step is EVEN_AIM times
-    the tolerance; it is chosen once for an interval, which costs less than for every step. If an error is larger than
-    the tolerance, the interval is taken again with more steps. While it pauses, ``done`` is the number of steps taken,
-    ``last`` that of the interval, and ``most`` the largest squared error so far.
+
+@spliced
+def ended(
+    h: float, first: float, progress: Progress, reason: float, params: Any, paused: int, ends_slack: bool
+) -> tuple[Any, ...]:
+    """Return what ``adapt`` returns; steps that pause store their progress before, unless runs never pause."""
+    done, _, _, size, taken, rejected, q, v, _, _, integrals, loose = progress
+    if reason == PAUSED:
+        if params[paused] == 0.0:
+            params[paused] = 1.0
+            for i, value in enumerate((*progress[:9], *progress.rates, *progress.integrals, *progress.loose)):
+                params[paused + 1 + i] = value
+        size = first
+        taken = 0.0
+        rejected = 0.0
+    found = (done/h,) if ends_slack else loose
+    return q, v, integrals, size, taken, rejected, reason, found
+
+
+def adapt_evenly(
+    t: float, q: float, v: float, h: float, size: float, tries: float, params: Any, rtol: float, atol: float,
+    extra: Floats, pull: Floats, slackened: Floats, *,
+    take: Function, slope: Function, power: Function, aim: float, exponent: float, count: int, paused: int,
+    ends_slack: bool, lenient: bool,
+) -> tuple[Any, ...]:
+    """Return the state after steps of equal length from t to exactly t + h, and what the next ones need.
+
+    They are those of ``adapt``. The number of parts is that of the interval before, changed so that the largest
+    estimated error of a step is EVEN_AIM times the tolerance (``aim`` is a power of EVEN_AIM); it is chosen once
+    for an interval, which costs less than for every step. If an error is larger than the tolerance, the interval is
+    taken again with more steps. While it pauses, ``done`` is the number of steps taken, ``last`` that of the
+    interval, and ``most`` the largest squared error so far.
     """
-    sums, lines = shape.quadratures, attempt(shape, method, step_power.__name__)
-    order = float(order_of_estimate(method))
-    divided = [
-        "share = h/size",
-        "last = (share + 6755399441055744.0) - 6755399441055744.0",
-        "last = last if last >= share else last + 1.0",
-        "part = h/last",
-    ]
-    short = [f"if (last > {MOST_EVEN}) | (last > 1.0) & ((t + part == t) | (h + 0.0625*part == h)):",
-             f"    reason = {TOO_SHORT}.0"]
-    rates = [f"rate_{name}" for name in sums]
-    return _adapting(shape, [*lines.start, "most = 0.0", lines.slope, *divided], [
-        f"reason = {OK}.0",
-        "part = h/last",
-        *short,
-        f"while (reason == {OK}.0) & (done < last):",
-        *indent([
-            "fine = True",
-            "while fine & (done < last):",  # in a loop of its own, in which ``part`` does not change
-            *indent([
-                *_paused(),
-                "now = t + done*part",
-                *lines.trial,
-                "most = most if square <= most else square",
-                *(f"{name} = {name}1" for name in ("q", "v", "a", *rates)),
-                *(f"{name} = {name} + d_{name}" for name in sums),
-                "done = done + 1.0",
-                "taken = taken + 1.0",
-                "fine = square <= 1.0",
-            ], 1),
-            f"if reason == {PAUSED}.0:",
-            "    break",
-            f"known = (abs(q) <= {LARGEST}) & (abs(v) <= {LARGEST}) & (abs(a) <= {LARGEST}) & (most <= 1e300)",
-            "inside = most if known & (most > 1e-24) else 1e-24",
-            "inside = inside if inside < 1e40 else 1e40",
-            f"ratio = {step_power(EVEN_AIM, 1.0 / order)!r}*{step_power.__name__}(inside, {-0.5 / order!r})",
-            f"ratio = ratio if ratio > {SHRINK} else {SHRINK}",
-            f"ratio = ratio if ratio < {GROW} else {GROW}",
-            f"size = part*(ratio if known else {BROKEN})",
-            "if known & fine:",
-            "    break",
-            "rejected = rejected + done",
-            "taken = taken - done",
-            "q = start_q",
-            "v = start_v",
-            *(f"{name} = 0.0" for name in ("done", "most", *sums)),
-            lines.slope,
-            *divided,
-            *short,
-        ], 1),
-    ])
+    first = size
+    start_q = q
+    start_v = v
+    if params[paused] > 0.0:
+        progress = resumed(params, paused, count, lenient)
+        done, last, most, size, taken, rejected, q, v, a, rates, integrals, loose = progress
+        params[paused] = 0.0
+    else:
+        (done, last, most, size, taken, rejected), integrals, loose = begun(size, h, count=count, lenient=lenient)
+        most = 0.0
+        a, rates = slope(t, q, v, extra)
+        last, part = divided(h, size)
+    reason = OK
+    part = h/last
+    if too_many(t, h, last, part):
+        reason = TOO_SHORT
+    while (reason == OK) & (done < last):
+        fine = True
+        while fine & (done < last):  # in a loop of its own, in which ``part`` does not change
+            if taken + rejected >= tries:
+                reason = PAUSED
+                break
+            now = t + done*part
+            after, square = trial(now, part, q, v, (a, *rates), rtol, atol, extra, take=take)
+            most = most if square <= most else square
+            q = after.q
+            v = after.v
+            a = after.given[0]
+            rates = after.given[1:]
+            integrals = plus(integrals, after.parts)
+            done = done + 1.0
+            taken = taken + 1.0
+            fine = square <= 1.0
+        if reason == PAUSED:
+            break
+        known = (abs(q) <= LARGEST) & (abs(v) <= LARGEST) & (abs(a) <= LARGEST) & (most <= 1e300)
+        inside = most if known & (most > 1e-24) else 1e-24
+        inside = inside if inside < 1e40 else 1e40
+        ratio = aim*power(inside, exponent)
+        ratio = ratio if ratio > SHRINK else SHRINK
+        ratio = ratio if ratio < GROW else GROW
+        size = part*(ratio if known else BROKEN)
+        if known & fine:
+            break
+        rejected = rejected + done
+        taken = taken - done
+        q = start_q
+        v = start_v
+        done = 0.0
+        most = 0.0
+        integrals = (0.0,)*count
+        a, rates = slope(t, q, v, extra)
+        last, part = divided(h, size)
+        if too_many(t, h, last, part):
+            reason = TOO_SHORT
+    progress = Progress(done, last, most, size, taken, rejected, q, v, a, rates, integrals, loose)
+    return ended(h, first, progress, reason, params, paused, ends_slack)
 
 
-def _paused() -> list[str]:
-    """Return the source lines that leave the loop of an adaptive step after ``tries`` attempts."""
-    return ["if taken + rejected >= tries:", f"    reason = {PAUSED}.0", "    break"]
+@spliced
+def divided(h: float, size: float) -> tuple[float, float]:
+    """Return the number of equal steps, of about ``size``, into which h is divided, and their length."""
+    share = h/size
+    last = (share + 6755399441055744.0) - 6755399441055744.0
+    last = last if last >= share else last + 1.0
+    part = h/last
+    return last, part
 
 
-def _adapting(shape: Shape, start: list[str], steps: list[str]) -> str:
-    """Write the source of ``adapt``: the lines ``start``, unless the last call paused, the lines ``steps``, the end."""
-    sums, under_way = shape.quadratures, shape.params.index("under_way")
-    pull, found = shape.pull[:2] if shape.slack else (), _found(shape)
-    part = [*enumerate(shape.paused, under_way + 1)]
-    body = [
-        "first = size",
-        *(["start_q = q", "start_v = v"] if shape.even else []),
-        f"if params[{under_way}] > 0.0:",
-        *(f"    {name} = params[{i}]" for i, name in part),
-        f"    params[{under_way}] = 0.0",
-        "else:",
-        *indent(start, 1),
-        *steps,
-        f"if reason == {PAUSED}.0:",
-        f"    if params[{under_way}] == 0.0:",
-        f"        params[{under_way}] = 1.0",
-        *(f"        params[{i}] = {name}" for i, name in part),
-        "    size = first",
-        "    taken = 0.0",
-        "    rejected = 0.0",
-        *(["portion = done/h"] if shape.ends_slack else []),
-        f"return {joined(('q', 'v'), sums, ('size', 'taken', 'rejected', 'reason'), found)}",
-    ]
-    asked = joined(("t", "q", "v", "h", "size", "tries", "params"), TOLERANCE, shape.extra, pull, shape.slackened)
-    head = f"def adapt({asked}):"
-    return "\n".join(["@inline", head, *indent(body, 1), ""])
+@spliced
+def too_many(t: float, h: float, last: float, part: float) -> bool:
+    """Return True if equal steps are too many, or too short to change the time."""
+    return (last > MOST_EVEN) | (last > 1.0) & ((t + part == t) | (h + 0.0625*part == h))
+
+
+# --- calls of the steps ----------------------------------------------------------------------------------------------
+
+
+@spliced
+def next_state(
+    index: float, h: float, speed_limit: float, bob: State, parameters: Floats, further: Floats, pull: Floats, *,
+    advance: Function,
+) -> tuple[Any, State]:
+    """Return the stop code and the state after the step with the number ``index``."""
+    stop, bob1 = advance(index*h, h, speed_limit, bob, parameters, further, pull)
+    return stop, bob1
+
+
+@spliced
+def next_adaptively(
+    index: float, h: float, speed_limit: float, bob: State, size: float, taken: float, rejected: float, bound: float,
+    params: Any, rtol: float, atol: float, parameters: Floats, further: Floats, pull: Floats, *, advance: Function,
+) -> tuple[Any, ...]:
+    """Return the stop code, the state after the step with the number ``index``, and the progress of adaptive steps."""
+    stop, bob1, size, taken, rejected, portion = advance(
+        index*h, h, speed_limit, bob, size, taken, rejected, bound, params, rtol, atol, parameters, further, pull)
+    return stop, bob1, size, taken, rejected, portion
+
+
+@spliced
+def landed(
+    t: float, h: float, speed_limit: float, bob: State, taken: float, rejected: float, q1: float, v1: float,
+    parts: Floats, size: float, steps: float, vain: float, reason: float, found: Floats, parameters: Floats,
+    further: Floats, *, land: Function,
+) -> tuple[Any, ...]:
+    """Return what ``land`` returns, under the names of a step's results."""
+    stop, bob1, size, taken, rejected, portion = land(
+        t, h, speed_limit, bob, taken, rejected, q1, v1, parts, size, steps, vain, reason, found, parameters, further)
+    return stop, bob1, size, taken, rejected, portion

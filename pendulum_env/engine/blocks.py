@@ -15,13 +15,11 @@ all slots in use come first and none of them waits. Which slot a pendulum has ch
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from integrators import Method
-from integrators.solving.step_size import step_power_of_many
-from pendulum_env.engine import report, slack
-from pendulum_env.engine.advance import advanced, attempt, checked, landed
-from pendulum_env.engine.calls import begin
+from pendulum_env.engine import report, specialise
+from pendulum_env.engine.advance import begun, checked, judged, landed, length, next_state, possible, slopes, trial
 from pendulum_env.engine.goal import BEFORE
 from pendulum_env.engine.layout import AHEAD, BLOCK, Layout, block_loop, side_of_turns
 from pendulum_env.engine.reading import arguments
@@ -38,8 +36,10 @@ from pendulum_env.engine.shape import (
     indent,
     joined,
 )
+from pendulum_env.engine.slack import next_settled
 from pendulum_env.engine.source import Plain
 from pendulum_env.engine.stages import TURNED, StageValue, StepStage
+from pendulum_env.engine.templates import Templates
 
 REFUSED = -1
 """Returned by a program that has found an action which is not finite."""
@@ -50,7 +50,7 @@ WRONG = 2**32
 """What a program adds to the number that it returns, for every reward that is not finite."""
 
 
-def loops(layout: Layout, method: Method) -> list[str]:
+def loops(layout: Layout, method: Method, write: Templates) -> list[str]:
     """Return the source of all loop functions of a program for many pendulums.
 
     With a task they advance and observe environments, without one they advance and record runs. The last of them, and
@@ -58,11 +58,13 @@ def loops(layout: Layout, method: Method) -> list[str]:
     """
     first = [_remember_block(layout)] if layout.shape.remembered else []
     first += [_begin_block(layout)] if layout.shape.memory else []
-    rest = [_observe(layout), _step_blocks(layout)] if layout.goal else [_record(layout), _run_blocks(layout)]
+    rest = [_observe(layout, write), _step_blocks(layout)] if layout.goal else [
+        _record(layout, write), _run_blocks(layout)]
     adaptive = layout.shape.adaptive
-    search = [_settle(layout)] if layout.shape.slack and not adaptive else []
+    search = [_settle(layout, write)] if layout.shape.slack and not adaptive else []
     begun = [_starts(layout.goal.begin)] if layout.goal and layout.goal.begin else []
-    steps = _adapt(layout, method) if adaptive else [_advance(layout, in_vectors(method))]
+    vectors = in_vectors(method)
+    steps = _adapt(layout, vectors, write) if adaptive else [_advance(layout, vectors, write)]
     return [*first, *steps, *search, *rest, *begun]
 
 
@@ -96,17 +98,17 @@ def in_vectors(method: Method) -> bool:
     return "taylor" not in method.needs
 
 
-def _advance(layout: Layout, vectors: bool) -> str:
+def _advance(layout: Layout, vectors: bool, write: Templates) -> str:
     """Write the source of ``advance_block``: one step of every environment of a block that has not stopped.
 
     It has one loop, or one for every stage of the step, with those that compute sines between them.
     """
     unsure = f" & (stop != {UNSURE}.0)" if layout.shape.slack else ""
-    loops, calls, step = [], [], [advanced(layout.shape)]
+    loops, calls, step = [], [], write.lines(next_state)
     for number, stage in enumerate(layout.schedule.stages):
         taken = [f"{name} = {layout.between(name)}" for name in stage.taken]
         if number == len(layout.schedule.stages) - 1:
-            step = [*taken, *stage.lines, *checked(layout.shape)]
+            step = [*taken, *stage.lines, *write.lines(checked)]
             continue
         loops.append(block_loop(f"stage_{number}", joined(layout.step_arguments), layout, [
             *layout.load("index", "q", "turns", "v", *layout.shape.memory, *layout.shape.extra, sliding=True),
@@ -190,13 +192,13 @@ def _between(layout: Layout) -> list[str]:
     return texts
 
 
-def _adapt(layout: Layout, method: Method) -> list[str]:
+def _adapt(layout: Layout, vectors: bool, write: Templates) -> list[str]:
     """Write the source of ``advance_block`` for adaptive steps: one step of h of every environment that runs.
 
     The function makes at most ``tries`` attempts in every slot and returns the number of those that are left. The step
     is at its end if no slot is in use then; otherwise the next call continues it.
     """
-    shape, lines = layout.shape, attempt(layout.shape, method, step_power_of_many.__name__)
+    shape = layout.shape
     rates = ("a", *(f"rate_{name}" for name in shape.quadratures))
     tried = (*shape.step_results, "square")
 
@@ -213,25 +215,26 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
         *side_of_turns(layout),
         "lane = i",
         "t = index*h",
-        *lines.start,
+        *write.lines(begun),
         *store(*(name for name in layout.under_way if name not in rates), index="U(active)"),
         "active += 1",
         f"{layout.active} = active",
     ]
-    given, every, vectors = layout.given, joined(("h",), layout.shared), in_vectors(method)
+    given, every = layout.given, joined(("h",), layout.shared)
     return [
         block_loop("begin_steps", "s, o, w, n, h", layout,
                    [f"if {layout.at('status')} == {OK}.0:", *indent(begin, 1)], ["active = 0"]),
-        block_loop("slopes", "w, n, h", layout, [*load("t", "q", "v", *given), lines.slope, *store(*rates)]),
-        block_loop("attempts", "w, n, h", layout,
-                   [*load("t", "done", "size", "q", "v", *rates, *given), *lines.length, *lines.trial, *store(*tried)],
-                   vectors=vectors),
+        block_loop("slopes", "w, n, h", layout, [*load("t", "q", "v", *given), *write.lines(slopes), *store(*rates)]),
+        block_loop("attempts", "w, n, h", layout, [
+            *load("t", "done", "size", "q", "v", *rates, *given), *write.lines(length), *write.lines(trial),
+            *store(*tried),
+        ], vectors=vectors),
         block_loop("judgements", "w, n, h", layout, [
             *load("t", *shape.paused, *given, *tried),
-            *lines.length,
-            f"reason = {TOO_SHORT}.0 if {lines.short} else {OK}.0",
+            *write.lines(length),
+            *write.lines(possible),
             f"if reason == {OK}.0:",
-            *indent(lines.judged, 1),
+            *indent(write.lines(judged, power=specialise.name("step_power_of_many")), 1),
             *store(*shape.paused, "reason"),
         ]),
         "\n".join([
@@ -243,7 +246,7 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
                 *load("done", "reason"),
                 f"if done < h and reason == {OK}.0:",
                 "    continue",
-                *_landing(layout),
+                *_landing(layout, write),
                 "active -= 1",
                 "if place < active:",
                 f"    for k in range({len(layout.under_way)}):",
@@ -271,7 +274,7 @@ def _adapt(layout: Layout, method: Method) -> list[str]:
     ]
 
 
-def _landing(layout: Layout) -> list[str]:
+def _landing(layout: Layout, write: Templates) -> list[str]:
     """Return the source lines that end the step of the pendulum in slot ``i`` and store its state in the block."""
     shape, counts = layout.shape, (("steps", "taken"), ("vain", "rejected"))
     moved = [name for name in layout.moved if name not in layout.given]
@@ -283,7 +286,7 @@ def _landing(layout: Layout) -> list[str]:
         *(["portion = done/h"] if shape.ends_slack else []),
         f"lane = U({layout.slot('lane')})",
         *layout.load("index", *moved, *ADAPTED[1:], "speed_limit", index="lane"),
-        f"{joined(('stop',), [f'{name}1' for name in shape.carried], ADAPTED, slack.portion(shape))} = {landed(shape)}",
+        *write.lines(landed),
         f"if (stop != {DIVERGED}.0) & (stop != {TOO_SHORT}.0):",
         *(f"    {layout.at(name, 'lane')} = {name}1" for name in layout.moved),
         f"    {layout.at('index', 'lane')} = index + {'portion' if shape.ends_slack else '1.0'}",
@@ -292,7 +295,7 @@ def _landing(layout: Layout) -> list[str]:
     ]
 
 
-def _settle(layout: Layout) -> str:
+def _settle(layout: Layout, write: Templates) -> str:
     """Write the source of ``settle_block``: the step of the environments of a block in which the wire may go slack.
 
     They are few, and are advanced one by one.
@@ -300,7 +303,7 @@ def _settle(layout: Layout) -> str:
     cut = layout.shape.ends_slack
     one = [
         *_state(layout),
-        advanced(layout.shape, "settle"),
+        *write.lines(next_settled),
         f"good = stop != {DIVERGED}.0",
         *_kept(layout, f"({'portion' if cut else '1.0'} if good else 0.0)"),
         f"{layout.at('status')} = stop",
@@ -359,7 +362,7 @@ def _begin_block(layout: Layout) -> str:
         *layout.load("index", "q", "turns", "v", "held", *shape.memory, *shape.extra),
         *([] if "control" in shape.extra else layout.load("control")),
         *side_of_turns(layout),
-        f"{joined(history)} = {begin(shape)}",
+        f"{joined(history)} = begin({joined(('index*h', 'q', 'v', 'h'), shape.extra)})",
         f"fresh = {shape.stale}",
         *[f"{layout.at(name)} = {name}1 if fresh else {name}" for name in shape.memory],
         f"{layout.at('held')} = control",
@@ -378,7 +381,7 @@ def _begun(when: str, steps: str, layout: Layout, depth: int = 2) -> list[str]:
     return indent([f"if {when}:", *indent(calls, 1)], depth) if calls else []
 
 
-def _observe(layout: Layout) -> str:
+def _observe(layout: Layout, write: Templates) -> str:
     """Write the source of ``observe``: observations, rewards, ends of episodes and reported quantities of a block.
 
     It writes to the user's arrays or, where the loop could then not take several environments at once, all but rewards
@@ -395,11 +398,11 @@ def _observe(layout: Layout) -> str:
     lines = [
         *_loaded(layout),
         *layout.load(*goal.before),
-        *report.motion(layout.shape),
+        *write.lines(report.observed),
         *goal.aimed(),
-        *_formulas(layout, report.ledger(layout.shape)),
+        *_reported(layout, write),
         f"late = index + (1.0 if status == {DIVERGED}.0 else 0.0) > bound",
-        *([report.judged("status")] if layout.shape.ledger else []),
+        *(write.lines(_judged) if layout.shape.ledger else []),
         f"status = {LOST}.0 if {goal.call(goal.lost)} & (status == 0.0) else status",
         f"reward[i] = {goal.call(goal.reward)}",
         *[f"{layout.at(name)} = {BEFORE[name]}" for name in goal.before],
@@ -418,12 +421,12 @@ def _user_arrays(layout: Layout) -> tuple[str, ...]:
     return ("reward", "observation", "terminated", "truncated") if layout.told_at_once else ("reward",)
 
 
-def _record(layout: Layout) -> str:
+def _record(layout: Layout, write: Templates) -> str:
     """Write the source of ``record``: the recorded quantities of a block of runs; nan for runs that stopped earlier."""
     lines = [
         *_loaded(layout),
-        *_formulas(layout, report.recorded(layout.shape)),
-        *([report.judged("status")] if layout.shape.ledger else []),
+        *_reported(layout, write),
+        *(write.lines(_judged) if layout.shape.ledger else []),
         f"{layout.at('status')} = status",
         "gone = index < reached",
         *[f"row_{name}[i] = NAN if gone else r_{name}" for name in layout.reports],
@@ -439,17 +442,29 @@ def _loaded(layout: Layout) -> list[str]:
     return [*layout.load(*state, *layout.numbers), *side_of_turns(layout)]
 
 
-def _formulas(layout: Layout, values: Mapping[str, str]) -> list[str]:
-    """Return the source lines that compute the reported quantities from ``values``, a dict of names and formulas.
+def _reported(layout: Layout, write: Templates) -> list[str]:
+    """Return the source lines that compute the reported quantities, and store the energy at step 0 for the ledger.
 
-    For the energy ledger (energy, work, heat, residual) they also store the energy at step 0.
+    Runs without a task report at least motion and energies.
     """
-    lines = [report.stored(layout.shape)] if "r_potential_energy" in values else []
-    for name, value in values.items():
-        lines.append(f"{name} = {value}")
-        if name == "r_energy" and layout.shape.ledger:
-            lines += ["initial = r_energy if index == 0.0 else initial", f"{layout.at('initial')} = initial"]
-    return lines
+    shape = layout.shape
+    lines: list[str] = []
+    if shape.ledger or not layout.goal:
+        lines = [*write.lines(report.stored), *(["r_time = index*h"] if shape.ledger else []),
+                 *write.lines(report.place), *write.lines(report.energies)]
+    if shape.ledger:
+        lines += ["initial = r_energy if index == 0.0 else initial", f"{layout.at('initial')} = initial",
+                  *write.lines(report.balance)]
+    if shape.compensated and lines:
+        lines += write.lines(report.remainders)
+    return [*lines, *write.lines(report.diagnosed)]
+
+
+@specialise.spliced
+def _judged(status: float, r_energy_residual: float, scale: float, initial: float, r_work: float) -> float:
+    """Return the status of a pendulum, which stops as diverged if its energy residual is absurdly large."""
+    status = report.judged(status, r_energy_residual, scale, initial, r_work)
+    return status
 
 
 def _step_blocks(layout: Layout) -> str:

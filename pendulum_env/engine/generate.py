@@ -15,8 +15,7 @@ from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from integrators.steps.terms import docstring
 from pendulum_env.common.sources import ours
-from pendulum_env.engine import blocks, equations, report, series, slack, watch
-from pendulum_env.engine.advance import CALLED, adapt, adapt_evenly, advance, errors_of, land, settle, stick_slip
+from pendulum_env.engine import advance, blocks, equations, report, series, slack, watch
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
@@ -34,6 +33,7 @@ from pendulum_env.engine.source import (
 )
 from pendulum_env.engine.stages import BETWEEN, WHOLE, scheduled
 from pendulum_env.engine.subflows import sub_flows
+from pendulum_env.engine.templates import Templates
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
@@ -49,7 +49,7 @@ WRITTEN: Mapping[str, Callable[[Problem], str]] = {
 """Function that a step calls -> its writer; kicks and drag flows are in :mod:`pendulum_env.engine.subflows`."""
 
 HELPERS: tuple[Plain, ...] = (
-    *report.CALLED, *CALLED, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled)
+    *report.CALLED, *advance.CALLED, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled)
 """Functions that do not belong to effects and are copied into a program that calls them."""
 
 
@@ -107,9 +107,10 @@ def batch_program(
 def _program(problem: Problem) -> Program:
     """Return the program for single runs of a Problem, the equation of motion of a scene with a method."""
     shape = problem.shape
-    adapted = adapt_evenly if shape.even else adapt
-    steps = [adapted(shape, problem.method), advance(shape)] if shape.adaptive else []
-    loops = [*steps, run(shape), report.info(shape)]
+    write = Templates(problem)
+    adapted = advance.adapt_evenly if shape.even else advance.adapt
+    steps = [write(adapted), write(advance.advance_adaptively)] if shape.adaptive else []
+    loops = [*steps, write(run, "@entry"), report.info(shape)]
     called_back = tuple(problem.method.python_functions.items())
     return Program(_text(problem, loops), shape, problem.title, python_functions=called_back, own=_own(problem))
 
@@ -124,7 +125,7 @@ def _batch_program(problem: Problem, varying: frozenset[str], goal: Goal | None)
         between = frozenset() if _own(problem) else BETWEEN
         schedule = scheduled(_text(problem, ()), shape.step_results, ("h", *shape.parameters), between)
     layout = Layout(shape, varying & {*shape.numbers, *LIMITS}, goal, schedule, _own(problem))
-    text = _text(problem, blocks.loops(layout, problem.method), goal.functions if goal else ())
+    text = _text(problem, blocks.loops(layout, problem.method, Templates(problem)), goal.functions if goal else ())
     return BatchProgram(text, shape, f"{problem.title}-{'runs' if goal is None else 'batch'}", layout,
                         python_functions=tuple(problem.method.python_functions.items()), own=_own(problem))
 
@@ -142,9 +143,10 @@ def _text(problem: Problem, loops: Sequence[str], functions: Sequence[Plain] = (
     head = docstring(f"{equation_text(problem.effects)}\n\nMethod: {method.name} ({method.source}).\n") + "\n"
     numbers = {"NAN": "float('nan')", **{name: float_text(value) for name, value in constants_of(copies).items()}}
     constants = "".join(f"{name} = {value}\n" for name, value in numbers.items())
-    body = "\n\n".join([copied(copies), *pieces])
+    pieces.insert(0, copied(copies))
+    body = "\n\n".join(pieces)
     head += "from math import sqrt\n\n" if "sqrt(" in body else ""
-    check_names(body, shape.parameters)
+    check_names(pieces, shape.parameters)
     return "\n\n".join([head + constants, body])
 
 
@@ -164,13 +166,8 @@ def _called(problem: Problem) -> tuple[str, ...]:
     shape = problem.shape
     called = problem.method.calls(bool(shape.quadratures), shape.adaptive)
     # Dry friction cuts steps at zeros of v: there the acceleration at rest decides, and moving air goes on working.
-    at_rest = (*(("acceleration",) if shape.slides else ()), *(("rates",) if _held(problem) else ()))
+    at_rest = (*(("acceleration",) if shape.slides else ()), *(("rates",) if problem.held else ()))
     return (*(name for name in at_rest if name not in called), *called)
-
-
-def _held(problem: Problem) -> bool:
-    """Return True if moving air works on a bob that dry friction holds, and this work is reported."""
-    return problem.shape.slides and problem.windy and bool(problem.shape.quadratures)
 
 
 def _unrolled(problem: Problem) -> str:
@@ -188,21 +185,21 @@ def _step(problem: Problem) -> list[str]:
 
     The step checks for divergence, the speed limit and a slack wire.
     """
-    shape, held, called = problem.shape, _held(problem), _called(problem)
+    shape, held, called = problem.shape, problem.held, _called(problem)
     flows, _ = sub_flows(problem, called)
+    write = Templates(problem)
     return [
         *(WRITTEN[name](problem) for name in called if name in WRITTEN),
         *flows,
         decorated(_unrolled(problem), "@inline"),
         *([equations.resting(problem)] if held else []),
-        *([stick_slip(shape, equations.in_time(problem), held)] if shape.slides else []),
+        *([write(advance.stick_slip)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),
         *([watch.tension(problem)] if shape.pull else []),
-        *([slack.taut(shape), slack.slack_after(shape, errors_of(problem.method) if shape.adaptive else ())]
-          if shape.slack else []),
-        *([land(shape)] if shape.adaptive else []),
+        *([write(slack.taut), write(slack.pull_after), write(slack.slack_after)] if shape.slack else []),
+        *([write(advance.land)] if shape.adaptive else []),
         *(watch.flow(problem) if "quality_factor" in shape.watched else []),
-        *([] if shape.adaptive else [advance(shape)]),
-        *([settle(shape)] if shape.slack and not shape.adaptive else []),
+        *([] if shape.adaptive else [write(advance.advance)]),
+        *([write(slack.settle)] if shape.slack and not shape.adaptive else []),
     ]

@@ -76,6 +76,11 @@ class Problem:
         return [effect for effect in self.torques if by_flow(effect)]
 
     @property
+    def held(self) -> bool:
+        """Return True if moving air works on a bob that dry friction holds, and this work is reported."""
+        return self.shape.slides and self.windy and bool(self.shape.quadratures)
+
+    @property
     def title(self) -> str:
         """Return a name of the program for file names and messages: effects, method and diagnostics."""
         names = "+".join(effect.name for effect in self.effects) or "nothing"
@@ -164,7 +169,7 @@ def problem_of(
         adaptive=adaptive, compensated=compensated, even=even,
         watched=tuple(name for asked in diagnostics for name in WATCHED.get(asked, ())),
         remembered=tuple(name for effect in effects for name in effect.memory),
-        clip=clip, drift=f"{method.last_drift!r}" if clip and method.last_drift else "",
+        clip=clip, drift=float(method.last_drift) if clip and method.last_drift else 0.0,
         drawn=tuple(name for effect in effects if effect.draws for name in effect.memory[-effect.draws:]),
     )
     return Problem(effects, program_parts(scene), method, diagnostics, shape, windy, torques, drives, drags, heats,

@@ -1,30 +1,35 @@
-"""Generated source that computes the observation, the angle from upright and the energy ledger from a state.
+"""What a program reports of a state: observation, angle from upright, energy ledger and other diagnostics. Templates.
 
-The generated lines read the local names ``index``, ``q``, ``turns``, ``v``, ``h``, ``side`` (in periodic scenes), the
-quadratures and, for the ledger, ``inertia``, ``scale`` and ``initial``, the energy at the start. They store the results
-in local names, and serve single environments and blocks of environments.
+The functions are spliced into ``run``, and into the loops over blocks of environments: their variables, such as
+``r_work`` for the entry "work" of ``info``, are those of a program. Tuples are those of
+:mod:`pendulum_env.engine.advance`.
 """
 
 from __future__ import annotations
 
-from pendulum_env.engine import watch, wrap
-from pendulum_env.engine.calls import potential
-from pendulum_env.engine.shape import DIVERGED, SLACK, Shape
+from typing import Any, NamedTuple
+
+from pendulum_env.engine import wrap
+from pendulum_env.engine.advance import State, total
+from pendulum_env.engine.shape import DIVERGED, LEFT_OUT, SLACK, Floats, Function, Shape
 from pendulum_env.engine.source import Plain
+from pendulum_env.engine.specialise import spliced
+from pendulum_env.engine.wrap import half_turns, left_out, side_of, without_half_turns
 from pendulum_env.physics import elementary, energy
+from pendulum_env.physics.elementary import cos, cos_near_zero, sin, sin_near_zero
+from pendulum_env.physics.energy import beyond_sense, residual_of
 
 SEEN = ("cosine", "sine", "rate")
 """Local names of the entries of the observation."""
 
-FASTEST = "3.4028234663852886e+38"
-"""Largest float32, the bound of the observed velocity, as source."""
+FASTEST = 3.4028234663852886e+38
+"""Largest float32, the bound of the observed velocity."""
 
-RESOLVED = "1.6"
-"""Bound of the reduced angle [rad], as source: above pi/2.
+RESOLVED = 1.6
+"""Bound of the reduced angle [rad], above pi/2.
 
 Without it, the reduced angle of a huge angle, which has no fractional digits, could be anything.
 """
-
 
 CALLED: tuple[Plain, ...] = (
     elementary.sin, elementary.cos, elementary.sin_near_zero, elementary.cos_near_zero, wrap.half_turns,
@@ -34,75 +39,149 @@ CALLED: tuple[Plain, ...] = (
 """Plain functions that the generated reports and the steps between them call."""
 
 
-def motion(shape: Shape) -> list[str]:
-    """Return the source lines that compute the observation and ``phi``, the angle from upright in [-pi, pi].
+class Numbers(NamedTuple):
+    """Parameters of a program for single runs.
 
-    The lines use the sine of half the angle, because the gravitational potential needs it too: the compiler computes it
-    only once. Where the angle is wrapped, its half needs no reduction.
+    Attributes:
+        parameters: the effects' coefficients.
+        inertia: moment of inertia [kg m²].
+        scale: ``m g L`` [J].
+        pulls: PULL of :mod:`pendulum_env.engine.shape`, or nothing; ``flow`` is FLOW.
+        hold: number of steps per control step, in scenes whose effects have a state.
+        tolerance: the tolerances of adaptive steps, and ``attempts`` the number of attempts that one call may make.
     """
-    turned = ["tilt = q"] if shape.periodic else [
-        "halves = half_turns(q)", "tilt = without_half_turns(q, halves)",
-        f"tilt = tilt if tilt < {RESOLVED} else {RESOLVED}", f"tilt = tilt if tilt > -{RESOLVED} else -{RESOLVED}",
-        "side = side_of(0.5*halves)"]
-    sine, cosine = ("sin_near_zero(0.5*tilt, 0.0)", "cos_near_zero(0.5*tilt, 0.0)") if (
-        shape.periodic) else ("sin(0.5*tilt)", "cos(0.5*tilt)")
-    return [
-        *turned,
-        f"half = {sine}",
-        "cosine = side*(1.0 - 2.0*half*half)",
-        f"sine = side*(2.0*half*{cosine})",
-        f"rate = v if v < {FASTEST} else {FASTEST}",
-        f"rate = rate if rate > -{FASTEST} else -{FASTEST}",
-        "phi = tilt if side < 0.0 else (tilt - 3.141592653589793 if tilt > 0.0 else tilt + 3.141592653589793)",
-    ]
+
+    parameters: Floats
+    inertia: float
+    scale: float
+    pulls: Floats
+    flow: Floats
+    hold: Floats
+    tolerance: Floats
+    attempts: Floats
 
 
-PLACE = {"r_angle": "q + 6.283185307179586*turns", "r_velocity": "v"}
-"""Local names and formulas of the unwrapped angle [rad] and the velocity [rad/s]."""
+class Places(NamedTuple):
+    """Places among the sums: of the work, of all heats, and of those that are reported one by one."""
+
+    work: tuple[int, ...]
+    heats: tuple[int, ...]
+    told: tuple[int, ...]
 
 
-REMAINDERS = {"r_lost_angle": "left_out(r_angle, q, lost_q, turns)", "r_lost_velocity": "lost_v"}
-"""Local names and formulas of the rounding remainders of angle and velocity, with compensated summation."""
+class Watch(NamedTuple):
+    """The diagnostics "tension" and "flow": the quantities asked for, and the program's functions for them."""
+
+    asked: tuple[str, ...]
+    tension: Function
+    relative_speed: Function
+    bottom_speed: Function
+    quality: Function
 
 
-ENERGIES = {
-    "r_kinetic_energy": "inertia*(0.5*v*v)",
-    "r_potential_energy": "inertia*r_stored",
-    "r_energy": "r_kinetic_energy + r_potential_energy",
-}
-"""Local names and formulas of the kinetic, potential and total energy [J]; before them stands :func:`stored`."""
+@spliced
+def observed(bob: State) -> tuple[float, float, float, float]:
+    """Return the observation, and ``phi``, the angle from upright in [-pi, pi].
+
+    The sine of half the angle is used, because the gravitational potential needs it too: the compiler computes it only
+    once. Where the angle is wrapped, its half needs no reduction.
+    """
+    if bob.winding:
+        tilt = bob.q
+        side = bob.winding[1]
+        half = sin_near_zero(0.5*tilt, 0.0)
+        cosine = side*(1.0 - 2.0*half*half)
+        sine = side*(2.0*half*cos_near_zero(0.5*tilt, 0.0))
+    else:
+        halves = half_turns(bob.q)
+        tilt = without_half_turns(bob.q, halves)
+        tilt = tilt if tilt < RESOLVED else RESOLVED
+        tilt = tilt if tilt > -RESOLVED else -RESOLVED
+        side = side_of(0.5*halves)
+        half = sin(0.5*tilt)
+        cosine = side*(1.0 - 2.0*half*half)
+        sine = side*(2.0*half*cos(0.5*tilt))
+    rate = bob.v if bob.v < FASTEST else FASTEST
+    rate = rate if rate > -FASTEST else -FASTEST
+    phi = tilt if side < 0.0 else (tilt - 3.141592653589793 if tilt > 0.0 else tilt + 3.141592653589793)
+    return cosine, sine, rate, phi
 
 
-def stored(shape: Shape) -> str:
-    """Write the source line that computes the potential energy per moment of inertia, ``r_stored`` [1/s^2]."""
-    return f"r_stored = {potential(shape)}"
+@spliced
+def stored(bob: State, parameters: Floats, *, potential: Function) -> Any:
+    """Return the potential energy per moment of inertia [1/s²]; the angle of a state is wrapped."""
+    if bob.winding:
+        r_stored = potential(bob.q, sin_near_zero(0.5*bob.q, 0.0), parameters, bob.winding[1:])
+    else:
+        r_stored = potential(bob.q, parameters)
+    return r_stored
 
 
-def balance(shape: Shape) -> dict[str, str]:
-    """Return the source formulas of energy, work, heat and the energy residual [J]."""
-    heats = [f"inertia*{name}" for name in shape.sums if name.startswith("heat")]
-    return {
-        **ENERGIES,
-        "r_work": "inertia*work" if "work" in shape.quadratures else "0.0",
-        "r_heat": " + ".join(["0.0", *heats]),
-        "r_energy_residual": "residual_of(r_energy, initial, r_work, r_heat)",
-    }
+@spliced
+def place(bob: State, turns: float) -> tuple[float, float]:
+    """Return the unwrapped angle [rad] and the velocity."""
+    r_angle = bob.q + 6.283185307179586*turns
+    r_velocity = bob.v
+    return r_angle, r_velocity
 
 
-def ledger(shape: Shape) -> dict[str, str]:
-    """Return local names and source formulas of all entries of ``info``: energy ledger, heats, other diagnostics."""
-    values: dict[str, str] = {}
-    if shape.ledger:
-        values = {"r_time": "index*h", **PLACE, **balance(shape), **(REMAINDERS if shape.compensated else {})}
-    heats_of = {f"r_{name}": f"inertia*{name}" for name in shape.info if name.startswith("heat_")}
-    return values | heats_of | {f"r_{name}": value for name, value in watch.values(shape).items()}
+@spliced
+def energies(bob: State, inertia: float, r_stored: float) -> tuple[float, float, float]:
+    """Return the kinetic, potential and total energy [J]."""
+    r_kinetic_energy = inertia*(0.5*bob.v*bob.v)
+    r_potential_energy = inertia*r_stored
+    r_energy = r_kinetic_energy + r_potential_energy
+    return r_kinetic_energy, r_potential_energy, r_energy
 
 
-def recorded(shape: Shape) -> dict[str, str]:
-    """Return local names and source formulas of the quantities that a run records: at least motion and energies."""
-    if shape.ledger:
-        return ledger(shape)
-    return {**PLACE, **ENERGIES, **(REMAINDERS if shape.compensated else {}), **ledger(shape)}
+@spliced
+def balance(
+    bob: State, inertia: float, r_energy: float, initial: float, *, places: Places
+) -> tuple[float, float, float]:
+    """Return work, heat and energy residual [J]."""
+    r_work = inertia*bob.sums[places.work[0]] if places.work else 0.0
+    r_heat = total((0.0, *(inertia*bob.sums[i] for i in places.heats)))
+    r_energy_residual = residual_of(r_energy, initial, r_work, r_heat)
+    return r_work, r_heat, r_energy_residual
+
+
+@spliced
+def remainders(bob: State, turns: float, r_angle: float) -> tuple[float, float]:
+    """Return the rounding remainders of angle and velocity, with compensated summation."""
+    r_lost_angle = left_out(r_angle, bob.q, bob.lost[0], turns)
+    r_lost_velocity = bob.lost[1]
+    return r_lost_angle, r_lost_velocity
+
+
+@spliced
+def diagnosed(
+    index: float, h: float, bob: State, further: Floats, numbers: Numbers, *, places: Places, watch: Watch
+) -> Floats:
+    """Return the heats of single effects [J], and the diagnostics "tension" and "flow"."""
+    r_heats = tuple(numbers.inertia*bob.sums[i] for i in places.told)
+    r_watched = watched(index, h, bob, further, numbers, watch=watch)
+    return (*r_heats, *r_watched)
+
+
+@spliced
+def watched(index: float, h: float, bob: State, further: Floats, numbers: Numbers, *, watch: Watch) -> Floats:
+    """Return the diagnostics "tension" and "flow"; see :data:`pendulum_env.engine.shape.WATCHED`."""
+    parameters, side = numbers.parameters, bob.winding[1:]
+    return tuple(
+        numbers.pulls[2]*watch.tension(index*h, bob.q, bob.v, parameters, side, further, numbers.pulls[:2])
+        if one == "tension" else
+        numbers.flow[0]*watch.relative_speed(index*h, bob.q, bob.v, parameters, side, further)
+        if one == "reynolds" else
+        numbers.flow[1]*watch.bottom_speed(bob.q, bob.v, parameters, side)
+        if one == "keulegan_carpenter" else
+        watch.quality(watch.bottom_speed(bob.q, bob.v, parameters, side), parameters, numbers.flow[2])
+        for one in watch.asked)
+
+
+@spliced
+def judged(stop: float, r_energy_residual: float, scale: float, initial: float, r_work: float) -> float:
+    """Return the stop code: DIVERGED if the energy residual is absurdly large, though finite."""
+    return DIVERGED if beyond_sense(r_energy_residual, scale, initial, r_work) & (stop <= SLACK) else stop
 
 
 FOLLOWING = ("time", "energy", "energy_residual")
@@ -111,17 +190,9 @@ FOLLOWING = ("time", "energy", "energy_residual")
 
 def names_recorded(shape: Shape) -> tuple[str, ...]:
     """Return the names of the quantities that a run of a batch records, without those that follow from others."""
-    named = [name.removeprefix("r_") for name in recorded(shape)]
+    motion = ("angle", "velocity", "kinetic_energy", "potential_energy", *(LEFT_OUT if shape.compensated else ()))
+    named = shape.info if shape.ledger else (*motion, *shape.info)
     return tuple(name for name in named if name not in FOLLOWING)
-
-
-def judged(stop: str) -> str:
-    """Write the source line that stops a run as diverged if the energy residual is absurdly large, though finite.
-
-    ``stop`` is the name of the variable with the stop code, which the line sets to DIVERGED.
-    """
-    nonsense = "beyond_sense(r_energy_residual, scale, initial, r_work)"
-    return f"{stop} = {DIVERGED}.0 if {nonsense} & ({stop} <= {SLACK}.0) else {stop}"
 
 
 def info(shape: Shape) -> str:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from integrators.steps.compensated import LOST as LOST_PARTS
+
+Floats = tuple[float, ...]
+"""A template's tuple: variables that only some scenes or methods have; see :mod:`pendulum_env.engine.specialise`."""
+Function = Callable[..., Any]
+"""A function of the program that a template calls."""
 
 OK, DIVERGED, SPEED_LIMIT, SLACK, LOST, LATE, TOO_SHORT, PAUSED, UNSURE = range(9)
 STOP_REASONS = {
@@ -75,10 +80,10 @@ They are the time done [s], the error of the last attempt, the largest growth of
 Rates and increments of the quadratures follow.
 """
 
-LARGEST = "1e150"
-"""Largest |value| that counts as finite, as source; its square is still a finite float."""
-SINE_RANGE = "8e8"
-"""Largest angle [rad] for which the portable sine is accurate, as source."""
+LARGEST = 1e150
+"""Largest |value| that counts as finite; its square is still a finite float."""
+SINE_RANGE = 8e8
+"""Largest angle [rad] for which the portable sine is accurate."""
 
 
 def derived() -> Any:
@@ -112,7 +117,7 @@ class Shape:
         drawn: names of the effects' state variables that start as random whole numbers.
         clip: name of the coefficient that bounds the velocity after every step; "" without a clip.
         drift: fraction of the step by which the last sub-flow of a splitting, a drift, turns the rod with the clipped
-            velocity, as source; "" if there is none.
+            velocity; 0 if there is none.
 
     Attributes derived from these:
         sums: names of the sums of work and heat in the state: the quadratures, and the heat of a clip.
@@ -163,7 +168,7 @@ class Shape:
     remembered: tuple[str, ...] = ()
     drawn: tuple[str, ...] = ()
     clip: str = ""
-    drift: str = ""
+    drift: float = 0.0
     even: bool = False
 
     sums: tuple[str, ...] = derived()

@@ -12,6 +12,7 @@ from typing import Any
 
 from pendulum_env.common.sources import parsed, source_of
 from pendulum_env.engine.reading import ProgramError, Reader, arguments, float_text
+from pendulum_env.engine.specialise import Written
 from pendulum_env.engine.syntax import names_set
 
 Plain = Callable[..., Any]
@@ -19,6 +20,7 @@ Plain = Callable[..., Any]
 TEXT = "_text"
 """Name in a program's module of its text, whose arithmetic may be written as instructions of LLVM."""
 _CALL = re.compile(r"(\w+)\(")
+_DEFINED = re.compile(r"^def (\w+)", re.MULTILINE)
 
 
 @cache
@@ -87,18 +89,24 @@ def _read(given: tuple[FunctionType, ...]) -> tuple[Reader, list[FunctionType]]:
     return reader, ordered
 
 
-def check_names(text: str, coefficients: Iterable[str]) -> None:
+def check_names(pieces: Iterable[str], coefficients: Iterable[str]) -> None:
     """Check that in a generated program the names of coefficients stand for nothing but these coefficients.
 
     The name may only be an argument, or be assigned once, where arguments are unpacked. Raises ProgramError otherwise,
-    since the program would compute with a wrong number, and for two functions of the same name.
+    since the program would compute with a wrong number, and for two functions of the same name. ``pieces`` are the
+    texts of the program.
     """
     names = set(coefficients)
     taken, defined = names & {"control", "side", "direction"}, list[str]()
-    for block in blocks_of(text):
-        functions, wrong = _checked(block, words_of(block) & names)
-        defined += functions
-        taken |= wrong
+    for piece in pieces:
+        if isinstance(piece, Written):
+            defined.append(piece.function)
+            taken |= {name for name in names if piece.sets.count(name) > 1}
+            continue
+        for block in blocks_of(piece):
+            functions, wrong = _checked(block, words_of(block) & names)
+            defined += functions
+            taken |= wrong
     for name in defined:
         if defined.count(name) > 1:
             raise ProgramError(f"Two functions of the generated program have the name {name}; rename one of them.")
@@ -110,6 +118,8 @@ def check_names(text: str, coefficients: Iterable[str]) -> None:
 @lru_cache(maxsize=4096)
 def _checked(block: str, names: frozenset[str]) -> tuple[tuple[str, ...], frozenset[str]]:
     """Return the names of the functions in a part of a program, and those of ``names`` that it uses otherwise."""
+    if not names and len(defined := _DEFINED.findall(block)) == 1:
+        return tuple(defined), frozenset()
     try:
         tables = symtable(block, "<program>", "exec").get_children()
     except SyntaxError as error:  # a coefficient that is an argument twice

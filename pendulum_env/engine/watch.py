@@ -6,9 +6,8 @@ from __future__ import annotations
 import math
 
 from pendulum_env.engine import air
-from pendulum_env.engine.calls import potential
 from pendulum_env.engine.problem import Problem, slipping
-from pendulum_env.engine.shape import Shape, joined
+from pendulum_env.engine.shape import joined
 from pendulum_env.physics.elementary import cos
 from pendulum_env.physics.flow import natural_rate, reynolds_number
 from pendulum_env.physics.scene import Scene
@@ -58,7 +57,9 @@ def flow(problem: Problem) -> list[str]:
     shape = problem.shape
     speed = "speed" if problem.windy else "abs(v)"
     relative = problem.define("relative_speed", "t, q, v", [*air.motion(problem), f"return {speed}"])
-    bottom = problem.define("bottom_speed", "q, v", [f"return sqrt(v*v + 2.0*{potential(shape)})"], shape.place)
+    half_sine = ("sin_near_zero(0.5*q, 0.0)",) if shape.periodic else ()  # of an angle that is wrapped
+    lines = [f"return sqrt(v*v + 2.0*potential({joined(('q',), half_sine, shape.place)}))"]
+    bottom = problem.define("bottom_speed", "q, v", lines, shape.place)
     lines, terms = ["u = u if u > 1e-150 else 1e-150"], []
     idle = dict.fromkeys(("control", *(name for effect in problem.drives for name in effect.memory)), "0.0")
     for k in range(NODES):
@@ -73,15 +74,3 @@ def flow(problem: Problem) -> list[str]:
         lines.append(f"loss = loss + {4.0 / math.pi!r}*{shape.dry}/u")
     lines.append("return natural_rate/loss if loss > 0.0 else (1e999 if natural_rate > 0.0 else 0.0)")
     return [relative, bottom, problem.define("quality", "u", lines, (*shape.parameters, "natural_rate"))]
-
-
-def values(shape: Shape) -> dict[str, str]:
-    """Return the source formulas of the diagnostics "tension" and "flow" by name of the reported quantity."""
-    bottom = f"bottom_speed({joined(('q', 'v'), shape.place)})"
-    known = {
-        "tension": f"pull_scale*tension({joined(('index*h', 'q', 'v'), shape.extra, shape.pull[:2])})",
-        "reynolds": f"reynolds_rate*relative_speed({joined(('index*h', 'q', 'v'), shape.extra)})",
-        "keulegan_carpenter": f"stroke_rate*{bottom}",
-        "quality_factor": f"quality({joined((bottom,), shape.parameters, ('natural_rate',))})",
-    }
-    return {name: known[name] for name in shape.watched}

@@ -188,7 +188,8 @@ OTHERS_PRIVATE = {
 def private_uses(tree: ast.Module) -> set[str]:
     """Underscore names that a file takes from elsewhere: imported, or of an object and not defined in the file.
 
-    Names that end in an underscore, such as IPython's ``_repr_html_``, are those of a protocol, which anybody may call.
+    Names that end in an underscore, such as IPython's ``_repr_html_``, are those of a protocol, which anybody may call;
+    those of NamedTuples are documented, and have the underscore only because fields may have any other name.
     """
     own = {node.name for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
     own |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
@@ -197,6 +198,7 @@ def private_uses(tree: ast.Module) -> set[str]:
     named = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "__future__"
              for alias in node.names}
     named |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and node.attr not in own}
+    named -= {"_fields", "_make", "_replace"}
     return {name for name in named if name.startswith("_") and not name.startswith("__") and not name.endswith("_")}
 
 
