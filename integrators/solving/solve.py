@@ -238,13 +238,17 @@ def integrated(
             raise MethodError(f"{name} and compensated=True cannot be combined; pass only one of them.")
     tolerance = None if rtol is None else checked(chosen, rtol, atol, np.shape(q), of_v)
     marks, unit = _ordered(times, "times")
+    if events and not unit:
+        raise MethodError("Events are located to the rounding of the times, and exact numbers such as Fractions have "
+                          "none; give times as floats or numbers of mpmath.")
     asked = None if t_eval is None else _within(t_eval, marks)
     if not (is_finite(q) and is_finite(v) and np.shape(q) == np.shape(v)):
         raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {shown(q)} and {shown(v)}.")
     first = h if first_step is None else first_step
     with np.errstate(over="ignore"):
-        if tolerance is None:
-            check_count(marks[-1] - marks[0], h)
+        for name, longest in (("h", h if tolerance is None else None), ("max_step", max_step)):
+            if longest is not None:
+                check_count(marks[-1] - marks[0], longest, name)
         gaps = [late - early for early, late in pairwise(marks)]
     kinds = [first, max_step, *(() if tolerance is None else (rtol, tolerance.atol, tolerance.atol_v))]
     zero = zero_of(marks[0], *gaps, q, v, *(value for value in kinds if value is not None))

@@ -160,7 +160,7 @@ def like(zero: Any, value: float) -> Any:
 
 def column(values: list[Any]) -> Any:
     """Return values as an array of float64, or as an object array for numbers of other types."""
-    if isinstance(values[-1], (float, int, np.generic, np.ndarray)):
+    if all(issubclass(kind, (float, int, np.generic, np.ndarray)) for kind in {*map(type, values)}):
         return np.array(values, dtype=float)
     objects = np.empty(len(values), dtype=object)
     objects[:] = values

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import Any
 
 import mpmath
@@ -190,6 +191,13 @@ def test_an_event_that_fails_and_one_that_ends_by_numpys_true() -> None:
         assert found.ended_by is None  # v = -sin(t) begins at zero and changes its sign at pi only
         found = solve(oscillator, 0.0, 1.0, [0.0, 3.0], method="dop853", rtol=1e-12, events=Event(velocity, 0, last))
         assert found.t[-1] == pytest.approx(math.pi / 2, abs=1e-11)
+
+
+def test_events_of_exact_numbers_are_refused() -> None:
+    """Fractions would get twice as many digits with every step of the search."""
+    with pytest.raises(MethodError, match="exact numbers such as Fractions have none"):
+        solve(oscillator, Fraction(1), Fraction(0), [Fraction(0), Fraction(2)], method="rk4", h=Fraction(1, 2),
+              events=position)
 
 
 def test_events_are_refused_with_compensated_sums() -> None:

@@ -191,7 +191,7 @@ def test_times_read_off_backwards_at_ends_up_to_an_event_and_in_every_number() -
     assert "dop853" in none._repr_html_()
     exact = solve(oscillator, Fraction(1), Fraction(0), [Fraction(0), Fraction(1)], h=Fraction(1, 4),
                   t_eval=[Fraction(1, 2), 1])
-    assert exact.q.dtype == object
+    assert exact.q.dtype == exact.t.dtype == object
     assert float(exact.q[1]) == pytest.approx(math.cos(1.0), abs=1e-4)
 
 
@@ -207,6 +207,7 @@ def test_times_read_off_backwards_at_ends_up_to_an_event_and_in_every_number() -
     ({"rtol": 1e-6, "h": 0.1, "first_step": 0.1}, "h and first_step are one and the same with rtol"),
     ({"rtol": 1e-6, "max_step": 0.0}, "max_step must be a finite step above zero, not 0.0"),
     ({"rtol": 1e-6, "max_step": math.inf}, "max_step must be a finite step above zero, not inf"),
+    ({"rtol": 1e-6, "max_step": 1e-12}, "Steps of max_step = 1e-12 are too short: they would be 1e[+]12 steps"),
     ({"rtol": 1e-6, "first_step": -0.1}, "first_step must be a finite step above zero, not -0.1"),
     ({"rtol": [1e-6, 1e-6]}, "rtol must be a finite number above zero, not"),
     ({"rtol": 1e-6, "atol": [1e-6, 0.0]}, "atol must be a finite number above zero, an array of them like q, or two"),
