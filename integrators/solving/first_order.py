@@ -80,8 +80,8 @@ class FirstOrderSolution:
 
 def solve_first_order(
     f: Callable[..., Any],
-    y: Any,
     times: Sequence[Any],
+    y: Any,
     *,
     method: str | Method = "rk4",
     h: Any = None,
@@ -97,15 +97,17 @@ def solve_first_order(
 ) -> FirstOrderSolution:
     """Integrate ``y' = f(t, y)`` from ``y`` at ``times[0]`` through all ``times``.
 
+    The arguments have the order of SciPy's ``solve_ivp(f, times, y)``; :func:`solve` takes the state before the times.
     By Runge-Kutta methods, explicit, embedded and implicit, Adams methods, backward differentiation formulas and Taylor
     series. Splitting methods, Nystrom methods and others that need the form ``q'' = a(t, q, v)`` are refused.
 
     Args:
         f: ``f(t, y)`` in units of y per time. It may return a list, an array that it uses again in its next call, or
             one number for all components; it must not change y.
+        times: at least one time, strictly increasing or strictly decreasing; the solution has y at each of them.
         y: state at ``times[0]``: a float, a list or array of any shape, or another real number with arithmetic (of
             mpmath, Fraction, Decimal).
-        times, h, rtol, first_step, max_step, t_eval, dense, compensated: as in :func:`solve`.
+        h, rtol, first_step, max_step, t_eval, dense, compensated: as in :func:`solve`.
         method: a name of :data:`integrators.METHODS` or a Method.
         atol: a number or an array like y: the error of a step, as a root mean square over all components of y, stays
             below ``atol + rtol max(abs(y0), abs(y1))``.

@@ -105,7 +105,7 @@ def errors(name: str, kind_name: str, rtol: bool, mode: str) -> tuple[float, flo
         options["events"] = Event(lambda t, y: np.ravel(y)[0] - LEVEL, action=(lambda t, y: y - 1) if mode == "action"
                                   else None)
     y = kind.given(1.0) if mode != "backwards" else kind.given(float(start))
-    run = solve_first_order(right, y, times, method=name, dense=mode == "dense", **options)
+    run = solve_first_order(right, times, y, method=name, dense=mode == "dense", **options)
     assert [*run.t] == [*asked]
     assert np.shape(run.y) == (*np.shape(y), len(asked))
     at = np.array([float(t) for t in asked])
@@ -169,12 +169,12 @@ def test_every_method(name: str, kind: str) -> None:
 @pytest.mark.parametrize("name", [name for name in METHODS if name not in TREATING])
 def test_methods_that_need_the_other_form_are_refused_with_some_that_do_not(name: str) -> None:
     with pytest.raises(MethodError, match=rf"{name} is a method for q'' .* does not treat y' = f\(t, y\); rk4, dopri5"):
-        solve_first_order(f, 1.0, [0.0, 1.0], method=name, h=0.1)
+        solve_first_order(f, [0.0, 1.0], 1.0, method=name, h=0.1)
 
 
 def test_those_that_are_named_do() -> None:
     with pytest.raises(MethodError) as said:
-        solve_first_order(f, 1.0, [0.0, 1.0], method="velocity_verlet", h=0.1)
+        solve_first_order(f, [0.0, 1.0], 1.0, method="velocity_verlet", h=0.1)
     named = str(said.value).split("; ")[1].removesuffix(" do.").replace(" and ", ", ").split(", ")
     assert set(named) <= {*TREATING}
     assert {"forward_euler", "rk4", "dop853", "radau5", "ab4", "abm4", "bdf6", "taylor"} <= {*TREATING}
@@ -192,7 +192,7 @@ def swing(t: Any, y: Any) -> Any:
 @pytest.mark.parametrize("name", PEERS)
 def test_it_costs_and_errs_about_as_much_as_scipys_solver(name: str, rtol: float) -> None:
     times = np.linspace(0.0, 20.0, 201)
-    found = solve_first_order(swing, [2.5, 0.3], [0.0, 20.0], method=name, rtol=rtol, t_eval=times)
+    found = solve_first_order(swing, [0.0, 20.0], [2.5, 0.3], method=name, rtol=rtol, t_eval=times)
     peer = solve_ivp(swing, (0.0, 20.0), [2.5, 0.3], method=PEERS[name], rtol=rtol, atol=rtol, t_eval=times)
     truth = solve_ivp(swing, (0.0, 20.0), [2.5, 0.3], method="DOP853", rtol=3e-14, atol=1e-15, t_eval=times)
     assert found.y.shape == peer.y.shape == (2, 201)
@@ -205,7 +205,7 @@ def test_a_function_of_q_and_v_as_one_of_y_gives_the_same(name: str) -> None:
     """``y = [q, v]``: for Runge-Kutta methods the very same operations, for all the same up to rounding."""
     one = solve(lambda t, q, v: -q - 0.1 * v, 1.0, 0.5, [0.0, 1.0, 2.0], method=name, h=0.1)
     pair = solve_first_order(lambda t, y: np.stack([y[1], -y[0] - 0.1 * y[1]]) if "taylor" not in name else
-                             [y[1], -y[0] - 0.1 * y[1]], [1.0, 0.5], [0.0, 1.0, 2.0], method=name, h=0.1)
+                             [y[1], -y[0] - 0.1 * y[1]], [0.0, 1.0, 2.0], [1.0, 0.5], method=name, h=0.1)
     assert pair.y == pytest.approx(np.array([one.q, one.v]), abs=1e-9 if METHODS[name].implicit else 1e-12)
 
 
@@ -213,28 +213,28 @@ def test_a_stiff_equation_by_its_implicit_methods() -> None:
     """Prothero & Robinson 1974: ``y' = -1e6 (y - cos t) - sin t`` has the solution ``cos t``."""
     for name in ("backward_euler", "trapezoid", "radau5", "bdf4", "sdirk2", "lobatto3c"):
         for y in (1.0, [1.0, 1.0]):
-            found = solve_first_order(lambda t, y: -1e6 * (y - np.cos(t)) - np.sin(t), y, [0.0, 1.0], method=name,
+            found = solve_first_order(lambda t, y: -1e6 * (y - np.cos(t)) - np.sin(t), [0.0, 1.0], y, method=name,
                                       h=0.1)
             assert first(found.y)[-1] == pytest.approx(math.cos(1.0), abs=1e-6), name
 
 
 def test_the_error_of_the_integral_of_y_does_not_count() -> None:
     """Tolerances are those of y alone; the integral of y, which is computed along, may be much larger."""
-    found = [solve_first_order(lambda t, y, c: -(y - c) * 1.0, c + 1.0, [0.0, 30.0], method="dop853", rtol=1e-9,
+    found = [solve_first_order(lambda t, y, c: -(y - c) * 1.0, [0.0, 30.0], c + 1.0, method="dop853", rtol=1e-9,
                                atol=1e-9, args=(c,)) for c in (0.0, 1e3)]
     assert found[0].y[-1] == pytest.approx(math.exp(-30.0), abs=1e-8)
     assert found[1].steps <= found[0].steps
-    steps = [solve_first_order(lambda t, y, unit: np.cos(t / unit) / unit, 0.0, [0.0, 20.0 * unit], method="dopri5",
+    steps = [solve_first_order(lambda t, y, unit: np.cos(t / unit) / unit, [0.0, 20.0 * unit], 0.0, method="dopri5",
                                rtol=1e-6, first_step=0.1 * unit, args=(unit,)).steps for unit in (1.0, 64.0, 1 / 64)]
     assert len({*steps}) == 1  # in any unit of time
 
 
 def test_exact_numbers_compensated_sums_and_text() -> None:
     with mpmath.workdps(40):
-        found = solve_first_order(lambda t, y: -y, mpmath.mpf(1), [0, mpmath.mpf(1)], method="taylor20",
+        found = solve_first_order(lambda t, y: -y, [0, mpmath.mpf(1)], mpmath.mpf(1), method="taylor20",
                                   h=mpmath.mpf("0.05"))
         assert abs(found.y[-1] - mpmath.exp(-1)) < 1e-38
-    plain, summed = (solve_first_order(lambda t, y: -0.01 * y, 1.0, [0.0, 10.0], method="rk4", h=0.001,
+    plain, summed = (solve_first_order(lambda t, y: -0.01 * y, [0.0, 10.0], 1.0, method="rk4", h=0.001,
                                        compensated=one) for one in (False, True))
     assert abs(summed.y[-1] - math.exp(-0.1)) < 2e-16 < abs(plain.y[-1] - math.exp(-0.1))
     assert (summed.lost_y.shape, plain.lost_y) == ((2,), None)

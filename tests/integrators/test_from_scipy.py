@@ -58,7 +58,7 @@ def test_a_ball_that_bounces_ten_times() -> None:
     second = solve(lambda t, q, v: -9.81, 2.0, 0.0, [0.0, 60.0], method="dop853", rtol=1e-10, atol=1e-12, events=bounce)
 
     floor.terminal, floor.action = 10, lambda t, y: [0.0, -0.85 * y[1]]  # type: ignore[attr-defined]
-    first = solve_first_order(lambda t, y: [y[1], -9.81], [2.0, 0.0], [0.0, 60.0], method="dop853", rtol=1e-10,
+    first = solve_first_order(lambda t, y: [y[1], -9.81], [0.0, 60.0], [2.0, 0.0], method="dop853", rtol=1e-10,
                               atol=1e-12, events=floor)
     exact = math.sqrt(2 * 2.0 / 9.81) * (1.0 + 2.0 * np.cumsum([0.0, *(0.85**k for k in range(1, 10))]))
     for ours in (second, first):
@@ -74,7 +74,7 @@ def test_van_der_pol_at_5() -> None:
     times = np.linspace(0.0, 40.0, 401)
     peer = solve_ivp(slope, (0.0, 40.0), [2.0, 0.0], args=(5.0,), t_eval=times, method="DOP853", rtol=1e-10, atol=1e-10,
                      events=lambda t, y, mu: y[0])
-    first = solve_first_order(slope, [2.0, 0.0], [0.0, 40.0], args=(5.0,), t_eval=times, method="dop853", rtol=1e-10,
+    first = solve_first_order(slope, [0.0, 40.0], [2.0, 0.0], args=(5.0,), t_eval=times, method="dop853", rtol=1e-10,
                               atol=1e-10, events=lambda t, y, mu: y[0])
     second = solve(lambda t, q, v, mu: mu * (1.0 - q**2) * v - q, 2.0, 0.0, [0.0, 40.0], args=(5.0,), t_eval=times,
                    method="dop853", rtol=1e-10, events=lambda t, q, v, mu: q)
@@ -96,10 +96,10 @@ def test_a_driven_pendulum_with_a_pulse_after_100_s() -> None:
     missed = solve_ivp(slope, (0.0, 120.0), [0.0, 0.0], method="DOP853", **options)
     assert abs(missed.y[0]).max() == 0.0
     peer = solve_ivp(slope, (0.0, 120.0), [0.0, 0.0], method="DOP853", t_eval=times, max_step=0.05, **options)
-    first = solve_first_order(slope, [0.0, 0.0], [0.0, 120.0], method="dop853", t_eval=times, max_step=0.05, **options)
+    first = solve_first_order(slope, [0.0, 120.0], [0.0, 0.0], method="dop853", t_eval=times, max_step=0.05, **options)
     second = solve(lambda t, q, v: slope(t, [q, v])[1], 0.0, 0.0, [0.0, 120.0], method="dop853", t_eval=times,
                    max_step=0.05, **options)
-    ends = solve_first_order(slope, [0.0, 0.0], [0.0, 100.0, 100.1, 120.0], method="dop853", t_eval=times, **options)
+    ends = solve_first_order(slope, [0.0, 100.0, 100.1, 120.0], [0.0, 0.0], method="dop853", t_eval=times, **options)
     assert abs(peer.y[0]).max() > 0.3
     for y in (first.y, np.array([second.q, second.v]), ends.y):
         assert y == pytest.approx(peer.y, abs=2e-7)
