@@ -234,18 +234,30 @@ def test_work_on_a_bob_at_rest_is_the_integral_of_the_power(power: int) -> None:
     assert heat == pytest.approx(2.0*exact, rel=1e-14)
 
 
-@pytest.mark.parametrize("h", [1.6, 2.0, 3.1, 4.5])
-def test_the_search_finds_the_zero_of_a_pull(h: float) -> None:
-    """A pull cos(t) is zero at pi/2, found in some 10 trials; one that only touches zero from above is not slack."""
+PULLS: dict[str, tuple[Function, float]] = {
+    "cosine": (math.cos, math.pi/2), "steep at the end": (lambda t: 1.0 - t**9, 1.0),
+    "steep at the start": (lambda t: (2.0 - t)**9 - 1.0, 1.0),
+}
+"""Pulls over the time, and where each is zero; the rule of false position alone needs many more trials for two."""
+
+
+@pytest.mark.parametrize("pull", PULLS)
+@pytest.mark.parametrize("h", [1.6, 1.7, 1.9])
+def test_the_search_finds_the_zero_of_a_pull_in_some_10_trials(pull: str, h: float) -> None:
+    function, zero = PULLS[pull]
     trials = list[float]()
 
     def pull_after(t: float, q: float, v: float, given: Floats, part: float, *_: Any) -> float:
         trials.append(part)
-        return math.cos(t + part)
+        return float(function(t + part))
 
-    found = slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: math.cos(t), pull_after=pull_after)
-    assert found == pytest.approx(math.pi/2, abs=1e-13)
-    assert len(trials) < 15
+    found = slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: function(t), pull_after=pull_after)
+    assert found == pytest.approx(zero, abs=1e-13)
+    assert len(trials) < 25
+
+
+@pytest.mark.parametrize("h", [1.6, 2.0, 3.1, 4.5])
+def test_a_pull_that_only_touches_zero_is_not_slack(h: float) -> None:
     assert slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: 1.0 + math.cos(t),
                        pull_after=lambda t, q, v, given, part, *_: 1.0 + math.cos(t + part)) == math.inf
 
