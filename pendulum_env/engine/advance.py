@@ -316,6 +316,26 @@ def stick_slip(
     return q, v, lost, integrals
 
 
+GAUSS = (
+    (0.046910077030668004, 0.11846344252809454), (0.23076534494715845, 0.23931433524968324),
+    (0.5, 0.28444444444444444), (0.7692346550528415, 0.23931433524968324), (0.953089922969332, 0.11846344252809454),
+)
+"""Nodes and weights of Gauss's quadrature with five nodes on (0, 1), exact for powers up to the ninth."""
+
+
+def resting(
+    t: float, q: float, h: float, extra: Floats, *, rates: Function, nodes: tuple[tuple[float, float], ...]
+) -> Floats:
+    """Return work and heats, over a time ``h``, of a bob that dry friction holds at rest in moving air.
+
+    The air does work on the held bob, and the drag turns this work into heat. Both grow at the rates for velocity zero,
+    which are integrated by Gauss's rule with five nodes where they depend on the time.
+    """
+    at_rest = tuple(rates(t + node*h, q, 0.0, extra, 0.0) for node, _ in nodes)
+    powers = zip(*(rates for _, rates in at_rest), strict=True)
+    return tuple(h*total(tuple(weight*power for (_, weight), power in zip(nodes, one, strict=True))) for one in powers)
+
+
 # --- adaptive steps ---------------------------------------------------------------------------------------------------
 
 
@@ -676,17 +696,6 @@ def next_state(
     """Return the stop code and the state after the step with the number ``index``."""
     stop, bob1 = advance(index*h, h, speed_limit, bob, parameters, further, pull)
     return stop, bob1
-
-
-@spliced
-def next_adaptively(
-    index: float, h: float, speed_limit: float, bob: State, size: float, taken: float, rejected: float, bound: float,
-    params: Any, rtol: float, atol: float, parameters: Floats, further: Floats, pull: Floats, *, advance: Function,
-) -> tuple[Any, ...]:
-    """Return the stop code, the state after the step with the number ``index``, and the progress of adaptive steps."""
-    stop, bob1, size, taken, rejected, portion = advance(
-        index*h, h, speed_limit, bob, size, taken, rejected, bound, params, rtol, atol, parameters, further, pull)
-    return stop, bob1, size, taken, rejected, portion
 
 
 @spliced

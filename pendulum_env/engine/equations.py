@@ -6,7 +6,6 @@ from __future__ import annotations
 from pendulum_env.engine import air
 from pendulum_env.engine.problem import AT_REST, Problem, slipping, timed
 from pendulum_env.engine.reading import arguments
-from pendulum_env.engine.shape import joined
 from pendulum_env.physics.exact.flows import flow_of
 
 
@@ -46,28 +45,6 @@ def rates(problem: Problem) -> str:
         heats = [f"-v*({' + '.join(terms)})"] if terms else []
         results.append(" + ".join([*heats, *(air.heat(problem, e) for e in slips if problem.heat_of(e) == name)]))
     return problem.define("rates", "t, q, v", [*lines, f"return {', '.join(results)}"], problem.shape.forces)
-
-
-GAUSS = (
-    ("0.046910077030668004", "0.11846344252809454"), ("0.23076534494715845", "0.23931433524968324"),
-    ("0.5", "0.28444444444444444"), ("0.7692346550528415", "0.23931433524968324"),
-    ("0.953089922969332", "0.11846344252809454"),
-)
-"""Nodes and weights of Gauss's quadrature with five nodes on (0, 1), exact for powers up to the ninth."""
-
-
-def resting(problem: Problem) -> str:
-    """Write ``resting``: work and heats, over a time ``h``, of a bob that dry friction holds at rest in moving air.
-
-    The air does work on the held bob, and the drag turns this work into heat. Both grow at the rates for velocity zero,
-    which are integrated by Gauss's rule with five nodes where they depend on the time.
-    """
-    sums, extra = problem.shape.quadratures, joined(problem.shape.extra, ("0.0",))
-    nodes = GAUSS if in_time(problem) else (("0.0", "1.0"),)
-    lines = [f"{joined(('_',), [f'{name}{i}' for name in sums])} = rates(t + {node}*h, q, 0.0, {extra})"
-             for i, (node, _) in enumerate(nodes)]
-    totals = [" + ".join(f"{weight}*{name}{i}" for i, (_, weight) in enumerate(nodes)) for name in sums]
-    return problem.define("resting", "t, q, h", [*lines, f"return {', '.join(f'h*({total})' for total in totals)},"])
 
 
 def jacobian(problem: Problem, name: str = "jacobian", first: str = "t, q, v", *roles: str) -> str:

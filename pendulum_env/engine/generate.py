@@ -192,7 +192,7 @@ def _step(problem: Problem) -> list[str]:
         *(WRITTEN[name](problem) for name in called if name in WRITTEN),
         *flows,
         decorated(_unrolled(problem), "@inline"),
-        *([equations.resting(problem)] if held else []),
+        *([write(advance.resting)] if held else []),
         *([write(advance.stick_slip)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),

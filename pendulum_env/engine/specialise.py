@@ -183,19 +183,21 @@ class _Body:
         known: name of a variable -> its value, if that is known or has another name in the program.
         sets: names of the program's variables that were set, once for each place.
         depth: number of choices and loops of the program around a statement.
+        ended: True after a return, break or continue.
         result: what a spliced function returns.
+        targets: names of the program that a statement sets from a call; ``aims`` are the template's variables for them.
+        reads: variable -> a value, and the names in it.
     """
 
     def __init__(self, template: Template, names: Names, known: Mapping[str, Any], spliced: bool = False) -> None:
         assert isinstance(template, FunctionType)
         self.template, self.names, self.known, self.spliced = template, names, dict(known), spliced
         self.local = frozenset((*template.__code__.co_varnames, *template.__code__.co_cellvars))
-        self.sets, self.ended = list[str](), False
-        self.depth = 0
-        self.reads = dict[str, tuple[Any, set[str]]]()
-        self.lines, self.targets = list[str](), set[str]()
-        self.aims: Collection[str] = ()
+        self.depth, self.ended = 0, False
         self.result: Any = None
+        self.lines, self.sets, self.targets = list[str](), list[str](), set[str]()
+        self.aims: Collection[str] = ()
+        self.reads = dict[str, tuple[Any, set[str]]]()
 
     @cached_property
     def everything(self) -> set[str]:
@@ -290,7 +292,7 @@ class _Body:
                 self.known[one] = Stale(one)
         self.changed(self.names.of(targets), targets)
         if isinstance(node, ast.While):
-            head = head.format(written(self.expression(node.test)))
+            head = head.format(written(_expression(self.alone(node.test))))
         self.lines += [head, *self.inside(node.body)]
         self.ended = False
         self.known.update({one: Stale(one) for one in targets & self.known.keys()})
@@ -444,12 +446,19 @@ class _Body:
                 found = self.value(test)
                 if not isinstance(found, ast.expr):
                     return self.value(body if found else other)
-                return ast.IfExp(found, self.expression(body), self.expression(other))
+                return ast.IfExp(found, _expression(self.alone(body)), _expression(self.alone(other)))
             case ast.Subscript():
                 return self.entry(node)
             case ast.GeneratorExp(elt, loops):
                 return tuple(self.turns(elt, loops))
         raise self.error(node, f"has the expression {ast.unparse(node)}, which programs do not have")
+
+    def alone(self, node: ast.expr) -> Any:
+        """Return the value of an expression that is not always computed, or again: no statement can stand before it."""
+        count, value = len(self.lines), self.value(node)
+        if len(self.lines) > count:
+            raise self.error(node, "splices statements into a condition or a loop's test")
+        return value
 
     def look_up(self, one: str, node: ast.AST) -> Any:
         """Return the value of a name: of the template, or from outside, where numbers are doubles."""
@@ -479,7 +488,7 @@ class _Body:
         """Return the value of ``and`` or ``or``, without the parts that are known."""
         ends, left = isinstance(node.op, ast.Or), list[ast.expr]()
         for one in node.values:
-            value = _chosen(self.value(one))
+            value = _chosen(self.alone(one) if left else self.value(one))
             if isinstance(value, ast.expr):
                 left.append(value)
             elif bool(value) is ends:
@@ -517,7 +526,7 @@ class _Body:
         if _of_record(function):
             return function(*given, **named)
         if function in NOW and not any(isinstance(one, ast.expr) for one in given):
-            made = function(*given)
+            made = function(*given, **{one: value.value for one, value in named.items()})  # zip(..., strict=True)
             return made if function is len else tuple(made)
         if getattr(function, "spliced", False):
             return self.splice(node, function, given, named)

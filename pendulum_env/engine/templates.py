@@ -8,7 +8,7 @@ from typing import Any
 
 from integrators.solving.step_size import step_power
 from integrators.steps.estimates import embedded_orders, order_of_estimate
-from pendulum_env.engine.advance import EVEN_AIM, After, Clip, Progress, State
+from pendulum_env.engine.advance import EVEN_AIM, GAUSS, After, Clip, Progress, State
 from pendulum_env.engine.equations import in_time
 from pendulum_env.engine.loops import Arrays
 from pendulum_env.engine.problem import Problem
@@ -19,7 +19,7 @@ from pendulum_env.engine.specialise import Names, Written, lines_of, name, speci
 NAMED: dict[str, str] = {"advance_adaptively": "advance", "adapt_evenly": "adapt"}
 """Templates -> the function of the program that they become, if it has another name."""
 
-BARE = frozenset({"run", "stick_slip", "adapt", "adapt_evenly"})
+BARE = frozenset({"run", "stick_slip", "resting", "adapt", "adapt_evenly"})
 """Templates whose docstrings speak of more than a program has, and do not stand in it."""
 
 
@@ -40,6 +40,8 @@ class Templates:
     def __init__(self, problem: Problem) -> None:
         shape, method = problem.shape, problem.method
         extra, sums = shape.extra, shape.quadratures
+        timed = shape.slides and in_time(problem)
+        nodes = GAUSS if timed else ((0.0, 1.0),)
         pairs = embedded_orders(method) if shape.adaptive else ()
         one: dict[str, tuple[str, ...]] = {
             "winding": ("turns", "side") if shape.periodic else (), "memory": shape.memory, "lost": shape.lost,
@@ -60,6 +62,7 @@ class Templates:
             "after": After._make(("q1", "v1", after["memory1"], after["given1"], one["parts"], one["errors"])),
             "progress": Progress._make(one.get(x, x) for x in Progress._fields),
             "totals": tuple((f"{x}1", f"lost_{x}1") for x in shape.sums),
+            "at_rest": tuple(("_", tuple(f"{x}{i}" for x in sums)) for i in range(len(nodes))),
             "parameters": shape.parameters, "extra": extra,
             "further": tuple(x for x in extra if x not in ("side", *shape.parameters)),
             "pull": shape.pull[:2] if shape.slack else (),
@@ -85,7 +88,7 @@ class Templates:
             "power": name("step_power"), "limit": name(shape.dry), "slack": shape.slack,
             "lenient": shape.lenient, "ends_slack": shape.ends_slack, "weighed": shape.weighed,
             "side_at": extra.index("side") if shape.periodic else 0, "multistep": bool(shape.memory),
-            "count": len(sums), "timed": shape.slides and in_time(problem), "held": problem.held, "order": order,
+            "count": len(sums), "timed": timed, "nodes": nodes, "held": problem.held, "order": order,
             "aim": step_power(EVEN_AIM, 1.0 / order), "exponent": -0.5 / order,
             "paused": paused,
             "arrays": arrays,

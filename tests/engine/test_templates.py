@@ -12,7 +12,17 @@ import pytest
 
 import integrators
 from pendulum_env import SCENES, Scene
-from pendulum_env.engine.advance import After, Clip, State, adapt, adapt_evenly, advance, stick_slip
+from pendulum_env.engine.advance import (
+    GAUSS,
+    After,
+    Clip,
+    State,
+    adapt,
+    adapt_evenly,
+    advance,
+    resting,
+    stick_slip,
+)
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.loops import run
@@ -215,18 +225,39 @@ def test_a_sticking_bob_breaks_away_when_the_torque_exceeds_the_limit() -> None:
     assert v == pytest.approx((1 - m)**2/2, rel=1e-13)
 
 
-@pytest.mark.parametrize("h", [1.6, 2.0, 3.1, 4.5])
-def test_the_search_finds_the_zero_of_a_pull(h: float) -> None:
-    """A pull cos(t) is zero at pi/2, found in some 10 trials; one that only touches zero from above is not slack."""
+@pytest.mark.parametrize("power", range(10))
+def test_work_on_a_bob_at_rest_is_the_integral_of_the_power(power: int) -> None:
+    """Gauss's rule with five nodes is exact for t**9; the heat is here twice the work."""
+    work, heat = resting(0.5, 0.0, 1.5, (), rates=lambda t, *_: (0.0, (t**power, 2.0*t**power)), nodes=GAUSS)
+    exact = (2.0**(power + 1) - 0.5**(power + 1))/(power + 1)
+    assert work == pytest.approx(exact, rel=1e-14)
+    assert heat == pytest.approx(2.0*exact, rel=1e-14)
+
+
+PULLS: dict[str, tuple[Function, float]] = {
+    "cosine": (math.cos, math.pi/2), "steep at the end": (lambda t: 1.0 - t**9, 1.0),
+    "steep at the start": (lambda t: (2.0 - t)**9 - 1.0, 1.0),
+}
+"""Pulls over the time, and where each is zero; the rule of false position alone needs many more trials for two."""
+
+
+@pytest.mark.parametrize("pull", PULLS)
+@pytest.mark.parametrize("h", [1.6, 1.7, 1.9])
+def test_the_search_finds_the_zero_of_a_pull_in_some_10_trials(pull: str, h: float) -> None:
+    function, zero = PULLS[pull]
     trials = list[float]()
 
     def pull_after(t: float, q: float, v: float, given: Floats, part: float, *_: Any) -> float:
         trials.append(part)
-        return math.cos(t + part)
+        return float(function(t + part))
 
-    found = slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: math.cos(t), pull_after=pull_after)
-    assert found == pytest.approx(math.pi/2, abs=1e-13)
-    assert len(trials) < 15
+    found = slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: function(t), pull_after=pull_after)
+    assert found == pytest.approx(zero, abs=1e-13)
+    assert len(trials) < 25
+
+
+@pytest.mark.parametrize("h", [1.6, 2.0, 3.1, 4.5])
+def test_a_pull_that_only_touches_zero_is_not_slack(h: float) -> None:
     assert slack_after(0.0, 0.0, 0.0, (), h, (), (1.0, 1.0), tension=lambda t, *_: 1.0 + math.cos(t),
                        pull_after=lambda t, q, v, given, part, *_: 1.0 + math.cos(t + part)) == math.inf
 
@@ -344,6 +375,16 @@ def clobbers_its_target(half: float) -> float:
     return half
 
 
+def splices_into_a_choice(t: float) -> float:
+    return halved(t) if t > 0.0 else t
+
+
+def splices_into_a_test(t: float) -> float:
+    while halved(t) > 1.0:
+        t = t - 1.0
+    return t
+
+
 def clobbers(t: float, half: float) -> float:
     t = halved(t)
     return t + half
@@ -405,6 +446,8 @@ def test_a_spliced_function_stands_in_place_of_its_call() -> None:
     (clobbers, "calls halved, which would change half"),
     (clobbers_in_a_formula, "calls halved, which would change half"),
     (clobbers_its_target, "calls halved, which would change half"),
+    (splices_into_a_choice, "splices statements into a condition"),
+    (splices_into_a_test, "splices statements into a condition"),
     (returns_early, "is spliced, but returns before its end"),
     (swaps, "sets a and reads it in the same statement"), (unknown, "uses undefined, which is not defined"),
     (reads_what_changed, "whose variables have changed"), (reads_a_part, "whose variables have changed"),
