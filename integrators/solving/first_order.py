@@ -21,7 +21,7 @@ from integrators.families.taylor import coefficients
 from integrators.method import Method, MethodError, System
 from integrators.solving.dense import DenseOutput
 from integrators.solving.events import Event, checked_events
-from integrators.solving.probing import tried, with_arguments
+from integrators.solving.probing import Differences, tried, with_arguments
 from integrators.solving.solve import accepted, integrated, span_of
 from integrators.solving.values import is_finite, state
 
@@ -146,11 +146,8 @@ def _system(f: Callable[[Any, Any], Any]) -> System:
     def acceleration(t: Any, q: Any, v: Any) -> Any:
         return f(t, v)
 
-    def jacobian(t: Any, q: Any, v: Any) -> tuple[Any, Any]:
-        dv = 1e-5 * (1 + abs(v))
-        return v - v, (f(t, v + dv) - f(t, v - dv)) / (2 * dv)
-
-    return System(acceleration, jacobian=jacobian, taylor_coefficients=coefficients(acceleration))
+    return System(acceleration, jacobian=Differences(acceleration, by_q=False),
+                  taylor_coefficients=coefficients(acceleration))
 
 
 def _of_motion(event: Event) -> Event:

@@ -6,7 +6,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -155,6 +155,19 @@ def tried(function: Any, name: str, t: Any, double: bool, **arrays: Any) -> Call
     return copying(function, double, name=name) if first is not given else function
 
 
+@dataclass(frozen=True)
+class Differences:
+    """The ``jacobian`` of an acceleration, by central differences; ``by_q`` is False if it does not depend on q."""
+
+    acceleration: Acceleration
+    by_q: bool = True
+
+    def __call__(self, t: Any, q: Any, v: Any) -> tuple[Any, Any]:
+        a, dq, dv = self.acceleration, 1e-5 * (1 + abs(q)), 1e-5 * (1 + abs(v))
+        return ((a(t, q + dq, v) - a(t, q - dq, v)) / (2 * dq) if self.by_q else v - v,
+                (a(t, q, v + dv) - a(t, q, v - dv)) / (2 * dv))
+
+
 def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any, double: bool) -> System:
     """Make a System from an acceleration alone.
 
@@ -164,21 +177,14 @@ def bare(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any, doubl
     """
     acceleration = tried(acceleration, "The acceleration", times[0], double, q=q, v=v)
 
-    def jacobian(t: Any, q: Any, v: Any) -> tuple[Any, Any]:
-        dq, dv = 1e-5 * (1 + abs(q)), 1e-5 * (1 + abs(v))
-        return (
-            (acceleration(t, q + dq, v) - acceleration(t, q - dq, v)) / (2 * dq),
-            (acceleration(t, q, v + dv) - acceleration(t, q, v - dv)) / (2 * dv),
-        )
-
     places = (q, q + like(q - q, 0.5772157))
     with unchanged("The acceleration", q=q, v=v):
         velocity_free = all(
             _ignores_velocity(acceleration, when, place, v) for when in _moments(times) for place in places)
     mean, by_end = averaged(acceleration)
     return System(
-        acceleration, velocity_free=velocity_free, jacobian=jacobian, mean_acceleration=mean, mean_jacobian=by_end,
-        taylor_coefficients=coefficients(acceleration),
+        acceleration, velocity_free=velocity_free, jacobian=Differences(acceleration), mean_acceleration=mean,
+        mean_jacobian=by_end, taylor_coefficients=coefficients(acceleration),
     )
 
 
@@ -254,7 +260,7 @@ def _couples(acceleration: Acceleration, times: Sequence[Any], q: Any, v: Any) -
 def counted(system: System, calls: list[int], also: Sequence[str] = ()) -> System:
     """Return a copy of a system that counts calls of its forces and flows in ``calls[0]``.
 
-    ``also`` names further functions to count.
+    ``also`` names further functions to count. The calls in :class:`Differences` count, too.
     """
 
     def counting(function: Callable[..., Any] | None) -> Any:
@@ -268,4 +274,7 @@ def counted(system: System, calls: list[int], also: Sequence[str] = ()) -> Syste
         return counting_call
 
     names = ("acceleration", "force", "mean_acceleration", "exact_flow", "taylor_coefficients", *also)
-    return replace(system, **{name: counting(getattr(system, name)) for name in names})
+    functions = {name: counting(getattr(system, name)) for name in names}
+    if isinstance(system.jacobian, Differences):
+        functions["jacobian"] = replace(system.jacobian, acceleration=functions["acceleration"])
+    return replace(system, **functions)

@@ -112,7 +112,7 @@ def check_names(pieces: Iterable[str], coefficients: Iterable[str]) -> None:
             raise ProgramError(f"Two functions of the generated program have the name {name}; rename one of them.")
     taken |= names & {*defined}
     if taken:
-        raise _taken(taken)
+        raise taken_names(taken)
 
 
 @lru_cache(maxsize=4096)
@@ -154,7 +154,8 @@ def words_of(block: str) -> frozenset[str]:
     return frozenset(re.findall(r"\w+", block))
 
 
-def _taken(names: set[str]) -> ProgramError:
+def taken_names(names: set[str]) -> ProgramError:
+    """Return the error that names of coefficients stand for something else in a program."""
     return ProgramError(f"The coefficient name {min(names)} is already used in the generated program; choose a longer "
                         "name, such as cubic_drag_rate.")
 

@@ -117,6 +117,12 @@ def specialised(
     return made
 
 
+def variables_of(template: Template) -> set[str]:
+    """Return the arguments and variables of a template."""
+    node = _tree(template)
+    return {*(one.arg for one in node.args.args), *names_set(node)}
+
+
 def lines_of(template: Template, names: Names, known: Mapping[str, Any]) -> list[str]:
     """Return the source lines of a spliced function, which set the variables that it returns."""
     body = _Body(template, names, _bound(template, known), spliced=True)

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import accumulate, pairwise
+from types import FunctionType
 from typing import Any
 
 from integrators.solving.step_size import step_power
 from integrators.steps.estimates import embedded_orders, order_of_estimate
+from pendulum_env.engine import advance, loops, report, slack
 from pendulum_env.engine.advance import EVEN_AIM, GAUSS, After, Clip, Progress, State
 from pendulum_env.engine.equations import in_time
 from pendulum_env.engine.loops import Arrays
 from pendulum_env.engine.problem import Problem
 from pendulum_env.engine.report import Numbers, Places, Watch
 from pendulum_env.engine.shape import ADAPTED, BOUND, FLOW, HOLD, OWN, STATE, TOLERANCE
-from pendulum_env.engine.specialise import Names, Written, lines_of, name, specialised
+from pendulum_env.engine.source import taken_names
+from pendulum_env.engine.specialise import (
+    Names,
+    SpecialiseError,
+    Written,
+    lines_of,
+    name,
+    specialised,
+    variables_of,
+)
 
 NAMED: dict[str, str] = {"advance_adaptively": "advance", "adapt_evenly": "adapt"}
 """Templates -> the function of the program that they become, if it has another name."""
@@ -102,8 +113,24 @@ class Templates:
     def __call__(self, template: Callable[..., Any], decorator: str = "@inline") -> Written:
         """Write the source of the function that a template becomes."""
         title = NAMED.get(template.__name__, template.__name__)
-        return specialised(template, self.names, self.known, decorator, title, template.__name__ in BARE)
+        try:
+            return specialised(template, self.names, self.known, decorator, title, template.__name__ in BARE)
+        except SpecialiseError as error:
+            raise self._of_names(error) from error
 
     def lines(self, template: Callable[..., Any], **known: Any) -> list[str]:
         """Return the source lines of a spliced function, which set the variables that it returns."""
-        return lines_of(template, self.names, {**self.known, **known})
+        try:
+            return lines_of(template, self.names, {**self.known, **known})
+        except SpecialiseError as error:
+            raise self._of_names(error) from error
+
+    def _of_names(self, error: SpecialiseError) -> Exception:
+        """Return the error that coefficients have names of the templates' variables, if some have; else ``error``."""
+        functions = (one for module in (advance, loops, report, slack) for one in vars(module).values()
+                     if isinstance(one, FunctionType) and one.__module__ == module.__name__)
+        taken = {one for function in functions for one in variables_of(function)}
+        for one in self.names.texts.keys() - {"parameters", "extra", "numbers"}:
+            taken |= self.names.texts[one]
+        taken &= self.names.texts["parameters"]
+        return taken_names(taken) if taken else error

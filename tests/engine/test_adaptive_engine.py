@@ -99,13 +99,13 @@ def test_steps_are_those_of_solve(name: str) -> None:
 
 
 def test_heavy_damping_does_not_shorten_the_steps_of_stiff_pairs() -> None:
-    """theta'' + gamma theta' + omega0^2 theta = 0 with gamma = 1e5/s: its velocity settles within 1e-5 s.
+    """theta'' + gamma theta' + omega0^2 theta = 0 with gamma = 1e4/s: its velocity settles within 1e-4 s.
 
-    An explicit pair takes a step for each of the 5e5 times that the velocity could settle, or a few less.
+    An explicit pair takes a step for each of the 5e4 times that the velocity could settle, or a few less.
     """
-    gamma, square, end = 1e5, SCENES["exercise"].omega0**2, 5.0
+    gamma, square, end = 1e4, SCENES["exercise"].omega0**2, 5.0
     options: dict[str, Any] = {"damping": "linear", "gamma": gamma, "angle": 1.0, "velocity": 0.0, "duration": end,
-                               "dt": 1.0, "rtol": 1e-6, "atol": 1e-9}
+                               "dt": 1.0, "rtol": 1e-6, "atol": 1e-9, "backend": "python"}
     fast = -0.5 * (gamma + math.sqrt(gamma * gamma - 4.0 * square))
     slow = square / fast
     truth = (fast * math.exp(slow * end) - slow * math.exp(fast * end)) / (fast - slow)
@@ -113,7 +113,7 @@ def test_heavy_damping_does_not_shorten_the_steps_of_stiff_pairs() -> None:
         run = rollout("exercise", integrator=name, **options)
         assert run.angle[-1] == pytest.approx(truth, rel=1e-9)
         assert run.steps + run.rejected < 100
-    assert rollout("exercise", integrator="dop853", **options).steps > 50_000
+    assert rollout("exercise", integrator="dop853", **options).steps > 5_000
 
 
 @pytest.mark.parametrize("name", ["dopri5", pytest.param("dop853", marks=pytest.mark.slow)])

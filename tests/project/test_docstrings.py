@@ -29,7 +29,7 @@ UNITLESS: Mapping[str, str] = {
     "pendulum_env.testing.VectorCheck": "a level of checks is a name",
     **dict.fromkeys(("integrators.Method.settled_memory", "integrators.StepSizeError", "integrators.solve",
                      "integrators.solving.dense.Recorder.curve",
-                     "integrators.solving.dense.Recorder.failed"), "time and state are in units of the caller's"),
+                     "integrators.solving.dense.Recorder.joined", "integrators.solving.dense.Recorder.failed"), "time and state are in units of the caller's"),
     "integrators.Nystrom": "c are the places of stages in a step, pure numbers of a table",
     "integrators.solving.dense.Recorder": "zero is the state's own zero, with its type and shape",
     "integrators.steps.compensated.scaled": "a product of two numbers, whatever they are",
