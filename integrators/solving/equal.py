@@ -109,15 +109,15 @@ def _restarted(method: Method, restarts: int, steps: int) -> str:
             f"changed by more than the rounding of the times.{start} Equally spaced times need no restart.")
 
 
-def check_count(span: Any, h: Any) -> None:
-    """Raise MethodError if steps of length h through the time ``span`` are too many."""
+def check_count(span: Any, h: Any, name: str = "h") -> None:
+    """Raise MethodError if steps of length h, the argument ``name``, through the time ``span`` are too many."""
     with np.errstate(over="ignore"):
         try:
             count = float(abs(span) / h)
         except ArithmeticError:
             count = math.inf
     if not count <= MOST_STEPS:
-        raise MethodError(f"Steps of h = {h!r} are too short: they would be {count:.3g} steps, and at most "
+        raise MethodError(f"Steps of {name} = {h!r} are too short: they would be {count:.3g} steps, and at most "
                           f"{MOST_STEPS:.0e} are allowed.")
 
 
