@@ -97,8 +97,8 @@ def checked(
 ) -> Tolerance:
     """Check rtol and atol for a method and return them as a Tolerance; if ``atol`` is None it equals ``rtol``.
 
-    ``shape`` is that of q and v; ``atol`` may then be an array of this shape, or two of them, for q and for v. With
-    None it must be a number. ``of_v`` is that of the Tolerance, where there are no two.
+    ``shape`` is that of q and v; ``atol`` may then be an array of this shape, or two arrays or numbers, for q and for v.
+    With None it must be a number. ``of_v`` is that of the Tolerance, where there are no two.
 
     Raises MethodError for a method without error estimates, or tolerances that are not positive.
     """
@@ -113,11 +113,13 @@ def checked(
         parts, fine = [atol], is_real(atol) and atol > 0
     else:
         try:
-            pair = not of_v and [np.shape(part) for part in atol] == [shape, shape]
-        except ValueError:  # rows of several lengths
-            pair = False
-        parts = [state(part, "atol") for part in atol] if pair else [state(atol, "atol")]
-        fine = all(np.shape(part) == shape and is_finite(part) and np.all(part > 0) for part in parts)
+            like_q = np.shape(atol) == shape
+        except ValueError:  # rows of several lengths, as of an array and a number
+            like_q = False
+        pair = not (of_v or like_q) and len(atol) == 2
+        parts = [state(part, "atol") for part in (atol if pair else [atol])]
+        shapes = ((), shape) if pair else (shape,)
+        fine = all(np.shape(part) in shapes and is_finite(part) and np.all(part > 0) for part in parts)
     if not fine:
         two = ", or an array of them like y" if of_v else (
             ", an array of them like q, or two such arrays or numbers for q and for v")

@@ -151,8 +151,8 @@ def solve(
             ``times``. ``atol`` is ``rtol`` by default, which suits values near one; it may be an array like q, or a
             pair of arrays or numbers, for q and for v. See :mod:`integrators.solving.adaptive`.
         first_step: the first step to try, with ``rtol``; chosen automatically by default.
-        max_step: the longest step allowed, with ``rtol``; without it a force that acts for a short time only, such as a
-            pulse after a long rest, can be stepped over.
+        max_step: the longest step allowed, with ``rtol``; without it, or with infinity, a force that acts for a short
+            time only, such as a pulse after a long rest, can be stepped over.
         t_eval: times between the first and the last of ``times``, in their order, at which the solution is returned
             instead. They are read off the dense output, so that they do not shorten the steps.
         args: further arguments of the acceleration, the events and their actions: ``a(t, q, v, *args)``.
@@ -220,6 +220,8 @@ def integrated(
     """
     chosen = named(method)
     h, rtol, atol, first_step, max_step = (widened(value) for value in (h, rtol, atol, first_step, max_step))
+    if np.ndim(max_step) == 0 and max_step == math.inf:
+        max_step = None
     if h is None and rtol is None:
         raise MethodError("h must be a finite step above zero, not None, unless rtol is given to choose the steps.")
     for name, value in (("atol", atol), ("first_step", first_step), ("max_step", max_step)):
@@ -246,9 +248,16 @@ def integrated(
         raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {shown(q)} and {shown(v)}.")
     first = h if first_step is None else first_step
     with np.errstate(over="ignore"):
+<<<<<<< HEAD
         for name, longest in (("h", h if tolerance is None else None), ("max_step", max_step)):
             if longest is not None:
                 check_count(marks[-1] - marks[0], longest, name)
+=======
+        if tolerance is None:
+            check_count(marks[-1] - marks[0], h)
+        elif max_step is not None:
+            check_count(marks[-1] - marks[0], max_step, "max_step")
+>>>>>>> w62r
         gaps = [late - early for early, late in pairwise(marks)]
     kinds = [first, max_step, *(() if tolerance is None else (rtol, tolerance.atol, tolerance.atol_v))]
     zero = zero_of(marks[0], *gaps, q, v, *(value for value in kinds if value is not None))

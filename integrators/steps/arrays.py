@@ -44,6 +44,7 @@ def stages_step(
         h = rest[-1]
         slopes = np.zeros((len(weights), *np.shape(v)))
         by_q, by_v = _derivatives(system, t, q, v)
+        noise = _noise(q, v, h * h, h)
 
         def motion(rows: list[int]) -> tuple[Array, Array]:
             """Return positions and velocities of the stages ``rows`` (counted from zero) of an implicit step."""
@@ -59,7 +60,7 @@ def stages_step(
 
             inner = h * table[np.ix_(rows, rows)]
             matrix = np.eye(len(rows) * q.size) - np.kron(inner, by_v) - np.kron(inner @ inner, by_q)
-            slopes[rows] = _solve(residual, slopes[rows], matrix)
+            slopes[rows] = _solve(residual, slopes[rows], noise, matrix)
         speeds = v + h * np.tensordot(table, slopes, 1)
         change_q, change_v = h * np.tensordot(weights, speeds, 1), h * np.tensordot(weights, slopes, 1)
         state = (change_q, change_v) if increments else (q + change_q, v + change_v)
@@ -105,7 +106,7 @@ def mean_force_step(system: System, increments: bool) -> Callable[..., tuple[Any
             w = v + half * k
             return np.asarray(k - mean(t + half, q + half * w, w, half * w), dtype=float)
 
-        k = _solve(residual, np.zeros(np.shape(v)))
+        k = _solve(residual, np.zeros(np.shape(v)), _noise(q, v, h * h, h))
         change_q, change_v = h * (v + half * k), h * k
         return (change_q, change_v) if increments else (q + change_q, v + change_v)
 
@@ -125,7 +126,7 @@ def stage_solver(system: System) -> Callable[..., Array]:
         def residual(k: Array) -> Array:
             return np.asarray(k - system.acceleration(t, place + c * k, v + d * k), dtype=float)
 
-        return _solve(residual, np.zeros(np.shape(v)))
+        return _solve(residual, np.zeros(np.shape(v)), _noise(q, v, c, d))
 
     return solve_stage
 
@@ -145,7 +146,7 @@ def stages_solver(a: Sequence[Sequence[Fraction]], system: System) -> Callable[.
             forces = [system.acceleration(t + c * h, x, w) for c, x, w in zip(nodes, places, speeds, strict=True)]
             return np.subtract(k, forces, dtype=float)
 
-        return _solve(residual, np.zeros((len(nodes), *np.shape(v))))
+        return _solve(residual, np.zeros((len(nodes), *np.shape(v))), _noise(q, v, h * h, h))
 
     return solve_stages
 
@@ -170,11 +171,19 @@ class Derivative:
         return np.asarray((ahead - back) / (2.0 * shift), dtype=float)
 
 
-def _solve(residual: Callable[[Array], Array], start: Array, matrix: Array | None = None) -> Array:
+def _noise(q: Array, v: Array, c: float, d: float) -> float:
+    """Return the size of an acceleration k that q + c k and v + d k lose among their rounding."""
+    return sum(1e-14 * float(np.max(np.abs(x))) / abs(length) for x, length in ((q, c), (v, d)) if length != 0.0)
+
+
+def _solve(
+    residual: Callable[[Array], Array], start: Array, noise: float, matrix: Array | None = None
+) -> Array:
     """Return the array at which a residual is zero, by Newton's method with central differences; nan if it fails.
 
     With ``matrix``, the residual's derivative nearby, all sweeps use it, as long as each step is at most a quarter of
-    the one before. The iteration ends when its steps no longer shrink.
+    the one before. The iteration ends when its steps no longer shrink. At rest the solution is zero but for rounding,
+    ``noise``, and its steps never get small beside it.
     """
     k: Array = start.copy()
     last = np.inf
@@ -191,7 +200,8 @@ def _solve(residual: Callable[[Array], Array], start: Array, matrix: Array | Non
             break
         k = k - change.reshape(k.shape)
         size = float(np.max(np.abs(change)))
-        if size == 0.0 or (size <= 1e-6 * float(np.max(np.abs(k))) and 2.0 * size >= last):
+        near = 1e-6 * float(np.max(np.abs(k))) + (noise if matrix is None else 0.0)
+        if size == 0.0 or (size <= near and 2.0 * size >= last):
             return k
         if matrix is not None and size > 0.25 * last:
             matrix, size = None, np.inf

@@ -15,7 +15,7 @@ import pytest
 import scipy.linalg
 
 import integrators
-from integrators import METHODS, ForceGradient, Method, MethodError, Multistep, System, solve
+from integrators import METHODS, ForceGradient, Method, MethodError, Multistep, System, get, solve, solve_first_order
 from integrators.families.splitting import DRIFT, KICK, Splitting
 
 STIFFNESS = np.array([[2.5, -1.5], [-1.5, 3.5]])
@@ -208,3 +208,19 @@ def test_an_explicit_method_of_ones_own_with_derivatives_is_for_one_freedom() ->
         math.cos(1.0) * Q + math.sin(1.0) * V, abs=1e-5)
     with pytest.raises(MethodError, match=r"own is defined here for one degree of freedom, .* such as rk4\."):
         solve(springs, Q, V, [0.0, 1.0], method=own, h=0.1)
+
+
+@pytest.mark.parametrize("method", ["radau5", "sdirk4", "gauss4", "backward_euler", "bdf2", "discrete_gradient"])
+def test_stiff_arrays_come_to_rest(method: str) -> None:
+    """At rest the force is the rounding of its terms, and the equation of a stage has no solution but for that.
+
+    The equations have the closed forms 1 - exp(-1000 t) and, for q, 1 - exp(-1000 t) (1 + 1000 t).
+    """
+    control = {"rtol": 1e-6} if method in ("radau5", "sdirk4") else {"h": 0.02}
+    moved = solve(lambda t, q, v: -1e6*(q - 1.0) - 2e3*v, np.zeros(2), np.zeros(2), [0.0, 3.0], method=method, **control)
+    assert np.allclose(moved.q[-1], 1.0, rtol=0.0, atol=1e-6 if "rtol" in control else 1e-9)
+    assert moved.steps < 500
+    if get(method).first_order_form:
+        settled = solve_first_order(lambda t, y: -1e3*(y - 1.0), np.zeros(2), [0.0, 3.0], method=method, **control)
+        assert np.allclose(settled.y[:, -1], 1.0, rtol=0.0, atol=1e-9)
+        assert settled.steps < 500
