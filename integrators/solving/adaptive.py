@@ -97,7 +97,7 @@ def checked(
 ) -> Tolerance:
     """Check rtol and atol for a method and return them as a Tolerance; if ``atol`` is None it equals ``rtol``.
 
-    ``shape`` is that of q and v; ``atol`` may then be an array of this shape, or two arrays or numbers, for q and for v.
+    ``shape`` is that of q and v; ``atol`` may then be an array of this shape, or two arrays or numbers, for q and v.
     With None it must be a number. ``of_v`` is that of the Tolerance, where there are no two.
 
     Raises MethodError for a method without error estimates, or tolerances that are not positive.

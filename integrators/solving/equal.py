@@ -109,13 +109,8 @@ def _restarted(method: Method, restarts: int, steps: int) -> str:
             f"changed by more than the rounding of the times.{start} Equally spaced times need no restart.")
 
 
-<<<<<<< HEAD
 def check_count(span: Any, h: Any, name: str) -> None:
     """Raise MethodError if steps of length h, called ``name``, through the time ``span`` are too many."""
-=======
-def check_count(span: Any, h: Any, name: str = "h") -> None:
-    """Raise MethodError if steps of length h, the argument ``name``, through the time ``span`` are too many."""
->>>>>>> w62r
     with np.errstate(over="ignore"):
         try:
             count = float(abs(span) / h)

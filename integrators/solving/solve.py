@@ -248,16 +248,9 @@ def integrated(
         raise MethodError(f"q and v must be finite numbers or arrays of one shape, not {shown(q)} and {shown(v)}.")
     first = h if first_step is None else first_step
     with np.errstate(over="ignore"):
-<<<<<<< HEAD
         for name, longest in (("h", h if tolerance is None else None), ("max_step", max_step)):
             if longest is not None:
                 check_count(marks[-1] - marks[0], longest, name)
-=======
-        if tolerance is None:
-            check_count(marks[-1] - marks[0], h)
-        elif max_step is not None:
-            check_count(marks[-1] - marks[0], max_step, "max_step")
->>>>>>> w62r
         gaps = [late - early for early, late in pairwise(marks)]
     kinds = [first, max_step, *(() if tolerance is None else (rtol, tolerance.atol, tolerance.atol_v))]
     zero = zero_of(marks[0], *gaps, q, v, *(value for value in kinds if value is not None))

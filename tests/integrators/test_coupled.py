@@ -217,7 +217,8 @@ def test_stiff_arrays_come_to_rest(method: str) -> None:
     The equations have the closed forms 1 - exp(-1000 t) and, for q, 1 - exp(-1000 t) (1 + 1000 t).
     """
     control = {"rtol": 1e-6} if method in ("radau5", "sdirk4") else {"h": 0.02}
-    moved = solve(lambda t, q, v: -1e6*(q - 1.0) - 2e3*v, np.zeros(2), np.zeros(2), [0.0, 3.0], method=method, **control)
+    moved = solve(lambda t, q, v: -1e6*(q - 1.0) - 2e3*v, np.zeros(2), np.zeros(2), [0.0, 3.0], method=method,
+                  **control)
     assert np.allclose(moved.q[-1], 1.0, rtol=0.0, atol=1e-6 if "rtol" in control else 1e-9)
     assert moved.steps < 500
     if get(method).first_order_form:

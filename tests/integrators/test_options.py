@@ -217,18 +217,13 @@ def test_times_read_off_backwards_at_ends_up_to_an_event_and_in_every_number() -
     ({"h": 0.1, "first_step": 0.1}, "first_step needs rtol, which is missing"),
     ({"rtol": 1e-6, "h": 0.1, "first_step": 0.1}, "h and first_step are one and the same with rtol"),
     ({"rtol": 1e-6, "max_step": 0.0}, "max_step must be a finite step above zero, not 0.0"),
-<<<<<<< HEAD
-    ({"rtol": 1e-6, "max_step": math.inf}, "max_step must be a finite step above zero, not inf"),
     ({"rtol": 1e-6, "max_step": 1e-12}, "Steps of max_step = 1e-12 are too short: they would be 1e[+]12 steps"),
-=======
     ({"rtol": 1e-6, "max_step": math.nan}, "max_step must be a finite step above zero, not nan"),
-    ({"rtol": 1e-6, "max_step": 1e-300}, "Steps of max_step = 1e-300 are too short"),
->>>>>>> w62r
     ({"rtol": 1e-6, "first_step": -0.1}, "first_step must be a finite step above zero, not -0.1"),
     ({"rtol": [1e-6, 1e-6]}, "rtol must be a finite number above zero, not"),
     ({"rtol": 1e-6, "atol": [1e-6, 0.0]}, "atol must be a finite number above zero, an array of them like q, or two"),
     ({"rtol": 1e-6, "atol": [1e-6, 1e-6, 1e-6]}, "atol must be a finite number above zero, an array of them like q"),
-    ({"rtol": 1e-6, "atol": [[1e-6], [1e-6, 1e-6]]}, "atol must be a finite number above zero, an array of them like q"),
+    ({"rtol": 1e-6, "atol": [[1e-6], [1e-6, 1e-6]]}, "atol must be a finite number above zero, an array of them"),
     ({"rtol": 1e-6, "atol": (1e-6, 0.0)}, "atol must be a finite number above zero, an array of them like q"),
 ])
 def test_options_that_cannot_be_are_refused_in_a_sentence(options: dict[str, Any], said: str) -> None:
