@@ -14,7 +14,7 @@ import numpy as np
 from integrators.method import NEEDS, Method, MethodError, System
 from integrators.registry import fitting
 from integrators.solving.values import is_double
-from integrators.steps import tracing
+from integrators.steps import components, tracing
 from integrators.steps.arrays import stage_solver
 from integrators.steps.compensated import added, scaled, stepping
 from integrators.steps.unroll import unroll
@@ -66,9 +66,13 @@ def stepper(
         return name
 
     options: Any = {"estimates": estimates, "dense": dense, "compensated": compensated}
-    source: CodeType | str = _program(method, bool(hooks), **options) if is_double(like) else unroll(
-        method, hooks=hooks, number=constant, **options)
-    exec(source, namespace)
+    if not is_double(like):
+        exec(unroll(method, hooks=hooks, number=constant, **options), namespace)
+    else:
+        long = method.tableau is not None or method.nystrom_tableau is not None  # sums of many terms, which gain by it
+        few = np.size(like) if arrays and long and np.size(like) <= components.FEW else 0
+        exec(_program(method, bool(hooks), few, **options), namespace)
+        namespace |= components.functions(np.shape(like)) if few else {}
     if method.implicit and arrays:
         namespace["solve_stage"] = stage_solver(system)
     namespace |= method.functions(system, like)
@@ -83,10 +87,14 @@ def _nothing(t: Any, q: Any, v: Any, h: Any) -> tuple[Any, ...]:
 
 
 @lru_cache(maxsize=256)
-def _program(method: Method, drag: bool, **options: Any) -> CodeType:
-    """Return the code object of a method's generated step in double precision; cached."""
+def _program(method: Method, drag: bool, few: int, **options: Any) -> CodeType:
+    """Return the code object of a method's generated step in double precision; cached.
+
+    ``few`` is the number of an array's components that are written out; 0 for numbers and for long arrays.
+    """
     source = unroll(method, hooks={"drag": ()} if drag else {}, **options)
-    return compile(source, f"<{method.name}>", "exec")
+    tree = components.written_out(source, few) if few else None
+    return compile(source if tree is None else tree, f"<{method.name}>", "exec")
 
 
 def _force(system: System) -> Callable[[Any, Any], Any]:
