@@ -222,6 +222,6 @@ def test_stiff_arrays_come_to_rest(method: str) -> None:
     assert np.allclose(moved.q[-1], 1.0, rtol=0.0, atol=1e-6 if "rtol" in control else 1e-9)
     assert moved.steps < 500
     if get(method).first_order_form:
-        settled = solve_first_order(lambda t, y: -1e3*(y - 1.0), np.zeros(2), [0.0, 3.0], method=method, **control)
+        settled = solve_first_order(lambda t, y: -1e3*(y - 1.0), [0.0, 3.0], np.zeros(2), method=method, **control)
         assert np.allclose(settled.y[:, -1], 1.0, rtol=0.0, atol=1e-9)
         assert settled.steps < 500
