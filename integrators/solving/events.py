@@ -9,9 +9,11 @@ that are closer, both or none are found. A function that touches zero and keeps 
 
 An event may have an action, such as a bounce: a function that returns the state from which the solution goes on. In the
 first step after it, the start counts as a zero of the event's own function, and the sign with which the function leaves
-it is looked for down to the rounding of the time, so that no bounce is missed however soon it follows. If the action
-changes the sign of another function, that is an event of that function. Actions that follow each other ever faster, as
-those of a ball that comes to rest, end with an error.
+it is looked for down to the rounding of the time, so that no bounce is missed however soon it follows. Of several
+events at one time, those without an action are found first, then those with one, in the order in which they are given;
+a later action is not taken if an earlier one has turned the motion away from its event. If the action changes the sign
+of another function, that is an event of that function. Actions that follow each other ever faster, as those of a ball
+that comes to rest, end with an error.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cmp_to_key
 from typing import Any
 
 import numpy as np
@@ -168,10 +171,19 @@ class Watch:
         does not return one finite real number, or an action that does not return a state.
         """
         changes: list[tuple[Any, int, bool]] = []
+        began_anew = bool(self._acted)
         for i, event in enumerate(self.events):
-            changes += [(place, i, positive) for place, positive in self._changes(i, event, curve)]
+            changes += [(place, i, positive) for place, positive in self._changes(i, event, curve, began_anew)]
         acted, self._acted = self._acted, set()
-        for place, i, positive in sorted(changes, key=operator.itemgetter(0)):
+        same = 4 * self._width(curve)
+
+        def order(one: tuple[Any, int, bool], other: tuple[Any, int, bool]) -> int:
+            if abs(one[0] - other[0]) > same:
+                return -1 if one[0] < other[0] else 1
+            mine, its = ((self.events[i].action is not None, i) for _, i, _ in (one, other))
+            return (mine > its) - (mine < its)
+
+        for place, i, positive in sorted(changes, key=cmp_to_key(order)):
             self._positive[i] = positive
             event = self.events[i]
             if event.direction * (1 if positive else -1) < 0:
@@ -185,8 +197,10 @@ class Watch:
                 raise Ended(t, q, v, i)
             if event.action is not None:
                 after = self._after(i, event, t, q, v)
-                at_start = acted if place <= 4 * self._width(curve) else set()  # actions of several events at one time
-                self._acted = {i, *at_start}
+                self._acted = {i, *(acted if place <= same else ())}
+                for other, k, _ in changes:
+                    if abs(other - place) <= same and self.events[k].action is None:
+                        self._positive[k] = None  # this event is found; the action may lead to either side
                 self._positive[i], self._end = not positive, [None] * len(self.events)
                 raise Ended(t, q, v, i, after)
 
@@ -223,12 +237,13 @@ class Watch:
         )
         return ts, qs, vs
 
-    def _changes(self, i: int, event: Event, curve: Curve) -> list[tuple[Any, bool]]:
+    def _changes(self, i: int, event: Event, curve: Curve, began_anew: bool) -> list[tuple[Any, bool]]:
         """Return where one event function changes its sign, as fractions of the step, and whether it is positive then.
 
         The value at the end of a step is that at the start of the next one, and the sign that the function had last is
         kept: a zero at the end of a step is an event if the next step goes on with the other sign. Changes in the
-        direction that is not wanted are not located; their place is that at which they are seen.
+        direction that is not wanted are not located; their place is that at which they are seen. Where the step is the
+        first one after an action (``began_anew``), a start within rounding of zero is zero.
         """
         one = curve.h / curve.h
 
@@ -249,6 +264,8 @@ class Watch:
         self._end[i] = samples[-1][1]
         if i in self._acted or (event.action is not None and self._positive[i] is None and samples[0][1] == 0):
             g, samples = self._leaving(i, event, g, samples, curve)
+        elif began_anew and self._is_zero(samples):
+            samples[0] = samples[0][0], 0 * samples[0][1]
         positive, changes = self._positive[i], []
         last: Any = None
         for place, value in self._with_extrema(g, samples):
@@ -274,7 +291,7 @@ class Watch:
         start. Raises MethodError if it leaves zero without a slope, so that nothing follows but rest.
         """
         (start, rest), *later = samples
-        if abs(rest) > NOISE * self.unit * max(abs(value) for _, value in later):
+        if not self._is_zero(samples):
             self._positive[i] = bool(rest > 0)  # the action has moved the state to another place
             self._acted.discard(i)
             return g, samples
@@ -300,6 +317,11 @@ class Watch:
             if self._positive[i] != came and not abs(above_rest(2 * near)) < 3.5 * abs(above_rest(near)):
                 raise _at_rest(event, curve.time(start))
         return above_rest, [(start, 0 * rest), *later]
+
+    def _is_zero(self, samples: Sequence[Any]) -> bool:
+        """Return True if the first value of samples (place, value) is zero but for rounding."""
+        first, *later = (abs(value) for _, value in samples)
+        return bool(first <= NOISE * self.unit * max(later))
 
     def _width(self, curve: Curve) -> Any:
         """Return the fraction of a step that is the rounding of its times, or of the fraction itself."""

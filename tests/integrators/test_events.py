@@ -358,6 +358,31 @@ def test_backwards_arrays_and_two_balls_that_land_together() -> None:
     assert both.v_events[0][0] == pytest.approx(-math.sqrt(2 * GRAVITY) * np.ones(2))  # before the action
 
 
+@pytest.mark.parametrize("method", ["dop853", "radau5", "sdirk4", "dprkn8", "rk4"])
+def test_events_at_the_time_of_an_action_are_found_once(method: str) -> None:
+    """Other events of the bouncing ball's height, before or after the bounce among the events: each has every bounce.
+
+    A second action at the same time finds the ball on its way up.
+    """
+    control = {"h": 0.05} if method == "rk4" else {"rtol": 1e-6}
+    times = bounces(0.9, 4)
+
+    def found(*events: Any) -> Any:
+        return solve(falling, 1.0, 0.0, [0.0, 3.0], method=method, events=events, **control)
+
+    bounce = Event(lambda t, q, v: q, -1, False, lambda t, q, v: (q, -0.9 * v))
+    height, half, downwards = lambda t, q, v: q, lambda t, q, v: -q / 2, Event(lambda t, q, v: q, -1)
+    for other in (height, half, downwards):
+        for events in ((bounce, other), (other, bounce)):
+            both = found(*events).t_events
+            assert [both[0], both[1]] == [pytest.approx(times, abs=1e-9)] * 2
+    assert not len(found(bounce, Event(height, 1)).t_events[1])
+    ended = found(bounce, Event(height, -1, 3))
+    assert (ended.ended_by, ended.t[-1]) == (1, pytest.approx(times[2], abs=1e-9))
+    again = found(bounce, Event(height, -1, False, lambda t, q, v: (q, -0.5 * v)))
+    assert (again.t_events[0], len(again.t_events[1])) == (pytest.approx(times, abs=1e-9), 0)
+
+
 def test_an_action_changes_the_sign_of_another_function_and_takes_arguments() -> None:
     def floor(t: Any, q: Any, v: Any, share: float) -> Any:
         return q

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from integrators import METHODS, Event, MethodError, System, solve
+from integrators import METHODS, Event, MethodError, System, solve, solve_first_order
 from integrators.solving.adaptive import Tolerance, checked
 
 PULSED = (100.0, 100.1)
@@ -229,3 +229,31 @@ def test_times_read_off_backwards_at_ends_up_to_an_event_and_in_every_number() -
 def test_options_that_cannot_be_are_refused_in_a_sentence(options: dict[str, Any], said: str) -> None:
     with pytest.raises(MethodError, match=said):
         solve(oscillator, 1.0, 0.0, [0.0, 1.0], method="dop853", **options)
+
+
+# --- the number of evaluations --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["radau5", "sdirk4", "gauss4", "bdf4", "dop853"])
+@pytest.mark.parametrize("start", [1.0, np.array([1.0, 2.0])])
+def test_every_call_of_a_function_is_counted_but_its_probes(method: str, start: Any) -> None:
+    """The probes are the calls of a run without steps; Newton's derivatives are differences of the function."""
+    calls = [0]
+
+    def damped(t: Any, q: Any, v: Any) -> Any:
+        calls[0] += 1
+        return -q - 0.1 * v
+
+    def decay(t: Any, y: Any) -> Any:
+        calls[0] += 1
+        return -y
+
+    control = {"rtol": 1e-6} if METHODS[method].embedded_orders else {"h": 0.1}
+    for run in (lambda times: solve(damped, start, 0 * start, times, method=method, **control),
+                lambda times: solve_first_order(decay, times, start, method=method, **control)):
+        calls[0] = 0
+        run([0.0])
+        probes = calls[0]
+        calls[0] = 0
+        found = run([0.0, 2.0])
+        assert found.evaluations == calls[0] - probes

@@ -96,7 +96,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "mapping": "sensor scene scenes options values parameters damping",
         "word": "table integrator language method task render_mode theme backend autoreset_mode unit on_error"
                 " separator decimal y_axis time_unit states zero form event",
-        "positive": "fps slow rtol atol h first_step max_step step evaluations_per_period amplitude pressure omega0"
+        "positive": "fps slow rtol atol h first_step step evaluations_per_period amplitude pressure omega0"
                     " drive_rate",
         "least": "observation_delay action_delay level tau friction_ratio",
         "count": "every repeats in_flight per_task steps n"
@@ -115,7 +115,8 @@ KIND_OF: Mapping[str, str] = DECLARED | {
                     " mean_acceleration mean_jacobian taylor_coefficients make_vec make_single",
         "functions": "events",
         "list": "diagnostics effects settings free args", "names": "notes render_panels panels",
-        "limit": "speed_limit velocity_bound", "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed",
+        "limit": "speed_limit velocity_bound max_step",
+        "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed",
         "share": "control",
         "line": "name",
         "file": "file path folder", "text": "source", "numbers": "q v time", "factor": "scale",
