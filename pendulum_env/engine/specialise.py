@@ -169,10 +169,14 @@ def _indented(lines: list[str]) -> list[str]:
 def _expression(value: Any) -> ast.expr:
     """Return a value as the syntax tree of an expression."""
     if isinstance(value, Stale):
-        raise SpecialiseError(f"A template reads a part of {value.name}, whose variables have changed since.")
+        raise _LostError(value.name)
     if isinstance(value, tuple):
         return ast.Tuple([_expression(one) for one in flat(value)], ast.Load())
     return value if isinstance(value, ast.expr) else ast.Constant(value)
+
+
+class _LostError(Exception):
+    """Raised where a part of a stale value is read, with the name of the variable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +228,11 @@ class _Body:
         for node in body:
             last = isinstance(node, ast.Return) and isinstance(node.value, ast.Call)
             self.targets, self.aims = (self.everything, self.local) if last else (set(), ())
-            self.statement(node)
+            try:
+                self.statement(node)
+            except _LostError as lost:
+                raise self.error(node, f"reads a part of {lost}, which was set from variables that have changed since"
+                                 ) from None
             if self.ended:
                 break
         lines, self.lines = self.lines, outer
@@ -456,7 +464,13 @@ class _Body:
             case ast.Subscript():
                 return self.entry(node)
             case ast.GeneratorExp(elt, loops):
-                return tuple(self.turns(elt, loops))
+                own = {one for loop in loops for one in _targets(loop.target)}
+                outside = {one: self.known[one] for one in own & self.known.keys()}
+                values = tuple(self.turns(elt, loops))
+                for one in own:
+                    self.known.pop(one, None)
+                self.known |= outside  # a comprehension's variables are its own
+                return values
         raise self.error(node, f"has the expression {ast.unparse(node)}, which programs do not have")
 
     def alone(self, node: ast.expr) -> Any:

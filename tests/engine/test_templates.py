@@ -410,6 +410,13 @@ def reads_a_part(bob: Floats, xs: Floats) -> Any:
     return bob, xs
 
 
+def shadows(t: float, xs: Floats) -> Any:
+    """A comprehension has variables of its own."""
+    half = 0.5*t
+    ys = tuple(half*t for t in xs)
+    return ys, tuple(half for half in xs), t, half
+
+
 def unknown(t: float) -> float:
     return t + undefined  # type: ignore[name-defined, no-any-return]  # noqa: F821
 
@@ -437,6 +444,13 @@ def test_a_template_and_its_function_compute_the_same() -> None:
         assert bits(folded(t, (a, b), (), wide=True, count=1)) == bits(names["folded"](t, a, b))
 
 
+def test_variables_of_a_comprehension_are_its_own() -> None:
+    names: dict[str, Any] = {"inline": lambda function: function}
+    exec(made(shadows), names)
+    for t, a, b in RANDOM.normal(size=(20, 3)):
+        assert bits(tuple(flat(shadows(t, (a, b))))) == bits(names["shadows"](t, a, b))
+
+
 def test_a_spliced_function_stands_in_place_of_its_call() -> None:
     assert made(splices) == "@inline\ndef splices(t):\n    half = 0.5*(t - 1.0)\n    return half + 1.0\n"
     assert lines_of(halved, NAMES, {}) == ["half = 0.5*x"]
@@ -450,7 +464,8 @@ def test_a_spliced_function_stands_in_place_of_its_call() -> None:
     (splices_into_a_test, "splices statements into a condition"),
     (returns_early, "is spliced, but returns before its end"),
     (swaps, "sets a and reads it in the same statement"), (unknown, "uses undefined, which is not defined"),
-    (reads_what_changed, "whose variables have changed"), (reads_a_part, "whose variables have changed"),
+    (reads_what_changed, "reads a part of pair, which was set from variables that have changed"),
+    (reads_a_part, "reads a part of bob, which was set from variables that have changed"),
     (too_few, "sets xs, 2 variables, to 1 values"),
 ])
 def test_what_a_program_would_compute_otherwise_is_refused(template: Function, why: str) -> None:
