@@ -1,4 +1,4 @@
-"""One checked integration step: templates of ``advance``, ``stick_slip``, ``adapt`` and ``land``.
+"""One checked step: templates of ``advance``, ``stick_slip``, ``resting``, ``adapt``, ``adapt_evenly`` and ``land``.
 
 A program integrates one scene by one method. Single runs, environments and blocks of environments (see
 :mod:`pendulum_env.engine.blocks`) all call its function ``advance``. The functions here run as they stand;
@@ -19,7 +19,9 @@ methods have:
 ``errors``           error estimates of angle and velocity, alternately, of one or two embedded methods
 ===================  =================================================================================================
 
-A step of a method, ``take``, gets ``t, q, v, memory, given, h, extra`` and returns :class:`After`.
+A step of a method, ``take``, gets ``t, q, v, memory, given, h, extra`` and returns :class:`After`. Functions of a
+program take and return flat numbers, so that ``stick_slip``, which has no memory and no errors, serves as ``take``; to
+call a template with them, nest what they return as ``Plain`` in tests/engine/test_templates.py does.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ A wire goes slack where its pull falls below zero. ``taut`` looks at every step 
 step's ends, and in scenes whose only radial force is the weight no cosine. Where it cannot exclude slack,
 ``slack_after`` takes parts of the step with the method itself and finds the time of slack to the method's accuracy.
 
-``pull`` holds ``M L`` and ``W g``, divided by the moment of inertia over the length; the functions' other arguments are
-those of :mod:`pendulum_env.engine.advance`.
+``pull[0]`` is ``M L`` and ``pull[1]`` is ``W g``, divided by the moment of inertia over the length; the functions'
+other arguments are those of :mod:`pendulum_env.engine.advance`.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def slack_after(
     least = 0.0
     low = 0.0
     high = 1e999
-    stays = 0.0
+    stays = 0.0  # 1: the low end stayed at the last trial, -1: the high end
     close = CLOSE*h
     part = h
     for tries in range(100):
