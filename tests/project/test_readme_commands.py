@@ -35,6 +35,7 @@ SHORTER = {
     "lab-pendulum code --integrators rk4 --scene exercise_large": "",
     "lab-pendulum code --scene lab --integrators dop853 --language javascript": "",
     "lab-pendulum code --language engine": "",
+    "lab-pendulum code --language engine --scene lab --integrators rk4": "",
     "lab-pendulum effects --scene lab --angle 30 --tolerance 1e-3": "",
     'lab-pendulum stress --cases "near the top" --integrators rk4,velocity_verlet,gauss4': "",
     "lab-pendulum compare --stability -i rk4,velocity_verlet,gauss4": "",
