@@ -341,8 +341,9 @@ class RungeKutta(Method):
             step.line(f"raw_{y} = h*({combination([-pair.start, *weights], names, number)})")
         step.line(f"g = {fraction_of(pair.start, number)}")
         step.line(f"by_q, by_v = jacobian(t, q, v{step.notation.more})")
-        step.line("error_v = (raw_a + g*by_q*raw_v)/(1.0 - g*(by_v + g*by_q))")
-        return ["raw_v + g*error_v", "error_v"]
+        step.line(f"error_v{k} = (raw_a + g*by_q*raw_v)/(1.0 - g*(by_v + g*by_q))")
+        step.line(f"error_q{k} = raw_v + g*error_v{k}")
+        return [f"error_q{k}", f"error_v{k}"]
 
     def _all_stages(self, taken: Sequence[int]) -> list[str]:
         """Return the source texts of two tuples, of all stages' velocities and accelerations; None for unused ones."""

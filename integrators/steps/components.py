@@ -6,6 +6,7 @@ The operations are those of the step on whole arrays, in the same order, and so 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -15,7 +16,9 @@ from integrators.method import MethodError
 from integrators.solving.values import misshapen
 
 FEW = 8
-"""Largest number of components that are written out; from there on whole arrays are as fast."""
+"""Largest number of components that are written out. From about twenty on whole arrays are as fast."""
+NAME = re.compile(r"(?<![\w.])[a-z_]\w*", re.IGNORECASE)
+"""A name in a formula, and not the exponent of a number."""
 CALLED = frozenset({"acceleration", "force"})
 """Functions that a step may call on arrays; their first argument is the time."""
 
@@ -58,16 +61,6 @@ class _UnfitError(Exception):
     """Raised where a step is not straight-line."""
 
 
-class _Component(ast.NodeTransformer):
-    """The names of arrays as those of one of their components."""
-
-    def __init__(self, arrays: set[str], number: int) -> None:
-        self.arrays, self.number = arrays, number
-
-    def visit_Name(self, node: ast.Name) -> ast.Name:
-        return ast.Name(f"{node.id}_{self.number}", node.ctx) if node.id in self.arrays else node
-
-
 def _names(one: str, count: int) -> str:
     return "".join(f"{one}_{k}, " for k in range(count))
 
@@ -76,8 +69,8 @@ def _texts(node: ast.expr, arrays: set[str], count: int) -> list[str]:
     """Return the source texts of an expression for each component, which calls nothing."""
     if any(isinstance(one, ast.Call) for one in ast.walk(node)):
         raise _UnfitError
-    text = ast.unparse(node)
-    return [ast.unparse(_Component(arrays, k).visit(ast.parse(text, mode="eval").body)) for k in range(count)]
+    text = NAME.sub(lambda one: f"{one[0]}_#" if one[0] in arrays else one[0], ast.unparse(node))
+    return [text.replace("#", str(k)) for k in range(count)]
 
 
 def _is_array(node: ast.expr, arrays: set[str]) -> bool:
