@@ -17,24 +17,7 @@ const desk = {
 
 // --- the server ----------------------------------------------------------------------------------------------------
 
-/** Send an order; says on the page what was refused. */
-async function order(what, wanted = {}) {
-  try {
-    const answer = await fetch("do", { method: "POST", headers: { "Content-Type": "application/json" },
-      body: JSON.stringify({ what, ...wanted }) });
-    const told = await answer.json();
-    say(told.error ?? "");
-    return answer.ok ? told : null;
-  } catch {
-    say("The program behind this page has ended. What was recorded is in its file.");
-    return null;
-  }
-}
-
-function say(text) {
-  if (byId("message").textContent !== text) byId("message").textContent = text;
-}
-
+const ENDED = "The program behind this page has ended. What was recorded is in its file.";
 const HEARD = {
   samples(event) {
     desk.now = event.now;
@@ -67,19 +50,6 @@ const HEARD = {
   },
 };
 
-function listen() {
-  const events = new EventSource("events");
-  events.onmessage = (message) => {
-    const event = JSON.parse(message.data);
-    HEARD[event.kind](event);
-    desk.moved = true;
-  };
-  events.onerror = () => {
-    if (desk.state) desk.state.live = false;
-    connection("not connected; what was recorded is in its file", false);
-  };
-}
-
 function connection(text, live) {
   byId("connection").textContent = text;
   byId("connection").classList.toggle("live", live);
@@ -103,11 +73,6 @@ function reading(value, more = 0) {
 
 function seconds(value, digits = 3) {
   return Number.isFinite(value) ? `${minus(value.toFixed(digits))} s` : "–";
-}
-
-/** Put text where it changed, so that readers of screens are not told the same again. */
-function put(id, text) {
-  if (byId(id).textContent !== text) byId(id).textContent = text;
 }
 
 /** Write the state of the server into the page. */
@@ -740,7 +705,10 @@ function begin() {
     drawDecay();
   });
   globalThis.LabPendulum = { desk, order, look, moveCursor, show, shownTimes };
-  listen();
+  listen(HEARD, () => { desk.moved = true; }, () => {
+    if (desk.state) desk.state.live = false;
+    connection("not connected; what was recorded is in its file", false);
+  });
   const chosen = setInterval(() => { // the server's choice of scene and method, once it is known
     if (!desk.state) return;
     clearInterval(chosen);
