@@ -19,6 +19,7 @@ def track(
     length: Annotated[float | None, options.number("Distance of the bob from the pivot in m, for the scale of the "
                                                    "picture.")] = None,
     until: options.Until = None,
+    drop: options.Drop = None,
     rate: Annotated[float | None, options.number("Frames per second of the camera, for slow motion; by default as the "
                                                  "file says.")] = None,
     no_film: Annotated[bool, options.flag("Leave out track.mp4.", "--no-film")] = False,
@@ -35,7 +36,7 @@ def track(
 
     place = {name: options.parts(text) for name, text in (("pivot", pivot), ("bob", bob)) if text is not None}
     with bar("track") as progress:
-        found = follow(file, **place, length=length, until=until, rate=rate,
+        found = follow(file, **place, length=length, until=until, drop=drop, rate=rate,
                        progress=lambda done, text: progress(done if no_film else 0.7 * done, text))
         paths = write(found, file, out, filmed=not no_film,
                       progress=lambda done, text: progress(0.7 + 0.3 * done, text))

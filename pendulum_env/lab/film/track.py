@@ -19,6 +19,7 @@ from pendulum_env.lab.film.frames import CHANNELS, Film, Picture
 from pendulum_env.lab.film.geometry import alone, angles_of, calibrated, rest_of
 from pendulum_env.lab.film.position import Background, Bob, Place, background_of
 from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.parts import Drop, spans
 from pendulum_env.lab.recording import Recording
 from pendulum_env.physics.units import shown
 
@@ -41,6 +42,7 @@ class FilmTrack(Plotted):
         bob: half the bob's width [pixels].
         frames: number of frames that were looked at.
         left_out: number of frames without a reading, by reason.
+        missing: array of the times of these frames [s].
         step: usual time between frames [s].
         even: True if all times between frames are about the same.
         exposure: time for which each frame was exposed [s], as the streaks of the bob show it.
@@ -65,6 +67,7 @@ class FilmTrack(Plotted):
     bob: float
     frames: int
     left_out: dict[str, int]
+    missing: FloatArray
     step: float
     even: bool
     exposure: float
@@ -134,6 +137,7 @@ def track(
     bob: Sequence[float] | None = None,
     length: float | None = None,
     until: float | None = None,
+    drop: Drop | None = None,
     rate: float | None = None,
     progress: Progress | bool | None = None,
 ) -> Recording:
@@ -141,7 +145,8 @@ def track(
 
     :func:`follow` describes how, its arguments and errors, and returns the places in the picture, too.
     """
-    return follow(path, pivot=pivot, bob=bob, length=length, until=until, rate=rate, progress=progress).recording
+    return follow(path, pivot=pivot, bob=bob, length=length, until=until, drop=drop, rate=rate,
+                  progress=progress).recording
 
 
 @with_bar("track")
@@ -152,6 +157,7 @@ def follow(
     bob: Sequence[float] | None = None,
     length: float | None = None,
     until: float | None = None,
+    drop: Drop | None = None,
     rate: float | None = None,
     progress: Progress | bool | None = None,
 ) -> FilmTrack:
@@ -167,6 +173,7 @@ def follow(
         bob: (x, y) of a place on the bob's way [pixels], which chooses among several things that swing.
         length: distance of the bob from the pivot [m], for the scale of the picture, which is noted.
         until: time in the film [s] after which frames are left out.
+        drop: times in the film [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
         rate: frames per second at which the camera recorded [Hz], for slow motion; None: as the file says.
         progress: as for other long computations; True shows a bar.
 
@@ -176,13 +183,15 @@ def follow(
     tell: Progress = progress  # type: ignore[assignment]
     name = file_name(path)
     where = {"pivot": _point(pivot, "pivot"), "bob": _point(bob, "bob")}
+    dropped = [] if drop is None else spans(drop)
     size = None if length is None else one_number(length, "length", above=0.0, unit="m")
     film, sample, found = _found(name, rate, until, part_of(tell, 0.0, _FINDING))
     chosen = _chosen(film, found, where["bob"])
     bob_, guess = _learned(film, sample, chosen, where["pivot"])
     read = _Reading(film, bob_, guess)
     complete = read.all(part_of(tell, _FINDING, 1.0))
-    return _result(film, read, chosen, found, where["pivot"], size, complete, sample.full[len(sample.full) // 2], rate)
+    return _result(film, read, chosen, found, where["pivot"], size, dropped, complete,
+                   sample.full[len(sample.full) // 2], rate)
 
 
 def _point(value: Any, name: str) -> tuple[float, float] | None:
@@ -382,7 +391,8 @@ class _Reading:
 
 
 def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot: tuple[float, float] | None,
-            length: float | None, complete: bool, picture: Picture, rate: float | None) -> FilmTrack:
+            length: float | None, dropped: list[tuple[float, float]], complete: bool, picture: Picture,
+            rate: float | None) -> FilmTrack:
     """Return the track of the frames that were read, without doubtful ones."""
     frames, kept = len(read.stamps), [row for row in read.rows if row is not None]
     few = RecordingError(f"{film.name}: the bob could be read in too few frames ({len(kept)} of {frames}); give bob=(x, y)"
@@ -399,7 +409,9 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
     clear = np.abs(seen - np.median(seen)) < max(0.06, 5.0 * 1.48 * float(np.median(np.abs(seen - np.median(seen)))))
     clear &= misfit < 2.5 * float(np.median(misfit))
     left_out["hidden in part"] = int((~clear).sum())
-    keep = np.flatnonzero(clear)
+    given = clear & np.any([(time >= first) & (time <= last) for first, last in dropped or [(1.0, 0.0)]], axis=0)
+    left_out["as given"] = int(given.sum())
+    keep = np.flatnonzero(clear & ~given)
     if len(keep) < max(_FEW, _LEAST * frames):
         raise few
     angles = angles_of(film.name, x[keep], y[keep], covariance[keep], pivot)
@@ -426,7 +438,8 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
     if film.broken:
         notes.append(f"the film ends early: {film.broken}")
     return FilmTrack(film.name, time[keep], angles.angle - roll, error, x[keep], y[keep], angles.pivot, angles.radius,
-                     read.bob.radius, frames, {why: count for why, count in left_out.items() if count}, usual,
+                     read.bob.radius, frames, {why: count for why, count in left_out.items() if count},
+                     np.setdiff1d(read.stamps, time[keep]), usual,
                      bool(np.ptp(steps) < 0.02 * usual), read.bob.exposure, float(streaks[keep].max()), roll,
                      tuple(one.in_words() for one in (chosen, *(other for other in found if other is not chosen))),
                      tuple(notes), picture, rate, read.stamps[-1], complete)
