@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from shlex import quote
+from typing import Annotated, Any
 
 import typer
 
@@ -22,6 +23,10 @@ def track(
     drop: options.Drop = None,
     rate: Annotated[float | None, options.number("Frames per second of the camera, for slow motion; by default as the "
                                                  "file says.")] = None,
+    page: Annotated[bool, options.flag("Open the film in the browser first: click bob and pivot, leave out bad "
+                                       "stretches.", "--page")] = False,
+    browser: Annotated[bool, options.option("With --page, open the page in the browser; without, only its address is "
+                                            "printed.")] = True,
     no_film: Annotated[bool, options.flag("Leave out track.mp4.", "--no-film")] = False,
     out: options.Out = Path("out/track"),
 ) -> None:
@@ -34,13 +39,32 @@ def track(
     from pendulum_env.lab.film import follow
     from pendulum_env.study.film_report import write
 
-    place = {name: options.parts(text) for name, text in (("pivot", pivot), ("bob", bob)) if text is not None}
+    given = {"length": length, "until": until, "drop": drop, "rate": rate, **{
+        name: options.parts(text) for name, text in (("pivot", pivot), ("bob", bob)) if text is not None}}
+    filmed, finding = not no_film, 0.0 if page else 1.0 if no_film else 0.7
+    if page:
+        from pendulum_env.bench.film_page import serve
+
+        found, given = serve(file, open_browser=browser, **given)
+        print_text(f"Without the page: {_command(file, given)}")
     with bar("track") as progress:
-        found = follow(file, **place, length=length, until=until, drop=drop, rate=rate,
-                       progress=lambda done, text: progress(done if no_film else 0.7 * done, text))
-        paths = write(found, file, out, filmed=not no_film,
-                      progress=lambda done, text: progress(0.7 + 0.3 * done, text))
+        if not page:
+            found = follow(file, **given, progress=lambda done, text: progress(finding * done, text))
+        paths = write(found, file, out, filmed=filmed,
+                      progress=lambda done, text: progress(finding + (1.0 - finding) * done, text))
     print_table(found.table, f"the track in {found.source}")
     print_text(found.text)
     print_files(paths)
     print_text(f"lab-pendulum fit {paths[0]} fits it.")
+
+
+def _command(file: Path, given: dict[str, Any]) -> str:
+    """Return the command that tracks a film with settings that were made at the page."""
+    words = [f"lab-pendulum track {quote(str(file))}"]
+    for name, value in given.items():
+        if name == "drop":
+            words += [f"--drop {one if isinstance(one, str) else f'{one[0]:g}:{one[1]:g}'}" for one in value]
+        else:
+            parts = value if isinstance(value, list) else [value]
+            words.append(f"--{name} {','.join(f'{part:g}' for part in parts)}")
+    return " ".join(words)

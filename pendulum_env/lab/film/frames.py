@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -87,7 +88,7 @@ class Film:
         if len(steps) < _LEAST or shape is None:
             raise RecordingError(f"{self.name}: expected a film of at least {_LEAST} frames, found {len(steps)}"
                                  f"{f' ({self.broken})' if self.broken else ''}")
-        self.size = (shape[1], shape[0])
+        self.size, self.first = (shape[1], shape[0]), first or 0.0
         self.step = float(np.median(np.diff(steps)))
         self.slower = 1.0 if rate is None else one_number(rate, "rate", above=0.0, unit="Hz") * self.step
         self.step /= self.slower
@@ -110,20 +111,30 @@ class Film:
                     last = time
                     yield Frame(number, time, self._picture(frame))
 
-    def colours(self, width: int) -> Iterator[tuple[float, Picture]]:
-        """Yield the time [s] of each frame and its picture in red, green and blue, at most ``width`` pixels wide."""
+    def colours(self, width: int, start: float = 0.0) -> Iterator[tuple[float, Picture]]:
+        """Yield the time [s] of each frame from ``start`` on and its picture in red, green and blue, at most ``width``
+        pixels wide.
+        """
         with self._opened() as container:
-            first = None
+            first = self.first
+            if start > 0.0:  # from the key frame before it
+                container.seek(int((first + start * self.slower) * 1e6))
             for stamp, frame in self._decoded(container):
-                first = stamp if first is None else first
-                if (stamp - first) / self.slower > self.until:
+                time = (stamp - first) / self.slower
+                if time > self.until:
                     return
+                if time < start - 0.5 * self.step:
+                    continue
                 share = min(width / self.size[0], 1.0)
                 across, along = (max(int(share * side) // 2 * 2, 2) for side in self.size)
                 if self.turned % 180:
                     across, along = along, across
                 shown = frame.reformat(width=across, height=along, format="rgb24").to_ndarray()
-                yield (stamp - first) / self.slower, self._upright(shown)
+                yield time, self._upright(shown)
+
+    def jpeg(self, picture: Picture) -> bytes:
+        """Return a picture in red, green and blue as JPEG."""
+        return bytes(self._cv.imencode(".jpg", picture[..., ::-1], [self._cv.IMWRITE_JPEG_QUALITY, 90])[1])
 
     def _opened(self) -> Any:
         """Return the opened file; RecordingError if it is no film."""
@@ -172,3 +183,30 @@ class Film:
         """Return a picture turned as the file's rotation flag says."""
         return np.ascontiguousarray(np.rot90(picture, getattr(self, "turned", 0) // 90)) if getattr(
             self, "turned", 0) else picture
+
+
+class Shots:
+    """Frames of a film at any time, as JPEG, for a page; several threads may ask."""
+
+    def __init__(self, film: Film, width: int = 960) -> None:
+        self.film, self.width = film, width
+        self._lock = threading.Lock()
+        self._frames: Iterator[tuple[float, Picture]] = iter(())
+        self._now: tuple[float, Picture] | None = None
+        self._next: tuple[float, Picture] | None = None
+
+    def at(self, time: float) -> tuple[float, bytes]:
+        """Return the time [s] of the frame that is seen at a time, and its JPEG."""
+        time = min(time, self.film.length / self.film.slower)
+        late = time + 0.25 * self.film.step
+        with self._lock:
+            if self._now is None or not self._now[0] <= late < self._now[0] + 2.0:
+                self._frames = self.film.colours(self.width, max(time - 0.5, 0.0))
+                self._next = next(self._frames, None)
+                self._now = self._next or self._now
+            while self._next is not None and self._next[0] <= late:
+                self._now, self._next = self._next, next(self._frames, None)
+            if self._now is None:
+                raise RecordingError(f"{self.film.name}: no frame at {time:g} s")
+            shown, picture = self._now
+        return shown, self.film.jpeg(picture)
