@@ -126,7 +126,7 @@ FILMS = (
     Film("crf_38", "The strongest compression, a patterned wall.", pattern=12.0, crf=38),
     Film("shadow", "The bob's shadow on the wall swings with it.", shadow=0.45),
     Film("mirror", "A shiny table shows the bob upside down.", mirror=True, radius=190.0),
-    Film("patterned", "A wall of strong pattern, darker and brighter than the bob.", pattern=45.0,
+    Film("patterned", "A wall of strong pattern, darker and brighter than the bob.", pattern=30.0,
          colour=(128.0, 128.0, 128.0)),
     Film("colour", "A red bob as bright as the wall.", colour=(165.0, 100.0, 190.0), light=168.0,
          thread_colour=(160.0, 128.0, 128.0)),
