@@ -21,10 +21,12 @@ class Marks:
     """How good the readings are: angles in rad, ``angle = offset + scale truth + scatter``."""
 
     share: float  # readings among the frames in which the bob swings and is seen whole
+    found: float  # the same, of readings within half a bob of the truth
     stray: int  # readings at no frame's time
     offset: float
     scale: float
-    scatter: float  # rms of the readings about that line
+    scatter: float  # rms about that line of the readings within half a bob of the truth
+    worst: float  # largest distance from that line
     claimed: float  # median of the claimed errors; nan: none
     held: float  # share of readings whose 95 % interval about the line holds the truth; nan: no errors claimed
     period: float  # period of the readings over the true one
@@ -33,8 +35,8 @@ class Marks:
 def mark(truth: Truth, time: ArrayLike, angle: ArrayLike, error: ArrayLike | None = None) -> Marks:
     """Return the marks of readings; those taken while a hand holds the bob count for nothing."""
     at, read = np.asarray(time, float), np.asarray(angle, float)
-    if len(at) == 0:
-        return Marks(0.0, 0, *[math.nan] * 6)
+    if len(at) < 9:
+        return Marks(0.0, 0.0, 0, *[math.nan] * 7)
     said = np.full(len(at), math.nan) if error is None else np.broadcast_to(np.asarray(error, float), at.shape)
     frame = np.abs(truth.time[None, :] - at[:, None]).argmin(axis=1)
     step = float(np.min(np.diff(truth.time)))
@@ -49,9 +51,13 @@ def mark(truth: Truth, time: ArrayLike, angle: ArrayLike, error: ArrayLike | Non
         away = np.abs(read - offset - scale * true)
         keep = away <= GROSS * max(float(np.median(away)), 1e-6)
     away = read - offset - scale * true
+    near = np.abs(away) <= 0.5 * truth.film.bob / truth.film.radius
+    found = len(set(frame[free][near & truth.seen[frame[free]]])) / int(np.count_nonzero(truth.seen))
+    scatter = float(np.sqrt(np.mean(away[near] ** 2))) if near.any() else math.nan
     held = float(np.mean(np.abs(away) <= 1.96 * said)) if error is not None else math.nan
-    return Marks(share, int(np.count_nonzero(~there)), float(offset), float(scale), float(np.sqrt(np.mean(away**2))),
-                 float(np.median(said)) if error is not None else math.nan, held, _period(truth, t[keep], read[keep]))
+    claimed = float(np.median(said)) if error is not None else math.nan
+    return Marks(share, found, int(np.count_nonzero(~there)), float(offset), float(scale), scatter,
+                 float(np.max(np.abs(away))), claimed, held, _period(truth, t[keep], read[keep]))
 
 
 def _period(truth: Truth, time: Array, angle: Array) -> float:
