@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
+from pendulum_env.cli.console import bar
 from pendulum_env.common.checks import shown
 from pendulum_env.common.provenance import checked_folder
 from pendulum_env.common.warn import warn
@@ -195,15 +196,20 @@ def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
 def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) -> Recording:
     """Return the recording in a file, read with keywords of ``Recording.read`` from --read and from other options.
 
-    Raises SceneError for options without a file, for unknown keywords, with the nearest, and for a keyword given twice.
+    A film is tracked, with keywords of :func:`pendulum_env.lab.track`. Raises SceneError for options without a file, for unknown keywords, with the nearest, and for a keyword given twice.
     """
     from inspect import signature
 
+    from pendulum_env.lab.film import is_film, track
     from pendulum_env.lab.recording import Recording
 
+    film = file is not None and is_film(file)
     more = typed_values(read or (), "--read", "scale=0.99")
-    known = [name for name in signature(Recording.read).parameters if name != "path"]
+    known = [name for name in signature(track if film else Recording.read).parameters if name not in OWN]
     words = given(**options)
+    for name in words:
+        if film and name not in known:
+            raise SceneError(f"--{name} is for files of readings, and {file} is a film; leave it out.")
     for name, value in more.items():
         if one_of(name, "keyword of --read", known) in words:
             raise SceneError(f"{name} is given twice, by --{name} and by --read.")
@@ -213,6 +219,9 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
     words |= {name: _parts(words[name]) for name in LISTS if isinstance(words.get(name), str)}
     if file is None:
         raise SceneError("--read needs a recording; give a file.")
+    if film:
+        with bar("track") as progress:
+            return track(file, **words, progress=progress)
     return Recording.read(file, **words)
 
 
@@ -298,8 +307,10 @@ def quotient(text: str) -> float | str:
         return text
 
 
-LISTS = ("columns", "pivot")
-"""Keywords of Recording.read that take several values, separated by commas."""
+LISTS = ("columns", "pivot", "bob")
+"""Keywords of Recording.read and of track that take several values, separated by commas."""
+OWN = ("path", "progress")
+"""Parameters of these that are no options."""
 
 
 def marks() -> dict[Any, str]:

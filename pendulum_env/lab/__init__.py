@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
+    from pendulum_env.lab.film import FilmTrack, follow, track
     from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
@@ -31,6 +32,7 @@ __all__ = [
     "DrivenFit",
     "DrivenLog",
     "DrivenPrediction",
+    "FilmTrack",
     "Fit",
     "GateSheet",
     "LabSheet",
@@ -47,6 +49,7 @@ __all__ = [
     "fit",
     "fit_circle",
     "fit_driven",
+    "follow",
     "losses",
     "measure",
     "measure_gate",
@@ -56,6 +59,7 @@ __all__ = [
     "scatter_level",
     "simulated_recording",
     "small_amplitude_period",
+    "track",
     "track_angle",
     "turning_points",
 ]
@@ -66,6 +70,7 @@ _LAZY = {
     "DrivenFit": "pendulum_env.lab.driven.result",
     "DrivenLog": "pendulum_env.lab.driven.log",
     "DrivenPrediction": "pendulum_env.lab.driven.result",
+    "FilmTrack": "pendulum_env.lab.film",
     "Fit": "pendulum_env.lab.fitting.result",
     "GateSheet": "pendulum_env.lab.gates",
     "LabSheet": "pendulum_env.lab.sheet",
@@ -81,6 +86,7 @@ _LAZY = {
     "fit": "pendulum_env.lab.fitting.fit",
     "fit_circle": "pendulum_env.lab.tracks",
     "fit_driven": "pendulum_env.lab.driven.fit",
+    "follow": "pendulum_env.lab.film",
     "measure": "pendulum_env.lab.sheet",
     "measure_gate": "pendulum_env.lab.gates",
     "noise_level": "pendulum_env.lab.noise",
@@ -89,6 +95,7 @@ _LAZY = {
     "scatter_level": "pendulum_env.lab.noise",
     "simulated_recording": "pendulum_env.lab.simulated",
     "small_amplitude_period": "pendulum_env.lab.measures",
+    "track": "pendulum_env.lab.film",
     "track_angle": "pendulum_env.lab.tracks",
     "turning_points": "pendulum_env.lab.turning",
 }

@@ -119,6 +119,7 @@ class FileReadings(NamedTuple):
     mount: Mount | None = None
     displaced: bool = False
     radius: Measurement | None = None
+    error: FloatArray | None = None
 
 
 def read_file(name: str, options: ReadOptions) -> FileReadings:

@@ -47,6 +47,7 @@ class Recording(Plotted):
         mount: direction and distance of an accelerometer; None for other sensors.
         displaced: True if the angles were calculated from a displacement, whose scale a fit determines.
         radius: radius of the circle of a track, in m if its unit is known, with its error; None without a track.
+        error: array of standard errors [rad] of the angles, as of a filmed bob; None if they are not known.
 
     Raises RecordingError for arrays of different shapes, fewer than 3 points, values that are not finite, or
     times that do not increase.
@@ -63,12 +64,13 @@ class Recording(Plotted):
     mount: Mount | None = None
     displaced: bool = False
     radius: Measurement | None = None
+    error: FloatArray | None = None
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.time)} readings in {self.time[-1] - self.time[0]:.4g} s")
 
     def __post_init__(self) -> None:
-        beside = [name for name in ("rate", "force") if getattr(self, name) is not None]
+        beside = [name for name in ("rate", "force", "error") if getattr(self, name) is not None]
         check_origin(self, ("time", "angle", *beside))
         for name in ("release", "zero"):
             if getattr(self, name) is not None:
@@ -160,7 +162,7 @@ class Recording(Plotted):
         file = read_file(name, ReadOptions(unit, rate, scale, columns, separator, decimal, pivot, y_axis, time_unit,
                                            part, run, sensor, until, drop, jumps))
         recording = cls(file.time, file.angle, Path(name).name, tuple(file.notes), rate=file.rate, force=file.force,
-                        mount=file.mount, displaced=file.displaced, radius=file.radius)
+                        mount=file.mount, displaced=file.displaced, radius=file.radius, error=file.error)
         recording = recording if release is None else recording.released(release)
         return recording if zero is None else recording.centred(zero * file.unit)
 
@@ -366,9 +368,10 @@ def part_of(
 
     ``before`` is the time [s] that becomes 0, and ``changes`` are other attributes.
     """
-    rate, force = (None if own is None else own[keep] for own in (recording.rate, recording.force))
+    rate, force, error = (None if own is None else own[keep]
+                          for own in (recording.rate, recording.force, recording.error))
     return replace(recording, time=recording.time[keep] - before, angle=recording.angle[keep], rate=rate, force=force,
-                   notes=(*recording.notes, note), **changes)  # type: ignore[arg-type]
+                   error=error, notes=(*recording.notes, note), **changes)  # type: ignore[arg-type]
 
 
 def with_readings(recording: Recording, readings: FloatArray, angle: FloatArray) -> Recording:

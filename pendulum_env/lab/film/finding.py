@@ -1,0 +1,293 @@
+"""Find the bob without help: what moves to and fro with one period along one arc before a still background.
+
+1. *Background*: the median of frames spread over the first part of the film (at most 600 frames, made smaller).
+2. *Spots*: connected pixels that differ from it by more than noise and by more than they usually do. A spot's place is
+   the middle of the widest disc in it (distance transform, Borgefors 1986), so that a rod or a wire does not move it.
+3. *Paths*: spots linked from frame to frame, each to the nearest place that its velocity predicts.
+4. *Swings*: paths whose place is c + (a + a' t) cos(w t) + (b + b' t) sin(w t), with harmonics for the arc's height. The
+   frequency is scanned. Each swing then takes all spots that are where it predicts the bob, also behind gaps.
+5. *Rank*: share of the frames, times contrast, times width: shadows and reflections are fainter than what throws them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pendulum_env.lab.checked import FloatArray, RecordingError
+from pendulum_env.lab.film.frames import Film, Picture, packages
+
+_FRAMES, _PIXELS, _RATE = 600, 200_000, 32.0  # at most so many frames of so many pixels, about so many per second
+_KEPT = 48  # frames that are kept at full size
+_SLOWEST, _FASTEST = 0.1, 6.0  # frequencies of a pendulum [Hz]
+_SPOTS = 24  # the largest spots of a frame
+_LEAST = 12  # spots of a path
+_EXPLAINED = 0.85  # least share of a path's variance that a swing explains
+
+
+class Sample(NamedTuple):
+    """The first part of a film: numbers, times [s] and small pictures of its frames, and some at full size.
+
+    ``scale`` is the size of a small picture's pixel; ``kept`` are the places of the full pictures among the small ones.
+    """
+
+    times: FloatArray
+    small: NDArray[np.uint8]
+    scale: float
+    kept: list[int]
+    full: list[Picture]
+
+
+@dataclass(frozen=True)
+class Swing:
+    """What moves to and fro: seen ``x``, ``y`` [pixels] at ``times`` [s], with half ``width`` and ``contrast``.
+
+    Attributes:
+        omega: angular frequency [rad/s].
+        share: share of the sampled frames in which it was seen.
+        rank: by which swings are ordered.
+    """
+
+    times: FloatArray
+    x: FloatArray
+    y: FloatArray
+    omega: float
+    width: float
+    contrast: float
+    share: float
+    rank: float
+
+    @property
+    def reach(self) -> float:
+        """Half the distance between the ends of the arc [pixels]."""
+        return 0.5 * float(np.hypot(np.ptp(self.x), np.ptp(self.y)))
+
+    def in_words(self) -> str:
+        """Return period and place of the swing as a text."""
+        return (f"{math.tau / self.omega:.3g} s, {2 * self.reach:.0f} pixels wide about "
+                f"({np.median(self.x):.0f}, {np.median(self.y):.0f})")
+
+
+def sampled(film: Film, tell: Callable[[float, str], None]) -> Sample:
+    """Return the first part of a film, small."""
+    cv = packages()[1]
+    width, height = film.size
+    scale = max(1.0, math.sqrt(width * height / _PIXELS))
+    size = (round(width / scale), round(height / scale))
+    every = max(1, round(1.0 / (film.step * _RATE)))
+    expected = min(film.count // every, _FRAMES)
+    apart = max(1, expected // _KEPT)
+    times, small, kept, full = [], [], [], []
+    for number, (_, time, picture) in enumerate(film.frames()):
+        if number % every:
+            continue
+        if len(small) == _FRAMES:
+            break
+        if len(small) % apart == apart // 2 and len(full) < 2 * _KEPT:
+            kept.append(len(small))
+            full.append(picture.copy())
+        times.append(time)
+        small.append(cv.resize(picture, size, interpolation=cv.INTER_AREA) if scale > 1.0 else picture.copy())
+        if not len(small) % 20:
+            tell(len(small) / max(expected, len(small)), "finding the bob")
+    if len(small) < _LEAST:
+        raise RecordingError(f"{film.name}: expected a film of at least {_LEAST} frames, found {len(small)}")
+    return Sample(np.array(times), np.array(small), width / size[0], kept, full)
+
+
+def gains(pictures: NDArray[np.uint8], background: FloatArray) -> FloatArray:
+    """Return the brightness of each picture relative to the background: the median of the ratios of their pixels."""
+    part = np.maximum(background[::3, ::3], 1.0)
+    return np.array([np.median(one[::3, ::3] / part) for one in pictures])
+
+
+class Spots(NamedTuple):
+    """Spots of all frames, an array each: frame, x, y [small pixels], half width, and difference from the background.
+    """
+
+    frame: NDArray[np.intp]
+    x: FloatArray
+    y: FloatArray
+    width: FloatArray
+    contrast: FloatArray
+
+
+def spots_of(difference: NDArray[np.float32], level: NDArray[np.float32] | float) -> list[tuple[float, ...]]:
+    """Return x, y, half width and mean difference of the spots of a picture whose size is beyond ``level``."""
+    cv = packages()[1]
+    mask = (np.abs(difference) > level).astype(np.uint8)
+    count, labels, stats, _ = cv.connectedComponentsWithStats(mask, connectivity=8)
+    if count < 2:
+        return []
+    inside = cv.distanceTransform(cv.copyMakeBorder(mask, 1, 1, 1, 1, cv.BORDER_CONSTANT), cv.DIST_L2, 5)[1:-1, 1:-1]
+    found = []
+    order = np.argsort(stats[1:, cv.CC_STAT_AREA])[::-1][:_SPOTS] + 1
+    for label in order.tolist():
+        left, top, across, along, area = stats[label].tolist()
+        if area < 4:
+            break
+        box = (slice(top, top + along), slice(left, left + across))
+        own = labels[box] == label
+        depth = np.where(own, inside[box], 0.0)
+        most = float(depth.max())
+        weight = np.where(depth >= 0.7 * most, depth, 0.0)
+        total = float(weight.sum())
+        rows, columns = np.nonzero(weight)
+        values = weight[rows, columns]
+        found.append((left + float(columns @ values) / total, top + float(rows @ values) / total, most,
+                      float(difference[box][own].mean())))
+    return found
+
+
+def seen(film: Film, sample: Sample) -> Spots:
+    """Return the spots of a sample's frames that differ from its background.
+
+    Raises RecordingError if so much differs that the camera must have moved.
+    """
+    cv = packages()[1]
+    small = sample.small
+    background = np.median(small[:: max(1, len(small) // 60)], axis=0).astype(np.float32)
+    gain = gains(small, background)
+    usual = np.median(np.abs(small[:: max(1, len(small) // 60)].astype(np.float32)
+                             - background * gain[:: max(1, len(small) // 60), None, None]), axis=0).astype(np.float32)
+    noise = 1.48 * float(np.median(usual[::2, ::2]))
+    level = np.maximum(3.5 * 1.48 * cv.blur(usual, (3, 3)), max(2.5, 3.0 * noise)).astype(np.float32)
+    rows, crowded = [], 0
+    for k, picture in enumerate(small):
+        difference = cv.GaussianBlur(picture.astype(np.float32) - np.float32(gain[k]) * background, (3, 3), 0.8)
+        crowded += bool((np.abs(difference[::2, ::2]) > level[::2, ::2]).mean() > 0.4)
+        rows += [(k, *spot) for spot in spots_of(difference, level)]
+    if crowded > 0.5 * len(small):
+        raise RecordingError(f"{film.name}: most of the picture changes all the time, as when the camera moves; put it "
+                             "on a stand, or lay it on a table")
+    table = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    return Spots(table[:, 0].astype(np.intp), table[:, 1], table[:, 2], table[:, 3], table[:, 4])
+
+
+def paths_of(spots: Spots, times: FloatArray) -> list[NDArray[np.intp]]:
+    """Return paths, each the indices of the spots that one thing made, by nearest predicted place."""
+    by_frame = np.searchsorted(spots.frame, np.arange(len(times) + 1))
+    active: list[list[int]] = []
+    done: list[list[int]] = []
+    for k in range(len(times)):
+        here = np.arange(by_frame[k], by_frame[k + 1])
+        free = set(here.tolist())
+        if active and len(here):
+            ends = [path[-1] for path in active]
+            before = [path[-2] if len(path) > 1 else path[-1] for path in active]
+            gap = times[k] - times[spots.frame[ends]]
+            span = np.maximum(times[spots.frame[ends]] - times[spots.frame[before]], 1e-9)
+            ahead = np.where(np.array(ends) == np.array(before), 0.0, gap / span)
+            px = spots.x[ends] + (spots.x[ends] - spots.x[before]) * ahead
+            py = spots.y[ends] + (spots.y[ends] - spots.y[before]) * ahead
+            speed = np.hypot(px - spots.x[ends], py - spots.y[ends])
+            room = 0.5 * speed + 2.0 * spots.width[ends] + 3.0
+            far = np.hypot(px[:, None] - spots.x[here], py[:, None] - spots.y[here]) / room[:, None]
+            far += 0.5 * np.abs(np.log(np.maximum(spots.width[here], 0.5) / np.maximum(spots.width[ends], 0.5)[:, None]))
+            for place in np.argsort(far, axis=None)[: 4 * len(here)].tolist():
+                i, j = divmod(place, len(here))
+                if far[i, j] > 1.0:
+                    break
+                if int(here[j]) in free and active[i][-1] < by_frame[k]:
+                    active[i].append(int(here[j]))
+                    free.discard(int(here[j]))
+        waiting = [path for path in active if k - spots.frame[path[-1]] <= 3]
+        done += [path for path in active if k - spots.frame[path[-1]] > 3]
+        active = [*waiting, *([spot] for spot in sorted(free))]
+    return [np.array(path, dtype=np.intp) for path in (*done, *active) if len(path) >= _LEAST]
+
+
+def basis(times: FloatArray, omega: float, harmonics: int = 1) -> FloatArray:
+    """Return the columns 1, cos, sin, t cos, t sin of a swing, and cos and sin of the further harmonics."""
+    phase = omega * times
+    columns = [np.ones_like(times), np.cos(phase), np.sin(phase), times * np.cos(phase), times * np.sin(phase)]
+    for n in range(2, harmonics + 1):
+        columns += [np.cos(n * phase), np.sin(n * phase)]
+    return np.stack(columns, axis=1)
+
+
+def frequency(times: FloatArray, place: FloatArray) -> tuple[float, float]:
+    """Return the angular frequency [rad/s] of a swing through places along a line, and the share that it explains."""
+    span = float(np.ptp(times))
+    step = float(np.median(np.diff(times)))
+    own = place - place.mean()
+    total = float(own @ own)
+    least, most = max(_SLOWEST, 0.9 / span), min(_FASTEST, 0.35 / step)
+    if not total > 0.0 or least >= most:
+        return 0.0, 0.0
+
+    def left(f: float) -> float:
+        table = basis(times - times.mean(), math.tau * f)
+        rest = own - table @ np.linalg.lstsq(table, own, rcond=None)[0]
+        return float(rest @ rest)
+
+    grid = np.arange(least, most, 0.2 / span)
+    table = [left(float(f)) for f in grid]
+    best = float(grid[int(np.argmin(table))])
+    fine = np.linspace(max(best - 0.2 / span, least), best + 0.2 / span, 17)
+    rest = [left(float(f)) for f in fine]
+    return math.tau * float(fine[int(np.argmin(rest))]), 1.0 - min(rest) / total
+
+
+def swings(film: Film, sample: Sample, tell: Callable[[float, str], None]) -> list[Swing]:
+    """Return what swings in a film's first part, the best first; RecordingError if nothing does."""
+    spots, times = seen(film, sample), sample.times
+    found: list[Swing] = []
+    taken = np.zeros(len(spots.frame), dtype=bool)
+    paths = sorted(paths_of(spots, times), key=len, reverse=True)
+    for path in paths[:40]:
+        if taken[path].mean() > 0.5:
+            continue
+        grown = _grown(path, spots, times)
+        if grown is None:
+            continue
+        path, omega = grown
+        if taken[path].mean() > 0.5:
+            continue
+        taken[path] = True
+        scale = sample.scale
+        share = len(path) / len(times)
+        width, contrast = float(np.median(spots.width[path])), float(np.median(np.abs(spots.contrast[path])))
+        x, y = (scale * (place[path] + 0.5) - 0.5 for place in (spots.x, spots.y))
+        reach = float(np.hypot(np.ptp(x), np.ptp(y)))
+        if reach < 4.0 or share < 0.15:
+            continue
+        found.append(Swing(times[spots.frame[path]], x, y, omega, scale * width, contrast, share,
+                           share * contrast * math.sqrt(width)))
+    return sorted(found, key=lambda one: one.rank, reverse=True)
+
+
+def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDArray[np.intp], float] | None:
+    """Return all spots of the swing that a path belongs to, and its angular frequency; None if it is no swing."""
+    middle = times.mean()
+    best = None
+    for turn in range(4):
+        t = times[spots.frame[path]] - middle
+        points = np.stack([spots.x[path], spots.y[path]], axis=1)
+        centred = points - points.mean(axis=0)
+        axis = np.linalg.svd(centred, full_matrices=False)[2][0]
+        omega, explained = frequency(t, centred @ axis)
+        if explained < _EXPLAINED:
+            return best if turn > 1 else None
+        harmonics = 2 if len(path) > 30 and np.ptp(t) * omega > 9.0 else 1
+        solution = np.linalg.lstsq(basis(t, omega, harmonics), points, rcond=None)[0]
+        size = float(np.ptp(centred @ axis))
+        rest = np.hypot(*(points - basis(t, omega, harmonics) @ solution).T)
+        gate = max(1.5, 5.0 * float(np.median(rest)), (0.25, 0.12, 0.06, 0.06)[turn] * size)
+        where = basis(times - middle, omega, harmonics) @ solution
+        near = np.hypot(spots.x - where[spots.frame, 0], spots.y - where[spots.frame, 1])
+        alike = spots.width > 0.4 * np.median(spots.width[path])
+        near = np.where(alike & (np.sign(spots.contrast) == np.sign(np.median(spots.contrast[path]))), near, np.inf)
+        order = np.lexsort((near, spots.frame))
+        first = order[np.unique(spots.frame[order], return_index=True)[1]]
+        inside = first[near[first] < gate]
+        if len(inside) < _LEAST:
+            return None
+        path = inside
+        best = (path, omega)
+    return best

@@ -1,0 +1,434 @@
+"""Track the bob of a film: places in every frame, angles with errors, and a verdict in plain words."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pendulum_env.common.progress import Progress, part_of, with_bar
+from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.tables import Table
+from pendulum_env.lab.checked import FloatArray, RecordingError, file_name, numbers, one_number
+from pendulum_env.lab.film.finding import Sample, Swing, basis, gains, sampled, spots_of, swings
+from pendulum_env.lab.film.frames import CHANNELS, Film, Picture
+from pendulum_env.lab.film.geometry import alone, angles_of, calibrated, rest_of
+from pendulum_env.lab.film.position import Background, Bob, Place, background_of
+from pendulum_env.lab.measures import Measurement
+from pendulum_env.lab.recording import Recording
+from pendulum_env.physics.units import shown
+
+_FINDING = 0.4  # of the progress bar
+_LEAST = 0.3  # least share of the frames that are read
+_FEW = 12  # readings
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FilmTrack(Plotted):
+    """The track of a bob in a film; ``recording`` is what a fit takes, ``print`` shows a verdict.
+
+    Attributes:
+        source: name of the film.
+        time, angle, error: arrays of the readings [s, rad, rad]; angles are from the middle of the swing, positive to
+            the right, and errors standard errors of one reading, without those of the pivot.
+        x, y: arrays of the bob's place in the picture [pixels], from the middle of the pixel at the top left, y down.
+        pivot: (x, y) of the pivot [pixels].
+        radius: distance of the bob from the pivot [pixels], with its error.
+        bob: half the bob's width [pixels].
+        frames: number of frames that were looked at.
+        left_out: number of frames without a reading, by reason.
+        step: usual time between frames [s].
+        even: True if all times between frames are about the same.
+        exposure: time for which each frame was exposed [s], as the streaks of the bob show it.
+        blur: longest streak [pixels].
+        roll: angle [rad] of the swing's middle from straight down in the picture.
+        swings: what swings in the film, in words; the first was followed.
+        notes: one line for each thing that was inferred.
+        complete: False if tracking was interrupted.
+    """
+
+    source: str
+    time: FloatArray
+    angle: FloatArray
+    error: FloatArray
+    x: FloatArray
+    y: FloatArray
+    pivot: tuple[float, float]
+    radius: Measurement
+    bob: float
+    frames: int
+    left_out: dict[str, int]
+    step: float
+    even: bool
+    exposure: float
+    blur: float
+    roll: float
+    swings: tuple[str, ...]
+    notes: tuple[str, ...]
+    complete: bool = True
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.source}, {len(self.time)} readings in {self.frames} frames")
+
+    @property
+    def recording(self) -> Recording:
+        """The track as a recording: times, angles, errors, and notes."""
+        return Recording(self.time, self.angle, self.source, (*self.notes, *self.verdict), radius=self.radius,
+                         error=self.error)
+
+    @property
+    def share(self) -> float:
+        """Share of the frames with a reading."""
+        return len(self.time) / self.frames
+
+    @property
+    def table(self) -> Table:
+        """Table of quantities: frames, rate, readings, error of one, bob, pivot, radius, blur, roll."""
+        rate = f"{1.0 / self.step:.5g} Hz, {'even' if self.even else 'uneven'}"
+        rows = [("frames", f"{self.frames}"), ("frames with a reading", f"{100.0 * self.share:.1f} %"),
+                ("rate", rate), ("error of a reading", f"{math.degrees(float(np.median(self.error))):.2g} degrees, "
+                                 f"{float(np.median(self.error)) * self.radius.value:.2g} pixels"),
+                ("width of the bob", f"{2.0 * self.bob:.3g} pixels"),
+                ("pivot", f"({self.pivot[0]:.1f}, {self.pivot[1]:.1f})"), ("radius", f"{self.radius}"),
+                ("longest streak", f"{self.blur:.2g} pixels"),
+                ("roll of the camera", f"{math.degrees(self.roll):.2f} degrees")]
+        return Table(("quantity", "value"), tuple(rows))
+
+    @property
+    def verdict(self) -> tuple[str, ...]:
+        """Sentences on what was followed, what is missing, and what to do about it."""
+        lines = [f"film: {len(self.time)} readings in {self.frames} frames at {1.0 / self.step:.5g} Hz, error of one "
+                 f"{math.degrees(float(np.median(self.error))):.2g} degrees"]
+        if self.left_out:
+            reasons = ", ".join(f"{count} {why}" for why, count in self.left_out.items())
+            lines.append(f"left out: {reasons}")
+        lines.append(f"followed: what swings with {self.swings[0]}" + (
+            f"; also seen: {'; '.join(self.swings[1:])} (bob= chooses)" if len(self.swings) > 1 else ""))
+        if not self.complete:
+            lines.append(f"interrupted at {self.time[-1]:.4g} s; what was tracked until then is kept")
+        return tuple(lines)
+
+    @property
+    def text(self) -> str:
+        """The verdict and the notes, a line each."""
+        return "\n".join((*self.verdict, *self.notes))
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def track(
+    path: str | os.PathLike[str],
+    *,
+    pivot: Sequence[float] | None = None,
+    bob: Sequence[float] | None = None,
+    length: float | None = None,
+    until: float | None = None,
+    rate: float | None = None,
+    progress: Progress | bool | None = None,
+) -> Recording:
+    """Return the swing of a filmed pendulum as a recording with an error for each angle.
+
+    :func:`follow` describes how, its arguments and errors, and returns the places in the picture, too.
+    """
+    return follow(path, pivot=pivot, bob=bob, length=length, until=until, rate=rate, progress=progress).recording
+
+
+@with_bar("track")
+def follow(
+    path: str | os.PathLike[str],
+    *,
+    pivot: Sequence[float] | None = None,
+    bob: Sequence[float] | None = None,
+    length: float | None = None,
+    until: float | None = None,
+    rate: float | None = None,
+    progress: Progress | bool | None = None,
+) -> FilmTrack:
+    """Follow the bob of a filmed pendulum from frame to frame.
+
+    The bob is found by its motion (:mod:`pendulum_env.lab.film.finding`), placed within a pixel by least squares
+    (:mod:`pendulum_env.lab.film.position`), and its angle measured about the centre of the circle through its places
+    (:mod:`pendulum_env.lab.film.geometry`). Ctrl-C ends the film there; what was tracked is returned.
+
+    Args:
+        path: the film, of any kind that FFmpeg reads.
+        pivot: (x, y) of the pivot [pixels] from the top left, y down; None: the centre of the circle.
+        bob: (x, y) of a place on the bob's way [pixels], which chooses among several things that swing.
+        length: distance of the bob from the pivot [m], for the scale of the picture, which is noted.
+        until: time in the film [s] after which frames are left out.
+        rate: frames per second at which the camera recorded [Hz], for slow motion; None: as the file says.
+        progress: as for other long computations; True shows a bar.
+
+    Raises RecordingError for a file that is no film, if nothing swings in it or the camera moves, if the arc is too
+    short to find its pivot, and if fewer than 30 % of the frames could be read.
+    """
+    tell: Progress = progress  # type: ignore[assignment]
+    name = file_name(path)
+    where = {"pivot": _point(pivot, "pivot"), "bob": _point(bob, "bob")}
+    size = None if length is None else one_number(length, "length", above=0.0, unit="m")
+    film, sample, found = _found(name, rate, until, part_of(tell, 0.0, _FINDING))
+    chosen = _chosen(film, found, where["bob"])
+    bob_, guess = _learned(film, sample, chosen, where["pivot"])
+    read = _Reading(film, bob_, guess)
+    complete = read.all(part_of(tell, _FINDING, 1.0))
+    return _result(film, read, chosen, found, where["pivot"], size, complete)
+
+
+def _point(value: Any, name: str) -> tuple[float, float] | None:
+    """Return a place in the picture as two floats; RecordingError for another value."""
+    if value is None:
+        return None
+    try:
+        point = numbers(value, name)
+    except RecordingError:
+        point = np.empty(0)
+    if point.shape != (2,) or not np.isfinite(point).all():
+        raise RecordingError(f"{name} must be (x, y), two numbers in pixels from the top left, got {shown(value)}")
+    return float(point[0]), float(point[1])
+
+
+def _found(name: str, rate: float | None, until: float | None, tell: Progress) -> tuple[Film, Sample, list[Swing]]:
+    """Return the film in the channel in which something swings, its first part, and what swings there."""
+    for channel in range(len(CHANNELS)):
+        film = Film(name, rate=rate, until=until, channel=channel)
+        sample = sampled(film, tell)
+        if found := swings(film, sample, tell):
+            return film, sample, found
+    raise RecordingError(f"{film.name}: nothing swings to and fro in the film as a pendulum's bob does; the camera must "
+                         "stand still, and the bob be unlike the wall")
+
+
+def _chosen(film: Film, found: list[Swing], bob: tuple[float, float] | None) -> Swing:
+    """Return the swing whose way leads through a place, by default the one of the highest rank."""
+    if bob is None:
+        return found[0]
+    far = [float(np.hypot(one.x - bob[0], one.y - bob[1]).min()) for one in found]
+    best = int(np.argmin(far))
+    if not far[best] < 3.0 * found[best].width + 10.0:
+        ways = "; ".join(one.in_words() for one in found)
+        raise RecordingError(f"{film.name}: nothing swings through bob=({bob[0]:g}, {bob[1]:g}); what swings: {ways}")
+    return found[best]
+
+
+class Guess:
+    """Where the bob is expected: between its known places or, where there are none, by its harmonics."""
+
+    def __init__(self, swing: Swing, pivot: tuple[float, float]) -> None:
+        self.omega, self.pivot = swing.omega, pivot
+        self.times, self.points = swing.times, np.stack([swing.x, swing.y], axis=1)
+        self._fitted: tuple[float, float, FloatArray] | None = None
+        self.own: list[tuple[float, float, float]] = []
+
+    def _harmonic(self, t: float) -> FloatArray:
+        """Return the place by harmonics fitted to the places of the nearest periods."""
+        span = 2.5 * math.tau / self.omega
+        if self._fitted is None or not self._fitted[0] - 0.2 * span <= t <= self._fitted[1]:
+            times, points = self.times, self.points
+            if self.own and t > self.times[-1]:
+                recent = np.array(self.own[-4000:])
+                times, points = recent[:, 0], recent[:, 1:]
+            near = np.abs(times - t) < span
+            if near.sum() < 12:
+                near = np.argsort(np.abs(times - t))[:200]
+            times, points = times[near], points[near]
+            harmonics = 2 if len(times) > 24 else 1
+            middle = float(times.mean())
+            solution = np.linalg.lstsq(basis(times - middle, self.omega, harmonics), points, rcond=None)[0]
+            self._fitted = (t, t + 0.2 * span, np.vstack([np.full((1, 2), middle), solution]))
+        table = self._fitted[2]
+        harmonics = 2 if len(table) > 6 else 1
+        return np.asarray((basis(np.array([t - table[0, 0]]), self.omega, harmonics) @ table[1:])[0])
+
+    def at(self, t: float) -> FloatArray:
+        """Return the place (x, y) [pixels] at a time [s]."""
+        i = int(np.searchsorted(self.times, t))
+        near = 0.15 * math.tau / self.omega
+        if 0 < i < len(self.times) and self.times[i] - self.times[i - 1] < near:
+            share = (t - self.times[i - 1]) / (self.times[i] - self.times[i - 1])
+            return np.asarray(self.points[i - 1] + share * (self.points[i] - self.points[i - 1]))
+        place = self._harmonic(t)
+        if self.own and t > self.times[-1] and t - self.own[-1][0] < near:
+            last = self.own[-1]
+            place = place + np.array(last[1:]) - self._harmonic(last[0])
+        return place
+
+    def speed(self, t: float, step: float) -> float:
+        """Return the speed [pixels/s] at a time [s]."""
+        return float(np.hypot(*(self.at(t + 0.5 * step) - self.at(t - 0.5 * step)))) / step
+
+    def angle(self, x: float, y: float) -> float:
+        """Return the angle [rad] about the pivot, from straight down."""
+        return math.atan2(x - self.pivot[0], y - self.pivot[1])
+
+
+def _rough_pivot(swing: Swing) -> tuple[float, float]:
+    """Return the pivot by the places that were found, or one far above for an arc that is too flat to tell."""
+    from pendulum_env.lab.tracks import fit_circle
+
+    try:
+        circle = fit_circle(swing.x, swing.y)
+    except RecordingError:
+        circle = None
+    if circle is None or not circle.error < 0.3 * circle.radius or not circle.radius < 30.0 * swing.reach:
+        return float(np.median(swing.x)), float(np.median(swing.y)) - 1e6
+    return circle.x, circle.y
+
+
+def _learned(film: Film, sample: Sample, swing: Swing, pivot: tuple[float, float] | None) -> tuple[Bob, Guess]:
+    """Return the bob as it looks, and where it is expected."""
+    guess = Guess(swing, _rough_pivot(swing) if pivot is None else pivot)
+    times = sample.times[sample.kept]
+    places = np.array([guess.at(t) for t in times])
+    speeds = np.array([guess.speed(t, film.step) for t in times])
+    angles = np.array([guess.angle(x, y) for x, y in places])
+    small = np.median(sample.small[:: max(1, len(sample.small) // 60)], axis=0).astype(np.float32)
+    gain = gains(sample.small[sample.kept], small)
+    noise = _noise(sample, small)
+    margin = math.ceil(1.35 * swing.width + 8.0 + 0.5 * speeds.max() * film.step)
+    width, height = film.size
+    box = (max(int(swing.x.min()) - margin, 0), max(int(swing.y.min()) - margin, 0),
+           min(int(swing.x.max()) + margin + 1, width), min(int(swing.y.max()) + margin + 1, height))
+    gx, gy = np.meshgrid(np.arange(box[0], box[2]), np.arange(box[1], box[3]))
+    reach = 1.3 * swing.width + 2.0 + 0.5 * speeds * film.step
+    covered = [np.hypot(gx - x, gy - y) < far for (x, y), far in zip(places, reach, strict=True)]
+    background = background_of(sample.full, gain, covered, noise, box)
+    bob = Bob(background, swing.width, noise)
+    known = np.array([float(np.abs(swing.times - t).min()) < 0.5 * film.step for t in times])
+    pool = np.flatnonzero(known) if known.sum() >= 6 else np.arange(len(times))
+    slow = pool[np.argsort(speeds[pool])[: max(6, len(pool) // 2)]]
+    bob.learn([sample.full[k] for k in slow], gain[slow], places[slow], angles[slow])
+    fast = pool[np.argsort(speeds[pool])[-8:]]
+    if speeds[fast].max() * film.step > 2.0:
+        bob.expose([sample.full[k] for k in fast], places[fast], angles[fast], speeds[fast], film.step)
+    return bob, guess
+
+
+def _noise(sample: Sample, background: FloatArray) -> float:
+    """Return the standard deviation of a full picture's pixels in time [grey levels], at least that of rounding."""
+    pairs = [(a.astype(np.float32) - b)[::3, ::3] for a, b in zip(sample.full[:-1:4], sample.full[1::4], strict=False)]
+    return max(float(np.median([1.48 * np.median(np.abs(one - np.median(one))) for one in pairs])) / math.sqrt(2.0), 0.5)
+
+
+class _Reading:
+    """The readings of a film as they grow: times, places, covariances, shares seen, misfits and streaks."""
+
+    def __init__(self, film: Film, bob: Bob, guess: Guess) -> None:
+        self.film, self.bob, self.guess = film, bob, guess
+        self.stamps: list[float] = []
+        self.rows: list[tuple[float, Place, float] | None] = []
+
+    def all(self, tell: Progress) -> bool:
+        """Read all frames; return False if interrupted by Ctrl-C."""
+        expected, film, guess = self.film.count, self.film, self.guess
+        try:
+            for frame in film.frames():
+                fit = self._one(frame.picture, frame.time)
+                self.stamps.append(frame.time)
+                self.rows.append(None if fit is None else (frame.time, *fit))
+                if fit is not None and 0.85 < fit[0].seen < 1.2:
+                    guess.own.append((frame.time, fit[0].x, fit[0].y))
+                if not len(self.stamps) % 20:
+                    tell(min(len(self.stamps) / expected, 1.0), f"{frame.time:.0f} s")
+        except KeyboardInterrupt:
+            if len(guess.own) < _FEW:
+                raise
+            return False
+        return True
+
+    def _one(self, picture: Picture, time: float) -> tuple[Place, float] | None:
+        """Return the bob's place in a picture and its streak; None where it is not found."""
+        near = self.guess.at(time)
+        streak = self.guess.speed(time, self.film.step) * self.bob.exposure
+        fit = self.bob.place(picture, (float(near[0]), float(near[1])), self.guess.angle(*near), streak)
+        if fit is None or not 0.7 < fit.seen < 1.3:
+            other = self._searched(picture, near)
+            if other is not None:
+                again = self.bob.place(picture, other, self.guess.angle(*other), streak)
+                if again is not None and (fit is None or again.misfit < fit.misfit):
+                    fit = again
+        return None if fit is None else (fit, streak)
+
+    def _searched(self, picture: Picture, near: FloatArray) -> tuple[float, float] | None:
+        """Return the place of the spot that is nearest to where the bob is expected; None if there is none alike."""
+        from pendulum_env.lab.film.frames import packages
+
+        cv, bg, bob = packages()[1], self.bob.background, self.bob
+        height, width = bg.picture.shape
+        part = picture[bg.top : bg.top + height, bg.left : bg.left + width].astype(np.float32)
+        ratio = float(np.median(part[::4, ::4] / np.maximum(bg.picture[::4, ::4], 1.0)))
+        difference = cv.GaussianBlur(part - np.float32(ratio) * bg.picture, (3, 3), 0.8)
+        spots = [one for one in spots_of(difference, max(4.0, 4.0 * bob.noise)) if 0.5 < one[2] / bob.radius < 2.0]
+        if not spots:
+            return None
+        x, y = near[0] - bg.left, near[1] - bg.top
+        best = min(spots, key=lambda one: math.hypot(one[0] - x, one[1] - y))
+        return best[0] + bg.left, best[1] + bg.top
+
+
+def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot: tuple[float, float] | None,
+            length: float | None, complete: bool) -> FilmTrack:
+    """Return the track of the frames that were read, without doubtful ones."""
+    frames, kept = len(read.stamps), [row for row in read.rows if row is not None]
+    few = RecordingError(f"{film.name}: the bob could be read in too few frames ({len(kept)} of {frames}); give bob=(x, y)"
+                         " of a place on its way, or until= the time at which it is out of sight")
+    if len(kept) < max(_FEW, _LEAST * frames):
+        raise few
+    left_out = {"without the bob in full": frames - len(kept)}
+    time = np.array([row[0] for row in kept])
+    places = [row[1] for row in kept]
+    x, y = np.array([one.x for one in places]), np.array([one.y for one in places])
+    covariance = np.array([one.covariance for one in places])
+    seen, misfit = np.array([one.seen for one in places]), np.array([one.misfit for one in places])
+    streaks = np.array([row[2] for row in kept])
+    clear = np.abs(seen - np.median(seen)) < max(0.06, 5.0 * 1.48 * float(np.median(np.abs(seen - np.median(seen)))))
+    clear &= misfit < 2.5 * float(np.median(misfit))
+    left_out["hidden in part"] = int((~clear).sum())
+    keep = np.flatnonzero(clear)
+    if len(keep) < max(_FEW, _LEAST * frames):
+        raise few
+    angles = angles_of(film.name, x[keep], y[keep], covariance[keep], pivot)
+    rest = rest_of(time[keep], angles.angle, angles.error, chosen.omega)
+    error, factor = calibrated(angles.error, rest)
+    off = alone(rest, factor)
+    left_out["off the swing"] = int(off.sum())
+    if off.any():
+        keep = keep[~off]
+        angles = angles_of(film.name, x[keep], y[keep], covariance[keep], pivot)
+        error, factor = calibrated(angles.error, rest_of(time[keep], angles.angle, angles.error, chosen.omega))
+    roll, how = _vertical(film.name, time[keep], angles.angle)
+    steps = np.diff(read.stamps)
+    usual = float(np.median(steps))
+    notes = [f"pivot: ({angles.pivot[0]:.6g}, {angles.pivot[1]:.6g}), " + (
+                 "as given" if pivot is not None else f"centre of the circle through the places (rms {angles.rms:.2g} pixels)"),
+             f"radius: {angles.radius}", f"vertical: {how}"]
+    if film.slower != 1.0:
+        notes.append(f"rate: {1.0 / film.step:g} Hz as given, {film.slower:g} times that of the file")
+    if film.channel:
+        notes.append(f"channel: {CHANNELS[film.channel]}, as nothing swings in the brightness")
+    if length is not None:
+        notes.append(f"scale: {angles.radius.value / length:.6g} pixels per metre, by the given length")
+    if film.broken:
+        notes.append(f"the film ends early: {film.broken}")
+    return FilmTrack(film.name, time[keep], angles.angle - roll, error, x[keep], y[keep], angles.pivot, angles.radius,
+                     read.bob.radius, frames, {why: count for why, count in left_out.items() if count}, usual,
+                     bool(np.ptp(steps) < 0.02 * usual), read.bob.exposure, float(streaks[keep].max()), roll,
+                     tuple(one.in_words() for one in (chosen, *(other for other in found if other is not chosen))),
+                     tuple(notes), complete)
+
+
+def _vertical(name: str, time: FloatArray, angle: FloatArray) -> tuple[float, str]:
+    """Return the angle [rad] of the swing's middle in the picture, and how it was found."""
+    try:
+        middle = Recording(time, angle, name).released().centred()
+    except RecordingError:
+        return 0.0, "straight down in the picture, as there is no swing to and fro"
+    zero = middle.zero or 0.0
+    return zero, f"the middle of the swing, {math.degrees(zero):.3g} degrees from straight down in the picture"
+
+
+Told = Callable[[float, str], None]
