@@ -11,8 +11,8 @@ whole; ``held`` is the share of 95 % intervals that hold the truth.
 
 from __future__ import annotations
 
+import hashlib
 import json
-import math
 import subprocess
 import sys
 import tempfile
@@ -88,22 +88,25 @@ def trackpy(path: str, x: float, y: float, size: float, reach: float) -> list[li
     return [[times[int(k)], float(a), float(b)] for k, a, b in path[["frame", "x", "y"]].to_numpy()]
 
 
-def beside(name: str, film: Path, truth: Any) -> tuple[Any, float]:
-    """Return the marks of another tracker on the same file, and its process's seconds of CPU for each second of film."""
+def beside(name: str, film: Path, truth: Any) -> Any:
+    """Return the marks of another tracker on the same file; its readings of a file are kept."""
     from film_marks import mark
     from venvs import python_of
 
     reach = float(np.max(np.hypot(np.diff(truth.x), np.diff(truth.y)))) * 1.5 + 3.0
     seat = [str(value) for value in (film, truth.x[0], truth.y[0], truth.film.bob, reach)]
     python = python_of(f"films-{name.lower()}", BESIDE[name], Path(".venvs"))
-    run = subprocess.run([python, "-W", "ignore", __file__, "--follow", name.lower(), *seat], capture_output=True, text=True)
-    answer = json.loads(run.stdout.splitlines()[-1]) if run.returncode == 0 else {"rows": [], "cpu": math.nan}
-    if run.returncode:
-        print(f"{name}: {run.stderr.strip().splitlines()[-1]}", file=sys.stderr)
-    rows = np.array(answer["rows"], float).reshape(-1, 3)
+    kept = python.parents[1] / f"{film.stem}-{hashlib.sha256(film.read_bytes()).hexdigest()[:12]}.json"
+    if not kept.exists():
+        run = subprocess.run([python, "-W", "ignore", __file__, "--follow", name.lower(), *seat], capture_output=True,
+                             text=True)
+        if run.returncode:
+            raise RuntimeError(f"{name} failed: {run.stderr.strip().splitlines()[-1]}")
+        kept.write_text(run.stdout.splitlines()[-1])
+    rows = np.array(json.loads(kept.read_text()), float).reshape(-1, 3)
     at = rows[:, 0] * (truth.film.stated / truth.film.fps if truth.film.stated else 1.0)
     angle = np.arctan2(rows[:, 1] - truth.pivot[0], rows[:, 2] - truth.pivot[1])
-    return mark(truth, at, angle), answer["cpu"]
+    return mark(truth, at, angle)
 
 
 def main() -> None:
@@ -140,7 +143,7 @@ def main() -> None:
                          f"{1e3 * own.claimed:.2f}", f"{own.held:.1%}", f"{own.scale - 1.0:+.1e}",
                          f"{own.period - 1.0:+.1e}"]
             for name in others:
-                marks, _ = beside(name, path, truth)
+                marks = beside(name, path, truth)
                 cells += [f"{marks.found:.1%}", f"{1e3 * marks.scatter:.2f}" if marks.found else "-"]
             line([film.name, *cells])
             path.unlink()
@@ -166,6 +169,6 @@ if __name__ == "__main__":
     if "--follow" in sys.argv:
         name, path, *numbers = sys.argv[2:]
         rows = {"csrt": csrt, "trackpy": trackpy}[name](path, *map(float, numbers))
-        print(json.dumps({"rows": rows, "cpu": time.process_time()}))
+        print(json.dumps(rows))
     else:
         main()
