@@ -35,6 +35,8 @@ def faults(marks: Marks, film: Film, said: float) -> list[str]:
         found.append(f"scale off by {marks.scale - 1.0:.1e}, claimed {said:.1e}")
     if not abs(marks.offset) <= max(3.0 * marks.claimed, 1e-3):
         found.append(f"offset {marks.offset:.1e}")
+    if not abs(marks.early) <= max(0.5 * film.readout, 3e-4):
+        found.append(f"{marks.early:.1e} s early")
     if not abs(marks.period - 1.0) <= PERIOD:
         found.append(f"period off by {marks.period - 1.0:.1e}")
     return found

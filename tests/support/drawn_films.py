@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter
-
 from virtual_swings import GRAVITY, swing
 
 Array = NDArray[np.float64]
@@ -332,9 +331,10 @@ class Stage:
                     Layer(fixed(x, 0.22 * height), fixed(x, 0.24 * height), 0.1 * width, SKIN)]
             (behind if film.walker == "behind" else front).extend(body)
         if film.shadow:
-            behind.append(Layer(bob + (46.0, 18.0), bob + (46.0, 18.0), film.bob * 1.15, (20.0, 128.0, 128.0),
+            cast = np.array([46.0, 18.0])
+            behind.append(Layer(bob + cast, bob + cast, film.bob * 1.15, (20.0, 128.0, 128.0),
                                 film.shadow))
-            behind.append(Layer(foot + (46.0, 18.0), bob + (46.0, 18.0), film.thread, (20.0, 128.0, 128.0),
+            behind.append(Layer(foot + cast, bob + cast, film.thread, (20.0, 128.0, 128.0),
                                 0.5 * film.shadow))
         if film.mirror:
             line = height - 75.0
@@ -349,12 +349,12 @@ class Stage:
         behind.append(Layer(foot, bob, film.thread, film.thread_colour))
         if film.hand:
             gone = max(t - film.hand, 0.0)
-            hand = bob if gone == 0.0 else (
-                seen_at(film, self.angle(np.full(parts, film.hand - 1e-6))) + moved - (220.0 * gone + 90.0 * gone**2, 0.0))
-            fingers = hand + (-0.45 * film.bob, 4.0)
+            left = seen_at(film, self.angle(np.full(parts, film.hand - 1e-6))) + moved
+            hand = bob if gone == 0.0 else left - np.array([220.0 * gone + 90.0 * gone**2, 0.0])
+            fingers = hand + np.array([-0.45 * film.bob, 4.0])
+            elbow = np.stack([0.0 * fingers[:, 0] - 60.0, fingers[:, 1] + 60.0], axis=1)
             front.append(Layer(fingers - (6.0, 0.0), fingers, 0.9 * film.bob + 10.0, SKIN))
-            front.append(Layer(np.stack([0.0 * fingers[:, 0] - 60.0, fingers[:, 1] + 60.0], axis=1), fingers - (16.0, 0.0),
-                               0.8 * film.bob + 12.0, (120.0, 150.0, 110.0)))
+            front.append(Layer(elbow, fingers - (16.0, 0.0), 0.8 * film.bob + 12.0, (120.0, 150.0, 110.0)))
         if film.stand:
             at = film.pivot[0] + 0.45 * film.radius * math.sin(math.radians(film.amplitude))
             front.append(Layer(fixed(at, -20.0), fixed(at, height + 20.0), film.stand, WOOD))
@@ -457,8 +457,8 @@ def encode(path: Path, frames: Iterator[NDArray[np.uint8]], time: Array, film: F
 
         import imageio_ffmpeg
 
-        subprocess.run([imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", "-display_rotation", str(-film.turned), "-i",
-                        str(plain), "-c", "copy", str(path)], check=True)
+        flag = ["-display_rotation", str(-film.turned), "-i", str(plain), "-c", "copy", str(path)]
+        subprocess.run([imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *flag], check=True)
         plain.unlink()
 
 
@@ -470,8 +470,8 @@ def write(film: Film, folder: Path) -> Truth:
              "amplitude": math.radians(film.amplitude), "options": film.options, "refusal": film.refusal or None,
              "first_bob": truth.first_bob, "film": asdict(film)}
     (folder / f"{film.name}.json").write_text(json.dumps(facts, indent=1))
-    rows = {name: getattr(truth, name) for name in ("time", "angle", "x", "y", "visible", "free", "fine_time", "fine_angle")}
-    np.savez_compressed(folder / f"{film.name}.npz", **rows)
+    rows = ["time", "angle", "x", "y", "visible", "free", "fine_time", "fine_angle"]
+    np.savez_compressed(folder / f"{film.name}.npz", **{name: getattr(truth, name) for name in rows})
     return truth
 
 
