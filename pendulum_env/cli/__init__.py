@@ -25,8 +25,8 @@ from pendulum_env.common.version import __version__, sources
 
 NAME = "lab-pendulum"
 """Name of the program."""
-COMMANDS = ("compare", "cost", "demo", "auto", "acquire", "track", "fit", "measure", "exercise", "show", "stress", "effects",
-            "section", "code", "web", "record", "list")
+COMMANDS = ("compare", "cost", "demo", "auto", "acquire", "track", "fit", "measure", "exercise", "show", "stress",
+            "effects", "section", "code", "web", "record", "list")
 """Every command, in the order of the help: the function of this name in the module of this name, which is imported only
 when the command is run."""
 

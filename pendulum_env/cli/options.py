@@ -216,7 +216,7 @@ def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) 
         words[name] = marks().get(value, value)
     if isinstance(words.get("scale"), str):
         words["scale"] = quotient(words["scale"])
-    words |= {name: _parts(words[name]) for name in LISTS if isinstance(words.get(name), str)}
+    words |= {name: parts(words[name]) for name in LISTS if isinstance(words.get(name), str)}
     if file is None:
         raise SceneError("--read needs a recording; give a file.")
     if film:
@@ -325,7 +325,7 @@ def named(word: str) -> str:
     return next((name for name, mark in marks().items() if mark == word), word)
 
 
-def _parts(value: Any) -> Any:
+def parts(value: Any) -> Any:
     """Return numbers and names separated by commas as a list, whole numbers as ints; other texts, such as
     "time=2,angle=5", unchanged."""
 

@@ -37,7 +37,7 @@ def track(
     with bar("track") as progress:
         found = follow(file, **place, length=length, until=until, rate=rate,
                        progress=lambda done, text: progress(done if no_film else 0.7 * done, text))
-        paths = write(found, file, out, film=not no_film,
+        paths = write(found, file, out, filmed=not no_film,
                       progress=lambda done, text: progress(0.7 + 0.3 * done, text))
     print_table(found.table, f"the track in {found.source}")
     print_text(found.text)

@@ -41,6 +41,8 @@ TIME_UNITS = {name: unit.size for name, unit in TIME.units.items()}
 _PIXELS = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:px|pixels?)\s*(?:per|/|a)\s*(mm|cm|m)(?:et(?:re|er)s?)?(?![a-z])",
                      re.IGNORECASE)
 """Scale of a track in a header line, such as "480 pixels per metre"."""
+_ERROR = re.compile(r"(?:angle )?error\b", re.IGNORECASE)
+"""Title of the errors of the angles, in their unit."""
 BENCH = (0.2, 20.0)
 """Periods of pendulums on a bench [s], of 1 cm to 100 m."""
 _BACK, _LEAST = 3, 300  # times that go back so often or less, once in so many readings or more, are dropped
@@ -107,7 +109,8 @@ class FileReadings(NamedTuple):
 
     ``rate``: the angular velocities [rad/s] from which the angles were integrated; ``force``: the specific forces
     [m/s²] from which they were estimated, and ``mount`` that of the accelerometer; None if the file holds angles.
-    ``displaced``: True if it holds a displacement; ``radius``: that of a track, [m] if its unit is known.
+    ``displaced``: True if it holds a displacement; ``radius``: that of a track, [m] if its unit is known; ``error``:
+    the standard errors of the angles [rad], if a column beside them has these.
     """
 
     time: FloatArray
@@ -131,7 +134,8 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
     layout = layout_of(table, options.columns, options.rate is not None)
     if reason := useless(options, layout, table):
         raise RecordingError(f"{name}: {reason}")
-    values, marks = table.values(layout.values, layout.expected)
+    beside = _errors(table, layout)
+    values, marks = table.values((*layout.values, *beside), layout.expected)
     time, timing = _times(table, layout, options.rate, options.time_unit, values)
     notes = [*origin, *table.notes, *marks, *layout.notes, *timing]
     time, values, dropped = _increasing(table, time, values)
@@ -174,10 +178,12 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
             _refuse_other_numbers(table, layout, values[:, 0], unit)
         notes.append(f"unit: {unit}, {why}")
         angle = values[:, 0] * UNITS[unit]
+    error = np.abs(values[:, -1] * UNITS[unit] * options.scale) if beside else None
     if not layout.track and not layout.length:
         time, angle, lost = _without_lost(time, angle)
         notes += lost
         gaps = hidden_in(time, angle) if lost else gaps
+        error = None if lost else error
     angle, turns = _unwrapped(angle, gaps, by_track=layout.track)
     notes += turns
     if direct:
@@ -190,7 +196,16 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
         notes.append(f"scale: angle multiplied by {options.scale:g}")
     displaced = bool(layout.length and options.unit is None)
     return FileReadings(time, angle * options.scale, notes, UNITS[unit] * options.scale, displaced=displaced,
-                        radius=radius)
+                        radius=radius, error=error)
+
+
+def _errors(table: TextTable, layout: ColumnLayout) -> tuple[int, ...]:
+    """Return the column with the error of each angle, as of a filmed bob, in a tuple; () if there is none."""
+    titles = [" ".join(title) for title in table.titles]
+    if len(layout.values) != 1 or layout.rate or layout.force or layout.length or not ANGLE.names(
+            titles[layout.values[0]]):
+        return ()
+    return tuple(i for i, title in enumerate(titles) if _ERROR.match(title))[:1]
 
 
 def useless(options: ReadOptions, layout: ColumnLayout, table: TextTable) -> str:

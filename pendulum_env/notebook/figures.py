@@ -67,6 +67,7 @@ FIGURES: Mapping[str, Mapping[str, Draw] | Callable[[Any], Mapping[str, Draw]]] 
     "Transfer": {"costs": of("transfer", "draw")},
     "LabSheet": {"swing": of("swing", "measured")},
     "Recording": {"angle": of("swing", "readings")},
+    "FilmTrack": {"track": of("filmed", "draw")},
 }
 """Class of result -> kind of figure -> function that draws it; or a function that returns its kinds."""
 

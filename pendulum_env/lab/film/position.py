@@ -12,7 +12,6 @@ with the residual s² of that picture, as for any least squares.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -162,10 +161,12 @@ class Bob:
             self._blurred[key] = (images[0], images[1])
         return (*self._blurred[key], reach)
 
-    def place(self, picture: Picture, near: tuple[float, float], angle: float, streak: float) -> Place | None:
+    def place(self, picture: Picture, near: tuple[float, float], angle: float, streak: float,
+              curved: float = 0.0) -> Place | None:
         """Return the place of the bob near a place in a picture; None where it does not fit or leaves the picture.
 
-        ``angle`` [rad] is that of the rod, and ``streak`` what the bob moves during the exposure [pixels].
+        ``angle`` [rad] is that of the rod, ``streak`` what the bob moves during the exposure [pixels], and ``curved``
+        the reciprocal of its arc's radius: the middle of a streak is ``streak² curved / 24`` above the arc.
         """
         opacity, light, reach = self.smeared(streak)
         c, s = math.cos(angle), math.sin(angle)
@@ -233,7 +234,8 @@ class Bob:
         left, top = self.half + 0.5 * streak * abs(c), self.radius
         if not (bg.left + 0.6 * top <= x <= bg.left + width - 0.6 * top and bg.top + 0.6 * top <= y <= bg.top + height - 0.6 * top):
             return None
-        return Place(x, y, covariance, seen, math.sqrt(chi2))
+        sagitta = streak * streak * curved / 24.0
+        return Place(x + s * sagitta, y + c * sagitta, covariance, seen, math.sqrt(chi2))
 
     def _sloped(self, image: Image, u: Image, v: Image) -> tuple[Image, Image, Image]:
         """Return an image of the bob's frame and its slopes along u and v, at places; 0 outside."""
@@ -265,6 +267,3 @@ class Bob:
             share += 0.1 * 0.5 * float((a - c) / max(a - 2 * b + c, 1e-12))
         self.exposure = share * frame
         return self.exposure
-
-
-Follow = Callable[[Place | None], None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +48,9 @@ class FilmTrack(Plotted):
         roll: angle [rad] of the swing's middle from straight down in the picture.
         swings: what swings in the film, in words; the first was followed.
         notes: one line for each thing that was inferred.
+        picture: a frame of the film in grey, for figures.
+        rate: frames per second that were given [Hz]; None: by the time stamps of the file.
+        end: time of the last frame that was looked at [s].
         complete: False if tracking was interrupted.
     """
 
@@ -69,6 +72,9 @@ class FilmTrack(Plotted):
     roll: float
     swings: tuple[str, ...]
     notes: tuple[str, ...]
+    picture: Picture
+    rate: float | None
+    end: float
     complete: bool = True
 
     def __repr__(self) -> str:
@@ -176,7 +182,7 @@ def follow(
     bob_, guess = _learned(film, sample, chosen, where["pivot"])
     read = _Reading(film, bob_, guess)
     complete = read.all(part_of(tell, _FINDING, 1.0))
-    return _result(film, read, chosen, found, where["pivot"], size, complete)
+    return _result(film, read, chosen, found, where["pivot"], size, complete, sample.full[len(sample.full) // 2], rate)
 
 
 def _point(value: Any, name: str) -> tuple[float, float] | None:
@@ -265,6 +271,10 @@ class Guess:
         """Return the angle [rad] about the pivot, from straight down."""
         return math.atan2(x - self.pivot[0], y - self.pivot[1])
 
+    def curved(self, x: float, y: float) -> float:
+        """Return the reciprocal of the distance from the pivot [1/pixel]."""
+        return 1.0 / max(math.hypot(x - self.pivot[0], y - self.pivot[1]), 1.0)
+
 
 def _rough_pivot(swing: Swing) -> tuple[float, float]:
     """Return the pivot by the places that were found, or one far above for an arc that is too flat to tell."""
@@ -344,11 +354,12 @@ class _Reading:
         """Return the bob's place in a picture and its streak; None where it is not found."""
         near = self.guess.at(time)
         streak = self.guess.speed(time, self.film.step) * self.bob.exposure
-        fit = self.bob.place(picture, (float(near[0]), float(near[1])), self.guess.angle(*near), streak)
+        fit = self.bob.place(picture, (float(near[0]), float(near[1])), self.guess.angle(*near), streak,
+                             self.guess.curved(*near))
         if fit is None or not 0.7 < fit.seen < 1.3:
             other = self._searched(picture, near)
             if other is not None:
-                again = self.bob.place(picture, other, self.guess.angle(*other), streak)
+                again = self.bob.place(picture, other, self.guess.angle(*other), streak, self.guess.curved(*other))
                 if again is not None and (fit is None or again.misfit < fit.misfit):
                     fit = again
         return None if fit is None else (fit, streak)
@@ -371,7 +382,7 @@ class _Reading:
 
 
 def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot: tuple[float, float] | None,
-            length: float | None, complete: bool) -> FilmTrack:
+            length: float | None, complete: bool, picture: Picture, rate: float | None) -> FilmTrack:
     """Return the track of the frames that were read, without doubtful ones."""
     frames, kept = len(read.stamps), [row for row in read.rows if row is not None]
     few = RecordingError(f"{film.name}: the bob could be read in too few frames ({len(kept)} of {frames}); give bob=(x, y)"
@@ -418,7 +429,7 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
                      read.bob.radius, frames, {why: count for why, count in left_out.items() if count}, usual,
                      bool(np.ptp(steps) < 0.02 * usual), read.bob.exposure, float(streaks[keep].max()), roll,
                      tuple(one.in_words() for one in (chosen, *(other for other in found if other is not chosen))),
-                     tuple(notes), complete)
+                     tuple(notes), picture, rate, read.stamps[-1], complete)
 
 
 def _vertical(name: str, time: FloatArray, angle: FloatArray) -> tuple[float, str]:
@@ -429,6 +440,3 @@ def _vertical(name: str, time: FloatArray, angle: FloatArray) -> tuple[float, st
         return 0.0, "straight down in the picture, as there is no swing to and fro"
     zero = middle.zero or 0.0
     return zero, f"the middle of the swing, {math.degrees(zero):.3g} degrees from straight down in the picture"
-
-
-Told = Callable[[float, str], None]
