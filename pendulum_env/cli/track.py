@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from pendulum_env.cli import options
-from pendulum_env.cli.console import bar, print_files, print_table, print_text
+from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable
 
 
 def track(
@@ -46,7 +46,7 @@ def track(
         from pendulum_env.bench.film_page import serve
 
         found, given = serve(file, open_browser=browser, **given)
-        print_text(f"Without the page: {_command(file, given)}")
+        print(printable(f"Without the page: {_command(file, given)}"))  # in one line, to be copied
     with bar("track") as progress:
         if not page:
             found = follow(file, **given, progress=lambda done, text: progress(finding * done, text))

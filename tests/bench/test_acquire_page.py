@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +20,8 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from in_browser import Opened, until, visited
+from asked_pages import asked, ordered, when
+from in_browser import OVERLAPPING, SMALLEST, Opened, until, visited
 
 from pendulum_env import SCENES, Recording, rollout
 from pendulum_env.bench.page import Served, document, served
@@ -82,39 +83,6 @@ def steady(tmp_path: Path) -> Iterator[Served]:
     """A page of the steady source, whose name and file are hostile."""
     with served(Steady(), out=tmp_path / f"{HOSTILE.replace('/', '')}.csv") as page:
         yield page
-
-
-def asked(
-    page: Served | SimpleNamespace, path: str = "", method: str = "GET", body: bytes | None = None, **headers: str,
-) -> tuple[int, bytes]:
-    """Ask the page's server; headers are named with underscores, and ``path`` stands for what follows the token."""
-    parts = urlsplit(page.address)
-    connection = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=60)
-    own = {name.replace("_", "-"): value for name, value in headers.items()}
-    try:
-        connection.request(method, path if path.startswith("/") else parts.path + path, body, own)
-        answer = connection.getresponse()
-        return answer.status, answer.read()
-    finally:
-        connection.close()
-
-
-def ordered(page: Served | SimpleNamespace, what: str, **wanted: Any) -> dict[str, Any]:
-    """Give an order as the page does; returns the answer."""
-    body = json.dumps({"what": what, **wanted}).encode()
-    origin = page.address[:page.address.rindex("/", 0, -1)]
-    code, text = asked(page, "do", "POST", body, Content_Type="application/json", Origin=origin)
-    assert code == 200, text
-    return dict(json.loads(text))
-
-
-def when(true: Callable[[], Any], seconds: float = 20.0) -> Any:
-    """Wait until something is true, and return it."""
-    end = time.monotonic() + seconds
-    while not (value := true()):
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    return value
 
 
 def recorded(page: Served, samples: int = 100) -> Path:
@@ -609,26 +577,6 @@ def test_the_keyboard_alone(bench: Served, tmp_path: Path) -> None:
         page.keyboard.press("Enter")
         until(seen, "document.getElementById('saved').textContent !== ''")
     assert len(Recording.read(tmp_path / "swing.csv").time) > 500
-
-
-SMALLEST = """
-Math.min(...[...document.querySelectorAll("body *")].filter((x) => x.checkVisibility() && x.childNodes.length
-    && [...x.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim()) && !x.closest("script, style")).map(
-    (x) => parseFloat(getComputedStyle(x).fontSize)))
-"""
-"""Script that returns the size of the smallest text of the page [CSS pixels]."""
-OVERLAPPING = """
-(() => { const shown = [...document.querySelectorAll("button, input, select, output, a, td, p, label")].filter(
-      (x) => x.checkVisibility() && x.textContent.trim() + (x.value ?? "") !== "");
-    const boxes = shown.map((x) => [x, x.getBoundingClientRect()]), found = [];
-    for (const [a, p] of boxes) for (const [b, q] of boxes) {
-        if (a === b || a.contains(b) || b.contains(a) || a.closest("#transport") || b.closest("#transport")) continue;
-        const w = Math.min(p.right, q.right) - Math.max(p.left, q.left);
-        const h = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
-        if (w > 2 && h > 2) found.push(`${a.id || a.textContent} on ${b.id || b.textContent}`); }
-    return found; })()
-"""
-"""Script that returns the pairs of controls and texts that lie on each other."""
 
 
 @pytest.mark.slow

@@ -14,6 +14,24 @@ import pytest
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 QUIET = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
+SMALLEST = """
+Math.min(...[...document.querySelectorAll("body *")].filter((x) => x.checkVisibility() && x.childNodes.length
+    && [...x.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim()) && !x.closest("script, style")).map(
+    (x) => parseFloat(getComputedStyle(x).fontSize)))
+"""
+"""Script that returns the size of the smallest text of the page [CSS pixels]."""
+OVERLAPPING = """
+(() => { const shown = [...document.querySelectorAll("button, input, select, output, a, td, p, label")].filter(
+      (x) => x.checkVisibility() && x.textContent.trim() + (x.value ?? "") !== "");
+    const boxes = shown.map((x) => [x, x.getBoundingClientRect()]), found = [];
+    for (const [a, p] of boxes) for (const [b, q] of boxes) {
+        if (a === b || a.contains(b) || b.contains(a) || a.closest("#transport") || b.closest("#transport")) continue;
+        const w = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+        const h = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+        if (w > 2 && h > 2) found.push(`${a.id || a.textContent} on ${b.id || b.textContent}`); }
+    return found; })()
+"""
+"""Script that returns the pairs of controls and texts that lie on each other."""
 
 
 @dataclass

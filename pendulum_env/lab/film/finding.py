@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,9 +25,18 @@ from pendulum_env.lab.film.frames import Film, Picture, packages
 _FRAMES, _PIXELS, _RATE = 600, 200_000, 32.0  # at most so many frames of so many pixels, about so many per second
 _KEPT = 48  # frames that are kept at full size
 _SLOWEST, _FASTEST = 0.1, 6.0  # frequencies of a pendulum [Hz]
+_ONE_SIGMA = {0.3: 0.3853, 0.1: 0.1257}  # quantiles of the size of normal errors
+_VOTES = 7  # of 16 parts of the picture, which agree that the camera moved
 _SPOTS = 24  # the largest spots of a frame
 _LEAST = 12  # spots of a path
+_LOST = 8  # frames for which a thing may be hidden on its path
+_LONG = 6.0  # half widths: the ends of longer spots, such as bare rods, are places of their own
+_HIDING = 4.0  # half widths of the bob: with a shorter way, it hides its background most of the time
 _EXPLAINED = 0.85  # least share of a path's variance that a swing explains
+
+
+CLEAR, FAINTEST = 60.0, 12.0
+"""Rank below which a swing may be noise, so that other channels are looked at, too; and below which it is no swing."""
 
 
 class Sample(NamedTuple):
@@ -67,6 +76,16 @@ class Swing:
         """Half the distance between the ends of the arc [pixels]."""
         return 0.5 * float(np.hypot(np.ptp(self.x), np.ptp(self.y)))
 
+    def shrunk(self, by: int) -> Swing:
+        """Return the swing in a picture made smaller by a number."""
+        return replace(self, x=(self.x + 0.5) / by - 0.5, y=(self.y + 0.5) / by - 0.5, width=self.width / by)
+
+    def along(self, other: Swing) -> bool:
+        """Return True if the other swing is at the same place at most times, as the edge of one bob is."""
+        at = np.clip(np.searchsorted(other.times, self.times), 0, len(other.times) - 1)
+        near = np.hypot(self.x - other.x[at], self.y - other.y[at]) < 1.5 * (self.width + other.width)
+        return bool(np.mean(near & (np.abs(self.times - other.times[at]) < 0.2)) > 0.5)
+
     def in_words(self) -> str:
         """Return period and place of the swing as a text."""
         return (f"{math.tau / self.omega:.3g} s, {2 * self.reach:.0f} pixels wide about "
@@ -98,6 +117,39 @@ def sampled(film: Film, tell: Callable[[float, str], None]) -> Sample:
     if len(small) < _LEAST:
         raise RecordingError(f"{film.name}: expected a film of at least {_LEAST} frames, found {len(small)}")
     return Sample(np.array(times), np.array(small), width / size[0], kept, full)
+
+
+def moved(sample: Sample) -> float:
+    """Return by how many pixels the camera moves between frames of a sample; 0 where nothing shows that it moves.
+
+    The shift of a frame against the middle one is that of their phase correlation (Kuglin & Hines 1975). It counts if
+    it explains most of the change in seven or more of 16 parts of the picture, as a moving bob does not.
+    """
+    cv = packages()[1]
+    flat = [one.astype(np.float32) - cv.GaussianBlur(one.astype(np.float32), (0, 0), 6.0)
+            for one in sample.small[:: max(1, len(sample.small) // 25)]]
+    base = flat[len(flat) // 2]
+    height, width = base.shape
+    window = cv.createHanningWindow((width, height), cv.CV_32F)
+    slope = np.hypot(cv.Sobel(base, cv.CV_32F, 1, 0), cv.Sobel(base, cv.CV_32F, 0, 1))
+    strong = slope > max(40.0, 3.0 * float(np.median(slope)))
+    shifts = []
+    for one in flat:
+        (dx, dy), _ = cv.phaseCorrelate(base, one, window)
+        if math.hypot(dx, dy) < 0.4:
+            shifts.append(0.0)
+            continue
+        turned = cv.warpAffine(one, np.array([[1.0, 0.0, -dx], [0.0, 1.0, -dy]]), (width, height))
+        votes = 0
+        for rows in np.array_split(np.arange(height), 4):
+            for columns in np.array_split(np.arange(width), 4):
+                part = np.ix_(rows, columns)
+                here = strong[part]
+                if here.sum() >= 12:
+                    before, after = (np.median(np.abs(other[part] - base[part])[here]) for other in (one, turned))
+                    votes += bool(after < 0.7 * before)
+        shifts.append(math.hypot(dx, dy) if votes >= _VOTES else 0.0)
+    return float(np.quantile(shifts, 0.8)) * sample.scale
 
 
 def gains(pictures: NDArray[np.uint8], background: FloatArray) -> FloatArray:
@@ -139,32 +191,43 @@ def spots_of(difference: NDArray[np.float32], level: NDArray[np.float32] | float
         total = float(weight.sum())
         rows, columns = np.nonzero(weight)
         values = weight[rows, columns]
-        found.append((left + float(columns @ values) / total, top + float(rows @ values) / total, most,
-                      float(difference[box][own].mean())))
+        mean = float(difference[box][own].mean())
+        x, y = float(columns @ values) / total, float(rows @ values) / total
+        found.append((left + x, top + y, most, mean))
+        if math.hypot(np.ptp(rows), np.ptp(columns)) > _LONG * most > _LONG * 2.0:
+            found += [(left + a, top + b, most, mean) for a, b in _ends(rows, columns, x, y)]
     return found
 
 
-def seen(film: Film, sample: Sample) -> Spots:
-    """Return the spots of a sample's frames that differ from its background.
+def _ends(rows: NDArray[np.intp], columns: NDArray[np.intp], x: float, y: float) -> list[tuple[float, float]]:
+    """Return the places of both ends of the ridge of a long spot, whose middle is at (x, y)."""
+    ridge = np.stack([columns - x, rows - y], axis=1)
+    axis = np.linalg.eigh(ridge.T @ ridge)[1][:, 1]
+    along = ridge @ axis
+    ends = (along <= np.quantile(along, 0.03)), (along >= np.quantile(along, 0.97))
+    return [(x + float(ridge[end, 0].mean()), y + float(ridge[end, 1].mean())) for end in ends]
 
-    Raises RecordingError if so much differs that the camera must have moved.
+
+def seen(sample: Sample, share: float) -> Spots:
+    """Return the spots of a sample's frames that differ from the background.
+
+    The background is the ``share`` quantile of each pixel: the median or, for a bob that hides a place more than half
+    of the time, a brighter or darker one.
     """
     cv = packages()[1]
     small = sample.small
-    background = np.median(small[:: max(1, len(small) // 60)], axis=0).astype(np.float32)
+    some = slice(None, None, max(1, len(small) // 60))
+    background = np.quantile(small[some], share, axis=0).astype(np.float32)
     gain = gains(small, background)
-    usual = np.median(np.abs(small[:: max(1, len(small) // 60)].astype(np.float32)
-                             - background * gain[:: max(1, len(small) // 60), None, None]), axis=0).astype(np.float32)
-    noise = 1.48 * float(np.median(usual[::2, ::2]))
-    level = np.maximum(3.5 * 1.48 * cv.blur(usual, (3, 3)), max(2.5, 3.0 * noise)).astype(np.float32)
-    rows, crowded = [], 0
+    away = np.abs(small[some].astype(np.float32) - background * gain[some, None, None].astype(np.float32))
+    part = 0.3 if share == 0.5 else 0.1  # of the time, at which a place shows its background
+    usual = (np.quantile(away, part, axis=0) / _ONE_SIGMA[part]).astype(np.float32)
+    noise = float(np.median(usual[::2, ::2]))
+    level = np.maximum(3.5 * cv.blur(usual, (3, 3)), max(2.5, 3.0 * noise)).astype(np.float32)
+    rows = []
     for k, picture in enumerate(small):
         difference = cv.GaussianBlur(picture.astype(np.float32) - np.float32(gain[k]) * background, (3, 3), 0.8)
-        crowded += bool((np.abs(difference[::2, ::2]) > level[::2, ::2]).mean() > 0.4)
         rows += [(k, *spot) for spot in spots_of(difference, level)]
-    if crowded > 0.5 * len(small):
-        raise RecordingError(f"{film.name}: most of the picture changes all the time, as when the camera moves; put it "
-                             "on a stand, or lay it on a table")
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)
     return Spots(table[:, 0].astype(np.intp), table[:, 1], table[:, 2], table[:, 3], table[:, 4])
 
@@ -196,8 +259,8 @@ def paths_of(spots: Spots, times: FloatArray) -> list[NDArray[np.intp]]:
                 if int(here[j]) in free and active[i][-1] < by_frame[k]:
                     active[i].append(int(here[j]))
                     free.discard(int(here[j]))
-        waiting = [path for path in active if k - spots.frame[path[-1]] <= 3]
-        done += [path for path in active if k - spots.frame[path[-1]] > 3]
+        waiting = [path for path in active if k - spots.frame[path[-1]] <= _LOST]
+        done += [path for path in active if k - spots.frame[path[-1]] > _LOST]
         active = [*waiting, *([spot] for spot in sorted(free))]
     return [np.array(path, dtype=np.intp) for path in (*done, *active) if len(path) >= _LEAST]
 
@@ -217,7 +280,7 @@ def frequency(times: FloatArray, place: FloatArray) -> tuple[float, float]:
     step = float(np.median(np.diff(times)))
     own = place - place.mean()
     total = float(own @ own)
-    least, most = max(_SLOWEST, 0.9 / span), min(_FASTEST, 0.35 / step)
+    least, most = max(_SLOWEST, 1.2 / span), min(_FASTEST, 0.35 / step)
     if not total > 0.0 or least >= most:
         return 0.0, 0.0
 
@@ -234,9 +297,18 @@ def frequency(times: FloatArray, place: FloatArray) -> tuple[float, float]:
     return math.tau * float(fine[int(np.argmin(rest))]), 1.0 - min(rest) / total
 
 
-def swings(film: Film, sample: Sample, tell: Callable[[float, str], None]) -> list[Swing]:
-    """Return what swings in a film's first part, the best first; RecordingError if nothing does."""
-    spots, times = seen(film, sample), sample.times
+def swings(sample: Sample) -> list[Swing]:
+    """Return what swings in a film's first part, the best first."""
+    found = _swings(sample, 0.5)
+    if not found or found[0].reach < _HIDING * found[0].width:
+        found += _swings(sample, 0.88) + _swings(sample, 0.12)
+    order = sorted(found, key=lambda one: one.rank, reverse=True)
+    return [one for i, one in enumerate(order) if not any(one.along(other) for other in order[:i])]
+
+
+def _swings(sample: Sample, share: float) -> list[Swing]:
+    """Return what swings before the background that is a quantile of each pixel."""
+    spots, times = seen(sample, share), sample.times
     found: list[Swing] = []
     taken = np.zeros(len(spots.frame), dtype=bool)
     paths = sorted(paths_of(spots, times), key=len, reverse=True)
@@ -246,7 +318,7 @@ def swings(film: Film, sample: Sample, tell: Callable[[float, str], None]) -> li
         grown = _grown(path, spots, times)
         if grown is None:
             continue
-        path, omega = grown
+        path, omega, sure = grown
         if taken[path].mean() > 0.5:
             continue
         taken[path] = True
@@ -255,16 +327,32 @@ def swings(film: Film, sample: Sample, tell: Callable[[float, str], None]) -> li
         width, contrast = float(np.median(spots.width[path])), float(np.median(np.abs(spots.contrast[path])))
         x, y = (scale * (place[path] + 0.5) - 0.5 for place in (spots.x, spots.y))
         reach = float(np.hypot(np.ptp(x), np.ptp(y)))
-        if reach < 4.0 or share < 0.15:
+        if reach < 4.0 or share < 0.15 or sure < 0.2:
             continue
         found.append(Swing(times[spots.frame[path]], x, y, omega, scale * width, contrast, share,
-                           share * contrast * math.sqrt(width)))
-    return sorted(found, key=lambda one: one.rank, reverse=True)
+                           share * sure * contrast * math.sqrt(scale * width) * reach**0.25))
+    return found
 
 
-def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDArray[np.intp], float] | None:
-    """Return all spots of the swing that a path belongs to, and its angular frequency; None if it is no swing."""
-    middle = times.mean()
+def _turns(place: FloatArray) -> int:
+    """Return how often places along a line turn back, by a third of their range or more."""
+    clear, turns, direction = float(np.ptp(place)) / 3.0, 0, 0
+    high = low = float(place[0])
+    for one in place.tolist():
+        high, low = max(high, one), min(low, one)
+        if direction >= 0 and one < high - clear:
+            turns, direction, low = turns + 1, -1, one
+        elif direction <= 0 and one > low + clear:
+            turns, direction, high = turns + 1, 1, one
+    return turns - 1  # the first is where the motion begins
+
+
+def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDArray[np.intp], float, float] | None:
+    """Return all spots of the swing that a path belongs to, its angular frequency, and how sure it is, 0 to 1.
+
+    Spots that are anywhere by chance would fill the room within which they are taken evenly: 0. None if it is no swing.
+    """
+    middle, area = times.mean(), float(np.ptp(spots.x) * np.ptp(spots.y)) + 1.0
     best = None
     for turn in range(4):
         t = times[spots.frame[path]] - middle
@@ -272,7 +360,7 @@ def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDA
         centred = points - points.mean(axis=0)
         axis = np.linalg.svd(centred, full_matrices=False)[2][0]
         omega, explained = frequency(t, centred @ axis)
-        if explained < _EXPLAINED:
+        if explained < _EXPLAINED or _turns(centred @ axis) < 2:
             return best if turn > 1 else None
         harmonics = 2 if len(path) > 30 and np.ptp(t) * omega > 9.0 else 1
         solution = np.linalg.lstsq(basis(t, omega, harmonics), points, rcond=None)[0]
@@ -289,5 +377,7 @@ def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDA
         if len(inside) < _LEAST:
             return None
         path = inside
-        best = (path, omega)
+        chance = min(1.0, len(spots.frame) / len(times) * math.pi * gate**2 / area)
+        inner = float(np.mean(near[path] < 0.5 * gate))
+        best = (path, omega, max(0.0, (inner - 0.3) / 0.7) * (1.0 - chance))
     return best

@@ -64,11 +64,13 @@ class Film:
         until: time [s] after which frames are left out.
         channel: number of the channel, of ``CHANNELS``.
 
-    Raises RecordingError for a file that is no film, has no pictures, or fewer than 12.
+    ``shrink`` is a whole number by which pictures are made smaller, at first 1. Raises RecordingError for a file that is
+    no film, has no pictures, or fewer than 12.
     """
 
     def __init__(self, path: str, *, rate: float | None = None, until: float | None = None, channel: int = 0) -> None:
         self.path, self.name, self.channel = path, Path(path).name, channel
+        self.shrink = 1
         self.until = math.inf if until is None else one_number(until, "until", above=0.0, unit="s")
         self._av, self._cv = packages(self.name)
         self.broken = ""
@@ -177,7 +179,15 @@ class Film:
         picture = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, :plane.width]
         if self.channel:
             picture = self._cv.resize(picture, (frame.width, frame.height), interpolation=self._cv.INTER_LINEAR)
-        return self._upright(picture)
+        return self.smaller(self._upright(picture))
+
+    def smaller(self, picture: Picture) -> Picture:
+        """Return a picture whose pixels are the means of ``shrink`` x ``shrink`` pixels."""
+        if self.shrink == 1:
+            return picture
+        across, along = (side // self.shrink for side in (picture.shape[1], picture.shape[0]))
+        whole = picture[: along * self.shrink, : across * self.shrink]
+        return np.asarray(self._cv.resize(whole, (across, along), interpolation=self._cv.INTER_AREA), dtype=np.uint8)
 
     def _upright(self, picture: Picture) -> Picture:
         """Return a picture turned as the file's rotation flag says."""

@@ -43,7 +43,9 @@ def angles_of(name: str, x: FloatArray, y: FloatArray, covariance: FloatArray, p
         if not circle.error < _UNSURE * circle.radius:
             raise RecordingError(f"{name}: the arc of the bob is too short to find its pivot (± {circle.error:.3g} pixels "
                                  f"at a radius of {circle.radius:.4g}); give pivot=(x, y), in pixels from the top left")
-        pivot, radius, rms = (circle.x, circle.y), Measurement(circle.radius, circle.error, "pixels"), circle.rms
+        pivot, rms = (circle.x, circle.y), circle.rms
+        error = circle.error * _together(x - circle.x, y - circle.y, circle.radius)
+        radius = Measurement(circle.radius, error, "pixels")
     else:
         away = np.hypot(x - pivot[0], y - pivot[1])
         rms = float(away.std())
@@ -52,6 +54,40 @@ def angles_of(name: str, x: FloatArray, y: FloatArray, covariance: FloatArray, p
     along = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     error = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", along, covariance, along), 0.0)) / radius.value
     return Angles(np.unwrap(angle), error, pivot, radius, rms)
+
+
+def _together(x: FloatArray, y: FloatArray, radius: float) -> float:
+    """Return by how much the distances from a circle's centre are less certain together than each for itself.
+
+    Readings at the same place share what the wall and the compression do to them. Their means in 24 parts of the arc
+    scatter more than independent readings would.
+    """
+    angle, away = np.arctan2(x, y), np.hypot(x, y) - radius
+    parts = np.digitize(angle, np.quantile(angle, np.linspace(0.0, 1.0, 25)[1:-1]))
+    means = np.array([away[parts == part].mean() for part in np.unique(parts)])
+    each = float(away.var()) / (len(away) / max(len(means), 1))
+    return math.sqrt(max(1.0, float(means.var()) * len(means) / max(len(means) - 3, 1) / each)) if each > 0.0 else 1.0
+
+
+def middle_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> float | None:
+    """Return the middle of a swing [rad]: the constant beside its harmonics, as of :func:`rest_of`; None without one.
+
+    Unlike the middle of turning points, it is the same where one side is hidden.
+    """
+    span = _WINDOW * math.tau / omega
+    found = []
+    for begin in np.arange(float(time[0]), float(time[-1]), span):
+        here = (time >= begin) & (time < begin + span)
+        if here.sum() < 24:
+            continue
+        table = basis(time[here] - begin - 0.5 * span, omega, 3) / error[here, None]
+        inverse = np.linalg.pinv(table.T @ table)
+        found.append((float((inverse @ (table.T @ (angle[here] / error[here])))[0]), float(inverse[0, 0])))
+    if not found:
+        return None
+    values, variances = np.array(found).T
+    near = np.abs(values - np.median(values)) <= 5.0 * np.sqrt(np.maximum(variances, np.median(variances)))
+    return float(np.average(values[near], weights=1.0 / variances[near]))
 
 
 def rest_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> FloatArray:

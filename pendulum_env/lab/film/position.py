@@ -23,7 +23,10 @@ from pendulum_env.lab.film.frames import Picture, packages
 Image = NDArray[np.float32]
 _UNKNOWN = 60.0  # error of a background that was never seen [grey levels]
 _STEPS = 8  # Gauss-Newton steps at most
-_LARGE = 34  # half a window [pixels], beyond which pictures are made smaller
+
+
+LARGE = 12.0
+"""Half width of a bob [pixels] at which its pictures are made half as large: it is no less certain then."""
 
 
 class Place(NamedTuple):

@@ -14,10 +14,10 @@ from pendulum_env.common.progress import Progress, part_of, with_bar
 from pendulum_env.common.shown import Plotted, one_line
 from pendulum_env.common.tables import Table
 from pendulum_env.lab.checked import FloatArray, RecordingError, file_name, numbers, one_number
-from pendulum_env.lab.film.finding import Sample, Swing, basis, gains, sampled, spots_of, swings
+from pendulum_env.lab.film.finding import CLEAR, FAINTEST, Sample, Swing, basis, gains, moved, sampled, spots_of, swings
 from pendulum_env.lab.film.frames import CHANNELS, Film, Picture
-from pendulum_env.lab.film.geometry import alone, angles_of, calibrated, rest_of
-from pendulum_env.lab.film.position import Background, Bob, Place, background_of
+from pendulum_env.lab.film.geometry import alone, angles_of, calibrated, middle_of, rest_of
+from pendulum_env.lab.film.position import LARGE, Bob, Place, background_of
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.parts import Drop, spans
 from pendulum_env.lab.recording import Recording
@@ -26,6 +26,8 @@ from pendulum_env.physics.units import shown
 _FINDING = 0.4  # of the progress bar
 _LEAST = 0.3  # least share of the frames that are read
 _FEW = 12  # readings
+_MOVES = 0.3  # pixels per frame, from which a repeated picture is told from a bob that turns back
+_SHAKEN = 0.7  # pixels: a camera that moves further is refused
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -187,11 +189,17 @@ def follow(
     size = None if length is None else one_number(length, "length", above=0.0, unit="m")
     film, sample, found = _found(name, rate, until, part_of(tell, 0.0, _FINDING))
     chosen = _chosen(film, found, where["bob"])
-    bob_, guess = _learned(film, sample, chosen, where["pivot"])
-    read = _Reading(film, bob_, guess)
+    film.shrink = max(1, int(chosen.width / LARGE))
+    near = shrunk(where["pivot"], film.shrink)
+    read = _Reading(film, *_learned(film, sample, chosen.shrunk(film.shrink), near))
     complete = read.all(part_of(tell, _FINDING, 1.0))
     return _result(film, read, chosen, found, where["pivot"], size, dropped, complete,
                    sample.full[len(sample.full) // 2], rate)
+
+
+def shrunk(point: tuple[float, float] | None, by: int) -> tuple[float, float] | None:
+    """Return the place in a picture made smaller ``by`` a number of a place in the picture as it was."""
+    return None if point is None else ((point[0] + 0.5) / by - 0.5, (point[1] + 0.5) / by - 0.5)
 
 
 def _point(value: Any, name: str) -> tuple[float, float] | None:
@@ -209,13 +217,22 @@ def _point(value: Any, name: str) -> tuple[float, float] | None:
 
 def _found(name: str, rate: float | None, until: float | None, tell: Progress) -> tuple[Film, Sample, list[Swing]]:
     """Return the film in the channel in which something swings, its first part, and what swings there."""
+    best: tuple[Film, Sample, list[Swing]] | None = None
     for channel in range(len(CHANNELS)):
         film = Film(name, rate=rate, until=until, channel=channel)
         sample = sampled(film, tell)
-        if found := swings(film, sample, tell):
-            return film, sample, found
-    raise RecordingError(f"{film.name}: nothing swings to and fro in the film as a pendulum's bob does; the camera must "
-                         "stand still, and the bob be unlike the wall")
+        if not channel and (shift := moved(sample)) > _SHAKEN:
+            raise RecordingError(f"{film.name}: the camera moves, by {shift:.2g} pixels; put it on a stand, or lean it "
+                                 "against something heavy, as angles are measured from its picture")
+        found = swings(sample)
+        if found and (best is None or found[0].rank > 1.5 * best[2][0].rank):
+            best = film, sample, found
+        if best is not None and best[2][0].rank > CLEAR:
+            break
+    if best is None or best[2][0].rank < FAINTEST:
+        raise RecordingError(f"{film.name}: nothing swings to and fro in the film as a pendulum's bob does; the camera "
+                             "must stand still, and the bob look unlike the wall")
+    return best
 
 
 def _chosen(film: Film, found: list[Swing], bob: tuple[float, float] | None) -> Swing:
@@ -307,29 +324,30 @@ def _learned(film: Film, sample: Sample, swing: Swing, pivot: tuple[float, float
     angles = np.array([guess.angle(x, y) for x, y in places])
     small = np.median(sample.small[:: max(1, len(sample.small) // 60)], axis=0).astype(np.float32)
     gain = gains(sample.small[sample.kept], small)
-    noise = _noise(sample, small)
+    full = [film.smaller(one) for one in sample.full]
+    noise = _noise(full)
     margin = math.ceil(1.35 * swing.width + 8.0 + 0.5 * speeds.max() * film.step)
-    width, height = film.size
+    width, height = (side // film.shrink for side in film.size)
     box = (max(int(swing.x.min()) - margin, 0), max(int(swing.y.min()) - margin, 0),
            min(int(swing.x.max()) + margin + 1, width), min(int(swing.y.max()) + margin + 1, height))
     gx, gy = np.meshgrid(np.arange(box[0], box[2]), np.arange(box[1], box[3]))
     reach = 1.3 * swing.width + 2.0 + 0.5 * speeds * film.step
     covered = [np.hypot(gx - x, gy - y) < far for (x, y), far in zip(places, reach, strict=True)]
-    background = background_of(sample.full, gain, covered, noise, box)
+    background = background_of(full, gain, covered, noise, box)
     bob = Bob(background, swing.width, noise)
     known = np.array([float(np.abs(swing.times - t).min()) < 0.5 * film.step for t in times])
     pool = np.flatnonzero(known) if known.sum() >= 6 else np.arange(len(times))
-    slow = pool[np.argsort(speeds[pool])[: max(6, len(pool) // 2)]]
-    bob.learn([sample.full[k] for k in slow], gain[slow], places[slow], angles[slow])
+    slow = pool[np.argsort(speeds[pool])[: max(10, len(pool) // 4)]]
+    bob.learn([full[k] for k in slow], gain[slow], places[slow], angles[slow])
     fast = pool[np.argsort(speeds[pool])[-8:]]
     if speeds[fast].max() * film.step > 2.0:
-        bob.expose([sample.full[k] for k in fast], places[fast], angles[fast], speeds[fast], film.step)
+        bob.expose([full[k] for k in fast], places[fast], angles[fast], speeds[fast], film.step)
     return bob, guess
 
 
-def _noise(sample: Sample, background: FloatArray) -> float:
-    """Return the standard deviation of a full picture's pixels in time [grey levels], at least that of rounding."""
-    pairs = [(a.astype(np.float32) - b)[::3, ::3] for a, b in zip(sample.full[:-1:4], sample.full[1::4], strict=False)]
+def _noise(pictures: list[Picture]) -> float:
+    """Return the standard deviation of the pixels of pictures in time [grey levels], at least that of rounding."""
+    pairs = [(a.astype(np.float32) - b)[::3, ::3] for a, b in zip(pictures[:-1:4], pictures[1::4], strict=False)]
     return max(float(np.median([1.48 * np.median(np.abs(one - np.median(one))) for one in pairs])) / math.sqrt(2.0), 0.5)
 
 
@@ -340,6 +358,8 @@ class _Reading:
         self.film, self.bob, self.guess = film, bob, guess
         self.stamps: list[float] = []
         self.rows: list[tuple[float, Place, float] | None] = []
+        self.repeated = 0
+        self._last: Picture | None = None
 
     def all(self, tell: Progress) -> bool:
         """Read all frames; return False if interrupted by Ctrl-C."""
@@ -362,7 +382,11 @@ class _Reading:
     def _one(self, picture: Picture, time: float) -> tuple[Place, float] | None:
         """Return the bob's place in a picture and its streak; None where it is not found."""
         near = self.guess.at(time)
-        streak = self.guess.speed(time, self.film.step) * self.bob.exposure
+        moves = self.guess.speed(time, self.film.step) * self.film.step
+        streak = moves * self.bob.exposure / self.film.step
+        if self._same(picture, near, moves):
+            self.repeated += 1
+            return None
         fit = self.bob.place(picture, (float(near[0]), float(near[1])), self.guess.angle(*near), streak,
                              self.guess.curved(*near))
         if fit is None or not 0.7 < fit.seen < 1.3:
@@ -372,6 +396,17 @@ class _Reading:
                 if again is not None and (fit is None or again.misfit < fit.misfit):
                     fit = again
         return None if fit is None else (fit, streak)
+
+    def _same(self, picture: Picture, near: FloatArray, moves: float) -> bool:
+        """Return True if a picture is the one before, written again, although the bob moves."""
+        half = self.bob.half
+        left, top = max(round(near[0]) - half, 0), max(round(near[1]) - half, 0)
+        part, last = picture[top : top + 2 * half, left : left + 2 * half], self._last
+        self._last = picture.copy()
+        if last is None or not part.size or moves < _MOVES:
+            return False
+        before = last[top : top + 2 * half, left : left + 2 * half]
+        return float(np.abs(part.astype(np.int16) - before).mean()) < 0.15 * self.bob.noise
 
     def _searched(self, picture: Picture, near: FloatArray) -> tuple[float, float] | None:
         """Return the place of the spot that is nearest to where the bob is expected; None if there is none alike."""
@@ -399,13 +434,14 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
                          " of a place on its way, or until= the time at which it is out of sight")
     if len(kept) < max(_FEW, _LEAST * frames):
         raise few
-    left_out = {"without the bob in full": frames - len(kept)}
+    left_out = {"without the bob in full": frames - len(kept) - read.repeated,
+                "the picture before, written again": read.repeated}
     time = np.array([row[0] for row in kept])
-    places = [row[1] for row in kept]
-    x, y = np.array([one.x for one in places]), np.array([one.y for one in places])
-    covariance = np.array([one.covariance for one in places])
+    places, by = [row[1] for row in kept], film.shrink
+    x, y = (by * (np.array(side) + 0.5) - 0.5 for side in ([one.x for one in places], [one.y for one in places]))
+    covariance = by * by * np.array([one.covariance for one in places])
     seen, misfit = np.array([one.seen for one in places]), np.array([one.misfit for one in places])
-    streaks = np.array([row[2] for row in kept])
+    streaks = by * np.array([row[2] for row in kept])
     clear = np.abs(seen - np.median(seen)) < max(0.06, 5.0 * 1.48 * float(np.median(np.abs(seen - np.median(seen)))))
     clear &= misfit < 2.5 * float(np.median(misfit))
     left_out["hidden in part"] = int((~clear).sum())
@@ -423,7 +459,7 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
         keep = keep[~off]
         angles = angles_of(film.name, x[keep], y[keep], covariance[keep], pivot)
         error, factor = calibrated(angles.error, rest_of(time[keep], angles.angle, angles.error, chosen.omega))
-    roll, how = _vertical(film.name, time[keep], angles.angle)
+    roll, how = _vertical(film.name, time[keep], angles.angle, error, chosen.omega)
     steps = np.diff(read.stamps)
     usual = float(np.median(steps))
     notes = [f"pivot: ({angles.pivot[0]:.6g}, {angles.pivot[1]:.6g}), " + (
@@ -438,18 +474,22 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
     if film.broken:
         notes.append(f"the film ends early: {film.broken}")
     return FilmTrack(film.name, time[keep], angles.angle - roll, error, x[keep], y[keep], angles.pivot, angles.radius,
-                     read.bob.radius, frames, {why: count for why, count in left_out.items() if count},
+                     by * read.bob.radius, frames, {why: count for why, count in left_out.items() if count},
                      np.setdiff1d(read.stamps, time[keep]), usual,
                      bool(np.ptp(steps) < 0.02 * usual), read.bob.exposure, float(streaks[keep].max()), roll,
                      tuple(one.in_words() for one in (chosen, *(other for other in found if other is not chosen))),
                      tuple(notes), picture, rate, read.stamps[-1], complete)
 
 
-def _vertical(name: str, time: FloatArray, angle: FloatArray) -> tuple[float, str]:
+def _vertical(name: str, time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> tuple[float, str]:
     """Return the angle [rad] of the swing's middle in the picture, and how it was found."""
+    start = 0.0
     try:
-        middle = Recording(time, angle, name).released().centred()
+        start = Recording(time, angle, name).released().release or 0.0
     except RecordingError:
+        pass
+    free = time >= start
+    zero = middle_of(time[free], angle[free], error[free], omega)
+    if zero is None:
         return 0.0, "straight down in the picture, as there is no swing to and fro"
-    zero = middle.zero or 0.0
     return zero, f"the middle of the swing, {math.degrees(zero):.3g} degrees from straight down in the picture"
