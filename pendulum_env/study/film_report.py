@@ -12,6 +12,10 @@ from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.lab.film import FilmTrack
 from pendulum_env.lab.film.frames import Film, packages
+from pendulum_env.render.paint import Image
+from pendulum_env.render.palette import INK
+from pendulum_env.render.text import LEAST_SIZE, MINUS, measure
+from pendulum_env.render.text import write as write_text
 from pendulum_env.study.fit_report import drawn
 
 WIDTH = 800
@@ -21,7 +25,7 @@ RATE = 30.0
 HEAD = ("time [s]", "angle [rad]", "error [rad]", "x [px]", "y [px]")
 """Columns of track.csv."""
 _TAIL = 0.5  # time for which the track is shown behind the bob [s]
-_INK, _SEEN, _HELD = (0, 114, 178), (213, 94, 0), (255, 255, 255)  # of the pivot, of a reading, of its rim
+_PIVOT, _SEEN, _RIM = (0, 114, 178), (213, 94, 0), (255, 255, 255)  # the last makes both seen on every film
 
 
 def write(found: FilmTrack, film: Path, folder: str | Path, *, filmed: bool = True,
@@ -40,34 +44,52 @@ def write(found: FilmTrack, film: Path, folder: str | Path, *, filmed: bool = Tr
         from pendulum_env.render.film import write_film
 
         rate = min(RATE, 1.0 / found.step)
-        total = max(int(math.floor(found.end * rate)), 1)
-        paths.append(write_film(place / "track.mp4", _shown(found, film, rate, total), rate, origin, total, tell))
+        total = max(math.floor(found.end * rate), 1)
+        paths.append(write_film(place / "track.mp4", _shown(found, film, rate, total), rate, origin, total,
+                                lambda done, _: tell(done / total, "track.mp4")))
     return paths
 
 
-def _shown(found: FilmTrack, film: Path, rate: float, total: int) -> Iterator[np.ndarray[tuple[int, ...], np.dtype[np.uint8]]]:
+def _shown(found: FilmTrack, film: Path, rate: float, total: int) -> Iterator[Image]:
     """Yield frames of a film with the track drawn over them, so many per second of the swing."""
-    cv = packages()[1]
-    source = Film(str(film), rate=None if found.rate is None else found.rate)
-    size = source.size[0]
     picture, count = None, 0
-    for time, coming in source.colours(WIDTH):
+    for time, coming in Film(str(film), rate=found.rate).colours(WIDTH):
         while picture is not None and count < total and count / rate < time:
             yield picture
             count += 1
-        share = coming.shape[1] / size
-        picture = np.ascontiguousarray(coming)
-        point = lambda x, y, share=share: (round(16 * share * (x + 0.5) - 8), round(16 * share * (y + 0.5) - 8))  # noqa: E731
-        until = int(np.searchsorted(found.time, time + 1e-9))
-        since = int(np.searchsorted(found.time, time - _TAIL))
-        tail = np.array([point(x, y) for x, y in zip(found.x[since:until], found.y[since:until], strict=True)], np.int32)
-        if len(tail) > 1:
-            cv.polylines(picture, [tail], False, _SEEN, 1, cv.LINE_AA, 4)
-        cv.drawMarker(picture, tuple(round(part / 16) for part in point(*found.pivot)), _INK, cv.MARKER_CROSS, 14, 2)
-        if until > since and abs(found.time[until - 1] - time) < 0.5 * found.step:
-            for colour, width in ((_HELD, 3), (_SEEN, 1)):
-                cv.circle(picture, tuple(tail[-1].tolist()), round(16 * max(share * found.bob, 3.0)), colour, width,
-                          cv.LINE_AA, 4)
+        picture = _drawn_over(np.ascontiguousarray(coming), found, time)
     while picture is not None and count < total:
         yield picture
         count += 1
+
+
+def _drawn_over(picture: Image, found: FilmTrack, time: float) -> Image:
+    """Draw into a frame the way of the bob up to a time, the bob and the pivot, and write the time and the angle."""
+    cv = packages()[1]
+    share = picture.shape[1] / found.size[0]
+
+    def point(x: float, y: float) -> tuple[int, int]:
+        """Return a place in sixteenths of a pixel of the frame."""
+        return round(16.0 * (share * (x + 0.5) - 0.5)), round(16.0 * (share * (y + 0.5) - 0.5))
+
+    until = int(np.searchsorted(found.time, time + 1e-9))
+    since = int(np.searchsorted(found.time, time - _TAIL))
+    way = np.array([point(x, y) for x, y in zip(found.x[since:until], found.y[since:until], strict=True)], np.int32)
+    read = until > since and abs(found.time[until - 1] - time) < 0.5 * found.step
+    for colour, rim in ((_RIM, 2), (_SEEN, 0)):
+        if len(way) > 1:
+            cv.polylines(picture, [way], False, colour, 1 + rim, cv.LINE_AA, 4)
+        if read:
+            cv.circle(picture, tuple(way[-1].tolist()), round(16.0 * max(share * found.bob, 4.0)), colour, 2 + rim,
+                      cv.LINE_AA, 4)
+    pivot = tuple(round(part / 16.0) for part in point(*found.pivot))
+    for colour, size, width in ((_RIM, 17, 4), (_PIVOT, 15, 2)):
+        cv.drawMarker(picture, pivot, colour, cv.MARKER_CROSS, size, width)
+    angle = f"{math.degrees(found.angle[until - 1]):.1f}°".replace("-", MINUS) if read else "no reading"
+    said = f"{time:.2f} s, {angle}"
+    font = max(LEAST_SIZE + 4, round(0.05 * min(picture.shape[:2])))
+    width, height = measure(said, font)
+    plate = picture[-height - 12 :, : width + 24]
+    plate[...] = 255 if read else _SEEN
+    write_text(plate, said, 12.0, 0.5 * plate.shape[0], font, INK if read else "#FFFFFF")
+    return picture

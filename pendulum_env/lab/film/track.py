@@ -38,6 +38,7 @@ class FilmTrack(Plotted):
         source: name of the film.
         time, angle, error: arrays of the readings [s, rad, rad]; angles are from the middle of the swing, positive to
             the right, and errors standard errors of one reading, without those of the pivot.
+        rest: array of what a smooth swing leaves of the angles [rad]; NaN where too few readings are near.
         x, y: arrays of the bob's place in the picture [pixels], from the middle of the pixel at the top left, y down.
         pivot: (x, y) of the pivot [pixels].
         radius: distance of the bob from the pivot [pixels], with its error.
@@ -53,6 +54,7 @@ class FilmTrack(Plotted):
         swings: what swings in the film, in words; the first was followed.
         notes: one line for each thing that was inferred.
         picture: a frame of the film in grey, for figures.
+        size: (width, height) of the film [pixels].
         rate: frames per second that were given [Hz]; None: by the time stamps of the file.
         end: time of the last frame that was looked at [s].
         complete: False if tracking was interrupted.
@@ -62,6 +64,7 @@ class FilmTrack(Plotted):
     time: FloatArray
     angle: FloatArray
     error: FloatArray
+    rest: FloatArray
     x: FloatArray
     y: FloatArray
     pivot: tuple[float, float]
@@ -78,6 +81,7 @@ class FilmTrack(Plotted):
     swings: tuple[str, ...]
     notes: tuple[str, ...]
     picture: Picture
+    size: tuple[int, int]
     rate: float | None
     end: float
     complete: bool = True
@@ -458,7 +462,8 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
     if off.any():
         keep = keep[~off]
         angles = angles_of(film.name, x[keep], y[keep], covariance[keep], pivot)
-        error, factor = calibrated(angles.error, rest_of(time[keep], angles.angle, angles.error, chosen.omega))
+        rest = rest_of(time[keep], angles.angle, angles.error, chosen.omega)
+        error, factor = calibrated(angles.error, rest)
     roll, how = _vertical(film.name, time[keep], angles.angle, error, chosen.omega)
     steps = np.diff(read.stamps)
     usual = float(np.median(steps))
@@ -473,12 +478,12 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
         notes.append(f"scale: {angles.radius.value / length:.6g} pixels per metre, by the given length")
     if film.broken:
         notes.append(f"the film ends early: {film.broken}")
-    return FilmTrack(film.name, time[keep], angles.angle - roll, error, x[keep], y[keep], angles.pivot, angles.radius,
-                     by * read.bob.radius, frames, {why: count for why, count in left_out.items() if count},
-                     np.setdiff1d(read.stamps, time[keep]), usual,
+    return FilmTrack(film.name, time[keep], angles.angle - roll, error, rest * angles.error, x[keep], y[keep],
+                     angles.pivot, angles.radius, by * read.bob.radius, frames,
+                     {why: count for why, count in left_out.items() if count}, np.setdiff1d(read.stamps, time[keep]), usual,
                      bool(np.ptp(steps) < 0.02 * usual), read.bob.exposure, float(streaks[keep].max()), roll,
                      tuple(one.in_words() for one in (chosen, *(other for other in found if other is not chosen))),
-                     tuple(notes), picture, rate, read.stamps[-1], complete)
+                     tuple(notes), picture, film.size, rate, read.stamps[-1], complete)
 
 
 def _vertical(name: str, time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> tuple[float, str]:
