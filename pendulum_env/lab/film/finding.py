@@ -32,6 +32,7 @@ _LEAST = 12  # spots of a path
 _LOST = 8  # frames for which a thing may be hidden on its path
 _LONG = 6.0  # half widths: the ends of longer spots, such as bare rods, are places of their own
 _HIDING = 4.0  # half widths of the bob: with a shorter way, it hides its background most of the time
+_BEGINS = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6)  # shares of a path that are tried without
 _EXPLAINED = 0.85  # least share of a path's variance that a swing explains
 
 
@@ -347,12 +348,28 @@ def _turns(place: FloatArray) -> int:
     return turns - 1  # the first is where the motion begins
 
 
+def _free(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> NDArray[np.intp]:
+    """Return a path without its beginning, as far as this must go for the rest to be a swing: a hand holds the bob."""
+    t = times[spots.frame[path]]
+    for begin in _BEGINS:
+        rest = path[t >= t[0] + begin * float(np.ptp(t))]
+        if len(rest) < _LEAST:
+            break
+        points = np.stack([spots.x[rest], spots.y[rest]], axis=1)
+        centred = points - points.mean(axis=0)
+        along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
+        if _turns(along) >= 2 and frequency(times[spots.frame[rest]], along)[1] >= _EXPLAINED:
+            return rest
+    return path
+
+
 def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDArray[np.intp], float, float] | None:
     """Return all spots of the swing that a path belongs to, its angular frequency, and how sure it is, 0 to 1.
 
     Spots that are anywhere by chance would fill the room within which they are taken evenly: 0. None if it is no swing.
     """
     middle, area = times.mean(), float(np.ptp(spots.x) * np.ptp(spots.y)) + 1.0
+    path = _free(path, spots, times)
     best = None
     for turn in range(4):
         t = times[spots.frame[path]] - middle
