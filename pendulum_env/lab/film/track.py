@@ -439,7 +439,7 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
     if len(kept) < max(_FEW, _LEAST * frames):
         raise few
     left_out = {"without the bob in full": frames - len(kept) - read.repeated,
-                "the picture before, written again": read.repeated}
+                "in which nothing moves": read.repeated}
     time = np.array([row[0] for row in kept])
     places, by = [row[1] for row in kept], film.shrink
     x, y = (by * (np.array(side) + 0.5) - 0.5 for side in ([one.x for one in places], [one.y for one in places]))
