@@ -146,6 +146,7 @@ def environment() -> Environment:
     found.filters |= {
         "n": digits,
         "deg": math.degrees,
+        "median": lambda values: float(np.median(values)),
         "f": fixed,
         "with_error": with_error,
         "m": lambda source: Markup(mathml(text_of(source))),

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,19 @@ __all__ = ["Recording", "RecordingError"]
 
 _HELD = 0.25  # of the first half swing: a bob that is held so long before its turning point is cut there
 _EVEN = 0.01  # of the median step: time stamps whose steps vary by less count as even
+
+
+class Filmed(NamedTuple):
+    """How a swing was filmed: number of frames and of readings, frames per second [Hz], longest streak of the bob and
+    distance (rms) of its places from the circle about the pivot [pixels], and the roll of the camera [rad].
+    """
+
+    frames: int
+    readings: int
+    rate: float
+    streak: float
+    off: float
+    roll: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,6 +62,7 @@ class Recording(Plotted):
         displaced: True if the angles were calculated from a displacement, whose scale a fit determines.
         radius: radius of the circle of a track, in m if its unit is known, with its error; None without a track.
         error: array of standard errors [rad] of the angles, as of a filmed bob; None if they are not known.
+        filmed: how it was filmed; None for other recordings.
 
     Raises RecordingError for arrays of different shapes, fewer than 3 points, values that are not finite, or
     times that do not increase.
@@ -65,6 +80,7 @@ class Recording(Plotted):
     displaced: bool = False
     radius: Measurement | None = None
     error: FloatArray | None = None
+    filmed: Filmed | None = None
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.time)} readings in {self.time[-1] - self.time[0]:.4g} s")

@@ -20,7 +20,7 @@ from pendulum_env.lab.film.geometry import alone, angles_of, calibrated, middle_
 from pendulum_env.lab.film.position import LARGE, Bob, Place, background_of
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.parts import Drop, spans
-from pendulum_env.lab.recording import Recording
+from pendulum_env.lab.recording import Filmed, Recording
 from pendulum_env.physics.units import shown
 
 _FINDING = 0.4  # of the progress bar
@@ -92,8 +92,10 @@ class FilmTrack(Plotted):
     @property
     def recording(self) -> Recording:
         """The track as a recording: times, angles, errors, and notes."""
+        away = np.hypot(self.x - self.pivot[0], self.y - self.pivot[1])
         return Recording(self.time, self.angle, self.source, (*self.notes, *self.verdict), radius=self.radius,
-                         error=self.error)
+                         error=self.error, filmed=Filmed(self.frames, len(self.time), 1.0 / self.step, self.blur,
+                                                         float(away.std()), self.roll))
 
     @property
     def share(self) -> float:
