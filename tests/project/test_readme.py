@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_films import NAMES, draw
 from readme_code import README, READMES, ROOT, without_code
 
 from pendulum_env import rollout
@@ -35,6 +37,8 @@ def test_python_blocks_run(
 ) -> None:
     """From a file: the engine reads the source of an effect's functions. Marked ones have quick tests of their own."""
     monkeypatch.chdir(tmp_path)
+    if '"swing.mp4"' in block:
+        draw(replace(NAMES["plain"], seconds=9.0), tmp_path / "swing.mp4")
     path = tmp_path / "block.py"
     path.write_text(block, encoding="utf-8")
     exec(compile(block, str(path), "exec", dont_inherit=True), {"__name__": "block"})

@@ -9,9 +9,11 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from drawn_films import NAMES, draw
 from PIL import Image
 from readme_code import READMES, ROOT, without_code
 
@@ -50,6 +52,9 @@ SHORTER = {
         "--basins 9 --transient 5 --steps-per-period 50",
     "lab-pendulum web --out lab.html": "",
     "lab-pendulum web --scene all --integrators all --out everything.html": "--scene lab --integrators rk4",
+    "lab-pendulum track swing.mp4 --length 0.353": "",
+    "lab-pendulum fit swing.mp4 --mass 0.01 --radius 0.02": "--effects linear",
+    "lab-pendulum exercise --recording swing.mp4": "",
     PREPARED: "",
     'lab-pendulum exercise --recording swing.txt --length 0.353 --mass 0.04 --radius 0.0107 --name "Ada Lovelace"': "",
     "lab-pendulum compare --scene scene.json --recording swing.txt": "--integrators rk4 --duration 1",
@@ -64,6 +69,7 @@ SHORTER = {
 }
 """Command -> the options that are added to it here, in place of those of the same name."""
 ELSEWHERE = {
+    "lab-pendulum track swing.mp4 --page": "bench/test_film_page.py",
     "lab-pendulum fit run1.csv run2.csv": "lab/test_driven.py",
     ".venv/bin/lab-pendulum demo": "study/test_demo.py",
     ".venv/bin/lab-pendulum web --out lab.html": "web/test_page.py",
@@ -104,6 +110,8 @@ def run(command: str, folder: Path) -> str:
 def test_it_runs(command: str, tmp_path: Path) -> None:
     shorter = SHORTER[command]
     shutil.copy(FILE, tmp_path / "swing.txt")
+    if "swing.mp4" in command:
+        draw(replace(NAMES["plain"], seconds=6.0), tmp_path / "swing.mp4")
     if "scene.json" in command:
         run(PREPARED, tmp_path)
         shutil.copy(tmp_path / "out" / "fit" / "scene.json", tmp_path)
