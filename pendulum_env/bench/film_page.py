@@ -84,6 +84,7 @@ class FilmDesk:
     Attributes:
         found: the track; None before the first.
         used: the settings that made it, without those that are None.
+        work: fraction of the tracking that is done, and the present activity; None if nothing is tracked.
         over: set when the page says "Go on".
     """
 
@@ -96,7 +97,7 @@ class FilmDesk:
         self.used: dict[str, Any] = {}
         self.over = threading.Event()
         self.problem = ""
-        self._work: tuple[float, str] | None = None
+        self.work: tuple[float, str] | None = None
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
@@ -119,7 +120,7 @@ class FilmDesk:
     def _track(self, wanted: Mapping[str, Any], going: bool) -> None:
         """Begin to track with the page's settings; ``going`` goes on when it is done."""
         with self._lock:
-            if self._work is not None:
+            if self.work is not None:
                 raise OrderError("The film is being tracked; stop it first.")
             before = self.settings
             self.settings = _given(wanted)
@@ -129,7 +130,7 @@ class FilmDesk:
             except RecordingError:
                 self.settings = before
                 raise
-            self._work, self.problem = (0.0, "begins"), ""
+            self.work, self.problem = (0.0, "begins"), ""
             self._stop.clear()
             self._thread = threading.Thread(target=self._follow, args=(going,), daemon=True, name="film-track")
         self._thread.start()
@@ -153,14 +154,14 @@ class FilmDesk:
             self.problem = "Stopped before enough of the film was tracked."
         except Exception as error:  # said on the page, which stays alive
             self.problem = sentence(error)
-        self._work = None
+        self.work = None
         self._tell(self._state())
 
     def _heard(self, done: float, text: str) -> None:
         if self._stop.is_set():
             raise KeyboardInterrupt  # which keeps what was tracked, as Ctrl-C does
-        before = self._work
-        self._work = (done, text)
+        before = self.work
+        self.work = (done, text)
         if before is None or not before[0] <= done < before[0] + NEWS or text.split()[-1:] != before[1].split()[-1:]:
             self._tell(self._state())
 
@@ -196,7 +197,7 @@ class FilmDesk:
     # --- what the page shows ------------------------------------------------------------------------------------------
 
     def _state(self) -> dict[str, Any]:
-        work = None if self._work is None else {"done": round(self._work[0], 3), "text": clean(self._work[1])}
+        work = None if self.work is None else {"done": round(self.work[0], 3), "text": clean(self.work[1])}
         return {"kind": "state", "name": clean(self.film.name), "size": self.film.size, "step": self.film.step,
                 "end": self.film.length / self.film.slower or self.film.count * self.film.step, "work": work,
                 "settings": self.settings, "used": self.used, "problem": clean(self.problem, 500),

@@ -44,8 +44,7 @@ def acquire(
     scene: Annotated[str | None, options.option("Scene of the virtual source, and of the simulation beside the swing: "
                                                 "a preset or a scene's JSON file; by default lab.")] = None,
     integrators: options.IntegratorsOrNone = None,
-    browser: Annotated[bool, options.option("Open the page in the browser; without, only its address is printed.")
-                       ] = True,
+    browser: options.Browser = True,
     **settings: Any,
 ) -> None:
     """Record a sensor, live: a page in the browser, or --headless. Samples are written to a file as they come.

@@ -179,6 +179,7 @@ Until = Annotated[float | None, number("Time in the file, in s, after which read
 Above = Annotated[str | None, option("Share of the first amplitude, as 5%, below which swings are left out.")]
 Drop = Annotated[
     list[str] | None, option("Times in the file, in s, between which readings are left out, as 12.5:13.1.")]
+Browser = Annotated[bool, option("Open the page in the browser; without, only its address is printed.")]
 Length = Annotated[float | None, number("Measured distance from pivot to bob's centre in m.")]
 LengthError = Annotated[float | None, number("Error of the measured length in m.")]
 Mass = Annotated[float | None, number("Mass of the bob in kg.")]
@@ -196,7 +197,8 @@ def scene_of(scene: str, damping: str, settings: Sequence[str] | None) -> Scene:
 def recording_of(file: Path | None, read: Sequence[str] | None, **options: Any) -> Recording:
     """Return the recording in a file, read with keywords of ``Recording.read`` from --read and from other options.
 
-    A film is tracked, with keywords of :func:`pendulum_env.lab.track`. Raises SceneError for options without a file, for unknown keywords, with the nearest, and for a keyword given twice.
+    A film is tracked, with keywords of :func:`pendulum_env.lab.track`. Raises SceneError for options without a file,
+    for unknown keywords, with the nearest, and for a keyword given twice.
     """
     from inspect import signature
 

@@ -17,16 +17,14 @@ def track(
     pivot: Annotated[str | None, options.option("Place X,Y of the pivot in pixels from the top left; by default the "
                                                 "centre of the circle through the bob's places.")] = None,
     bob: Annotated[str | None, options.option("Place X,Y on the bob's way in pixels, if several things swing.")] = None,
-    length: Annotated[float | None, options.number("Distance of the bob from the pivot in m, for the scale of the "
-                                                   "picture.")] = None,
+    length: options.Length = None,
     until: options.Until = None,
     drop: options.Drop = None,
     rate: Annotated[float | None, options.number("Frames per second of the camera, for slow motion; by default as the "
                                                  "file says.")] = None,
     page: Annotated[bool, options.flag("Open the film in the browser first: click bob and pivot, leave out bad "
                                        "stretches.", "--page")] = False,
-    browser: Annotated[bool, options.option("With --page, open the page in the browser; without, only its address is "
-                                            "printed.")] = True,
+    browser: options.Browser = True,
     no_film: Annotated[bool, options.flag("Leave out track.mp4.", "--no-film")] = False,
     out: options.Out = Path("out/track"),
 ) -> None:

@@ -103,6 +103,8 @@ class Recording(Plotted):
             raise RecordingError(f"{self.source}: force and mount must be given together")
         if self.mount is not None and not isinstance(self.mount, Mount):
             raise RecordingError(f"{self.source}: mount must be a Mount, got {shown(self.mount)}")
+        if not isinstance(self.filmed, (Filmed, type(None))):
+            raise RecordingError(f"{self.source}: filmed must be that of a recording by track(), or None")
         if not isinstance(self.displaced, bool) or not isinstance(self.radius, (Measurement, type(None))):
             raise RecordingError(f"{self.source}: displaced must be True or False, and radius a Measurement or None")
         if len(self.time) < 3:

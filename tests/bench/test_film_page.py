@@ -101,11 +101,11 @@ def test_orders_track_stop_and_go_on(page: ServedFilm) -> None:
     assert ordered(page, "track") == {}
     assert "is being tracked" in ordered(page, "track").get("error", "")
     ordered(page, "stop")
-    when(lambda: desk._work is None)
+    when(lambda: desk.work is None)
     assert desk.problem.startswith("Stopped") or (desk.found is not None and not desk.found.complete)
     assert "order" in ordered(page, "fly")["error"]
     assert ordered(page, "track", bob=[470.0, 10.0]) == {}
-    when(lambda: desk._work is None)
+    when(lambda: desk.work is None)
     assert "nothing swings through" in desk.problem
     assert not desk.over.is_set()
     bob = other_bob(0.0)

@@ -8,11 +8,13 @@ import runpy
 import subprocess
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 import typer
+from drawn_films import NAMES, draw
 from typer.testing import CliRunner
 
 from pendulum_env import __version__, cli
@@ -87,7 +89,7 @@ SHORT: Mapping[str, str] = {
     "demo": "--no-film",
     "auto": "--scene vacuum --accuracy 1e-3 --duration 0.2",
     "acquire": "--headless --duration 0.2 --rate 50", "fit": "--effects linear --mass 0.01 --radius 0.02",
-    "measure": "",
+    "measure": "", "track": "swing.mp4",
     "exercise": "",
     "show": "--help",
     "stress": "--cases upright_for_a_moment --integrators rk4",
@@ -136,6 +138,8 @@ def test_output_has_the_terminals_encoding(
 def in_a_process(name: str, folder: Path, out: Any, **settings: str) -> tuple[int, bytes, bytes, set[str]]:
     """Run a command; return its exit code, what it printed and said, and the names of the files that it wrote."""
     folder.mkdir()
+    if name == "track":
+        draw(replace(NAMES["plain"], seconds=4.0), folder / "swing.mp4")
     done = subprocess.run([sys.executable, "-m", "pendulum_env", *words_of(name)], cwd=folder, stdout=out,
                           stderr=subprocess.PIPE, env={**os.environ, "COLUMNS": "100", **settings}, timeout=600)
     return done.returncode, done.stdout, done.stderr, {str(path.relative_to(folder)) for path in folder.rglob("*")}

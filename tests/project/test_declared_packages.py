@@ -22,11 +22,11 @@ from pendulum_env.cli import app
 DECLARED = set(re.findall(r'^    "([\w-]+)', CORE, flags=re.M))
 MODULES = {"PIL": "Pillow", "pygame": "pygame-ce"}
 """Name of a module -> name of its package, where they differ by more than a dash."""
-OPTIONAL = {"anywidget", "arviz_base", "corner", "distributed", "emcee", "h5py", "jax", "jinja2", "markupsafe",
-            "minari", "mpmath", "pdoc", "python_calamine", "serial", "stable_baselines3", "tensordict", "torch",
-            "torchrl", "traitlets", "godirect", "pasco", "nidaqmx"}
+OPTIONAL = {"anywidget", "arviz_base", "av", "corner", "cv2", "distributed", "emcee", "h5py", "jax", "jinja2",
+            "markupsafe", "minari", "mpmath", "pdoc", "python_calamine", "serial", "stable_baselines3", "tensordict",
+            "torch", "torchrl", "traitlets", "godirect", "pasco", "nidaqmx"}
 """Modules that a user installs for one feature, which names the package where it is missing; markupsafe is jinja2's,
-traitlets anywidget's, torch and tensordict TorchRL's, h5py Minari's; serial is pyserial."""
+traitlets anywidget's, torch and tensordict TorchRL's, h5py Minari's; serial is pyserial, cv2 OpenCV."""
 MAIN_JOB = only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\n```", "the main job")
 """Words behind ``lab-pendulum`` in README's first command."""
 

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import inspect
 import re
+import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from drawn_films import NAMES, draw
 from folder_contents import contents
 from keyword_kinds import KIND_OF, KINDS, OWN, VALUES, check_refusal, outcome
 from keyword_table import BESIDE_IT, SELF, TIME, UNSPOILT, WORKING, keywords, public
@@ -31,6 +35,14 @@ def cases() -> list[Any]:
             for label, name in PAIRS]
 
 
+@cache
+def film() -> bytes:
+    """A film of a swing."""
+    with tempfile.TemporaryDirectory() as folder:
+        draw(replace(NAMES["plain"], seconds=2.0), Path(folder) / "swing.mp4")
+        return (Path(folder) / "swing.mp4").read_bytes()
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder to work in, with a recording and files that must stay as they are."""
@@ -39,6 +51,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     np.savetxt("driven.csv", np.stack([TIME, np.sin(TIME), np.cos(TIME)], axis=1), delimiter=",",
                header="time (s),angle (rad),action", comments="")
     np.savetxt("gate.txt", 2.0 + 0.03 * np.exp(-0.1 * np.arange(10.0)), header="Period (s)", comments="")
+    Path("swing.mp4").write_bytes(film())
     for name in ("x", "1", "kept.npy", "scene.json"):
         Path(name).write_text("kept")
     before = contents(tmp_path)

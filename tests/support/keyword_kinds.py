@@ -108,7 +108,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "part": "above",
         "flag": "robust jumps displaced upright compensated estimate_error complete resume anew"
                 " even_steps in_memory as_latex dense velocity_free one_way film recalibrate long raises",
-        "none of these": "widths randomize reward lost reference points columns pivot motion x y env"
+        "none of these": "bob widths randomize reward lost reference points columns pivot motion x y env"
                          " cases integrators executor grid recording action actions body medium saved"
                          " temperature series system times t_eval angles velocities over drop",
         "function": "progress on_point on_line on_row work run acceleration force jacobian dissipative_flow exact_flow"
@@ -147,6 +147,9 @@ OWN: Mapping[str, str] = {
     "LabPendulumVectorEnv.reset.seed": "seeds", "cost.steps": "none of these", "cost.tolerances": "list",
     "Recording.read.part": "none of these", "Recording.read.run": "none of these",
     "Recording.rate": "none of these", "Recording.radius": "none of these",
+    "Recording.error": "none of these", "Recording.filmed": "none of these",
+    **{f"lab.{name}.{key}": kind for name in ("follow", "track") for key, kind in (
+        ("path", "none of these"), ("progress", "progress"), ("rate", "positive"), ("until", "positive"))},
     "Recording.force": "none of these", "Recording.mount": "none of these", "Recording.read.sensor": "number",
     "lab.fit_driven.progress": "progress", "lab.fit_driven.logs": "none of these", "lab.fit_driven.hold": "mapping",
     "lab.fit_driven.moment": "positive", "lab.DrivenLog.time": "none of these", "lab.DrivenLog.angle": "none of these",

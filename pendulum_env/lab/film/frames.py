@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import RecordingError, one_number
+from pendulum_env.physics.units import shown
 
 if TYPE_CHECKING:
     from av.video.frame import VideoFrame
@@ -28,6 +29,7 @@ CHANNELS = ("brightness", "blue against yellow", "red against green")
 ENDINGS = frozenset(".mp4 .mov .m4v .avi .mkv .webm .mpg .mpeg .mts .m2ts .3gp .wmv .flv .ogv .gif".split())
 """Endings of films; other files are read as text."""
 _LEAST = 12  # frames
+_SLOWEST, _FASTEST = 0.01, 1000.0  # times the rate of the file that a camera may have had
 _NEEDS = "reading a film needs PyAV and OpenCV; pip install 'lab-pendulum[video]'"
 
 
@@ -93,6 +95,9 @@ class Film:
         self.size, self.first = (shape[1], shape[0]), first or 0.0
         self.step = float(np.median(np.diff(steps)))
         self.slower = 1.0 if rate is None else one_number(rate, "rate", above=0.0, unit="Hz") * self.step
+        if not _SLOWEST <= self.slower <= _FASTEST:
+            raise RecordingError(f"{self.name}: rate is that of the camera, from {_SLOWEST:g} to {_FASTEST:g} times the "
+                                 f"{1.0 / self.step:.4g} frames per second of the file, got {shown(rate)}")
         self.step /= self.slower
 
     @property

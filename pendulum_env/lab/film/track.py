@@ -149,7 +149,7 @@ def track(
     rate: float | None = None,
     progress: Progress | bool | None = None,
 ) -> Recording:
-    """Return the swing of a filmed pendulum as a recording with an error for each angle.
+    """Return the swing of a filmed pendulum as a recording [s, rad] with an error for each angle.
 
     :func:`follow` describes how, its arguments and errors, and returns the places in the picture, too.
     """
