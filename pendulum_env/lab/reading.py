@@ -178,12 +178,12 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
             _refuse_other_numbers(table, layout, values[:, 0], unit)
         notes.append(f"unit: {unit}, {why}")
         angle = values[:, 0] * UNITS[unit]
-    error = np.abs(values[:, -1] * UNITS[unit] * options.scale) if beside else None
+    errors = np.abs(values[:, -1] * UNITS[unit] * options.scale) if beside else None
     if not layout.track and not layout.length:
         time, angle, lost = _without_lost(time, angle)
         notes += lost
         gaps = hidden_in(time, angle) if lost else gaps
-        error = None if lost else error
+        errors = None if lost else errors
     angle, turns = _unwrapped(angle, gaps, by_track=layout.track)
     notes += turns
     if direct:
@@ -196,7 +196,7 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
         notes.append(f"scale: angle multiplied by {options.scale:g}")
     displaced = bool(layout.length and options.unit is None)
     return FileReadings(time, angle * options.scale, notes, UNITS[unit] * options.scale, displaced=displaced,
-                        radius=radius, error=error)
+                        radius=radius, error=errors)
 
 
 def _errors(table: TextTable, layout: ColumnLayout) -> tuple[int, ...]:

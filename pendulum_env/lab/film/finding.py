@@ -4,8 +4,8 @@
 2. *Spots*: connected pixels that differ from it by more than noise and by more than they usually do. A spot's place is
    the middle of the widest disc in it (distance transform, Borgefors 1986), so that a rod or a wire does not move it.
 3. *Paths*: spots linked from frame to frame, each to the nearest place that its velocity predicts.
-4. *Swings*: paths whose place is c + (a + a' t) cos(w t) + (b + b' t) sin(w t), with harmonics for the arc's height. The
-   frequency is scanned. Each swing then takes all spots that are where it predicts the bob, also behind gaps.
+4. *Swings*: paths whose place is c + (a + a' t) cos(w t) + (b + b' t) sin(w t), with harmonics for the arc's height.
+   The frequency is scanned. Each swing then takes all spots that are where it predicts the bob, also behind gaps.
 5. *Rank*: share of the frames, times contrast, times width: shadows and reflections are fainter than what throws them.
 """
 
@@ -102,7 +102,10 @@ def sampled(film: Film, tell: Callable[[float, str], None]) -> Sample:
     every = max(1, round(1.0 / (film.step * _RATE)))
     expected = min(film.count // every, _FRAMES)
     apart = max(1, expected // _KEPT)
-    times, small, kept, full = [], [], [], []
+    times: list[float] = []
+    small: list[Picture] = []
+    kept: list[int] = []
+    full: list[Picture] = []
     for number, (_, time, picture) in enumerate(film.frames()):
         if number % every:
             continue
@@ -153,7 +156,7 @@ def moved(sample: Sample) -> float:
     return float(np.quantile(shifts, 0.8)) * sample.scale
 
 
-def gains(pictures: NDArray[np.uint8], background: FloatArray) -> FloatArray:
+def gains(pictures: NDArray[np.uint8], background: NDArray[np.floating]) -> FloatArray:
     """Return the brightness of each picture relative to the background: the median of the ratios of their pixels."""
     part = np.maximum(background[::3, ::3], 1.0)
     return np.array([np.median(one[::3, ::3] / part) for one in pictures])
@@ -178,7 +181,7 @@ def spots_of(difference: NDArray[np.float32], level: NDArray[np.float32] | float
     if count < 2:
         return []
     inside = cv.distanceTransform(cv.copyMakeBorder(mask, 1, 1, 1, 1, cv.BORDER_CONSTANT), cv.DIST_L2, 5)[1:-1, 1:-1]
-    found = []
+    found: list[tuple[float, ...]] = []
     order = np.argsort(stats[1:, cv.CC_STAT_AREA])[::-1][:_SPOTS] + 1
     for label in order.tolist():
         left, top, across, along, area = stats[label].tolist()
@@ -252,7 +255,8 @@ def paths_of(spots: Spots, times: FloatArray) -> list[NDArray[np.intp]]:
             speed = np.hypot(px - spots.x[ends], py - spots.y[ends])
             room = 0.5 * speed + 2.0 * spots.width[ends] + 3.0
             far = np.hypot(px[:, None] - spots.x[here], py[:, None] - spots.y[here]) / room[:, None]
-            far += 0.5 * np.abs(np.log(np.maximum(spots.width[here], 0.5) / np.maximum(spots.width[ends], 0.5)[:, None]))
+            wide, before_wide = np.maximum(spots.width[here], 0.5), np.maximum(spots.width[ends], 0.5)
+            far += 0.5 * np.abs(np.log(wide / before_wide[:, None]))
             for place in np.argsort(far, axis=None)[: 4 * len(here)].tolist():
                 i, j = divmod(place, len(here))
                 if far[i, j] > 1.0:
@@ -352,7 +356,7 @@ def _free(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> NDArray[np
     """Return a path without its beginning, as far as this must go for the rest to be a swing: a hand holds the bob."""
     t = times[spots.frame[path]]
     for begin in _BEGINS:
-        rest = path[t >= t[0] + begin * float(np.ptp(t))]
+        rest = path[np.flatnonzero(t >= t[0] + begin * float(np.ptp(t)))]
         if len(rest) < _LEAST:
             break
         points = np.stack([spots.x[rest], spots.y[rest]], axis=1)

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 Picture = NDArray[np.uint8]
 CHANNELS = ("brightness", "blue against yellow", "red against green")
 """Channels of a film, in the order in which a bob is looked for."""
-ENDINGS = frozenset(".mp4 .mov .m4v .avi .mkv .webm .mpg .mpeg .mts .m2ts .3gp .wmv .flv .ogv .gif".split())
+ENDINGS = frozenset((".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".mts", ".m2ts", ".3gp", ".wmv",
+                     ".flv", ".ogv", ".gif"))
 """Endings of films; other files are read as text."""
 _LEAST = 12  # frames
 _SLOWEST, _FASTEST = 0.01, 1000.0  # times the rate of the file that a camera may have had
@@ -66,8 +67,8 @@ class Film:
         until: time [s] after which frames are left out.
         channel: number of the channel, of ``CHANNELS``.
 
-    ``shrink`` is a whole number by which pictures are made smaller, at first 1. Raises RecordingError for a file that is
-    no film, has no pictures, or fewer than 12.
+    ``shrink`` is a whole number by which pictures are made smaller, at first 1. Raises RecordingError for a file that
+    is no film, has no pictures, or fewer than 12.
     """
 
     def __init__(self, path: str, *, rate: float | None = None, until: float | None = None, channel: int = 0) -> None:
@@ -90,14 +91,14 @@ class Film:
                 if len(steps) > 4 * _LEAST:
                     break
         if len(steps) < _LEAST or shape is None:
-            raise RecordingError(f"{self.name}: expected a film of at least {_LEAST} frames, found {len(steps)}"
-                                 f"{f' ({self.broken})' if self.broken else ''}")
+            why = f" ({self.broken})" if self.broken else ""
+            raise RecordingError(f"{self.name}: expected a film of at least {_LEAST} frames, found {len(steps)}{why}")
         self.size, self.first = (shape[1], shape[0]), first or 0.0
         self.step = float(np.median(np.diff(steps)))
         self.slower = 1.0 if rate is None else one_number(rate, "rate", above=0.0, unit="Hz") * self.step
         if not _SLOWEST <= self.slower <= _FASTEST:
-            raise RecordingError(f"{self.name}: rate is that of the camera, from {_SLOWEST:g} to {_FASTEST:g} times the "
-                                 f"{1.0 / self.step:.4g} frames per second of the file, got {shown(rate)}")
+            raise RecordingError(f"{self.name}: rate is that of the camera, from {_SLOWEST:g} to {_FASTEST:g} times "
+                                 f"the {1.0 / self.step:.4g} frames per second of the file, got {shown(rate)}")
         self.step /= self.slower
 
     @property
@@ -136,7 +137,7 @@ class Film:
                 across, along = (max(int(share * side) // 2 * 2, 2) for side in self.size)
                 if self.turned % 180:
                     across, along = along, across
-                shown = frame.reformat(width=across, height=along, format="rgb24").to_ndarray()
+                shown = np.asarray(frame.reformat(width=across, height=along, format="rgb24").to_ndarray(), np.uint8)
                 yield time, self._upright(shown)
 
     def jpeg(self, picture: Picture) -> bytes:
@@ -156,8 +157,8 @@ class Film:
             raise RecordingError(f"{self.name}: no such file") from None
         except errors as error:
             why = getattr(error, "strerror", None) or error
-            raise RecordingError(f"{self.name}: expected a film such as .mp4 or .mov, but it cannot be read ({why}); it "
-                                 "may be cut off or of another kind") from None
+            raise RecordingError(f"{self.name}: expected a film such as .mp4 or .mov, but it cannot be read ({why}); "
+                                 "it may be cut off or of another kind") from None
         if not container.streams.video:
             container.close()
             raise RecordingError(f"{self.name}: expected a film, the file has no pictures")
@@ -181,7 +182,7 @@ class Film:
         if self.channel and frame.format.name == "nv12":
             frame = frame.reformat(format="yuv420p")
         plane = frame.planes[self.channel]
-        picture = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, :plane.width]
+        picture = np.frombuffer(memoryview(plane), np.uint8).reshape(plane.height, plane.line_size)[:, :plane.width]
         if self.channel:
             picture = self._cv.resize(picture, (frame.width, frame.height), interpolation=self._cv.INTER_LINEAR)
         return self.smaller(self._upright(picture))

@@ -41,8 +41,9 @@ def angles_of(name: str, x: FloatArray, y: FloatArray, covariance: FloatArray, p
     if pivot is None:
         circle = fit_circle(x, y)
         if not circle.error < _UNSURE * circle.radius:
-            raise RecordingError(f"{name}: the arc of the bob is too short to find its pivot (± {circle.error:.3g} pixels "
-                                 f"at a radius of {circle.radius:.4g}); give pivot=(x, y), in pixels from the top left")
+            raise RecordingError(f"{name}: the arc of the bob is too short to find its pivot (± {circle.error:.3g} "
+                                 f"pixels at a radius of {circle.radius:.4g}); give pivot=(x, y), in pixels from the "
+                                 "top left")
         pivot, rms = (circle.x, circle.y), circle.rms
         error = circle.error * _together(x - circle.x, y - circle.y, circle.radius)
         radius = Measurement(circle.radius, error, "pixels")

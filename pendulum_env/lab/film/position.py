@@ -61,7 +61,8 @@ def background_of(pictures: list[Picture], gain: FloatArray, covered: list[NDArr
                       for picture, one, mask in zip(pictures, gain, covered, strict=True)])
     stack.sort(axis=0)
     count = (stack < 1e4).sum(axis=0)
-    low, high = (np.take_along_axis(stack, np.maximum(place, 0)[None], 0)[0] for place in ((count - 1) // 2, count // 2))
+    low, high = (np.take_along_axis(stack, np.maximum(place, 0)[None], 0)[0]
+                 for place in ((count - 1) // 2, count // 2))
     known = count >= 2
     median = np.where(known, 0.5 * (low + np.where(high < 1e4, high, low)), 0.0).astype(np.float32)
     if not known.all():
@@ -123,22 +124,22 @@ class Bob:
             px, py = (x + c * across + s * along).astype(np.float32), (y - s * across + c * along).astype(np.float32)
             seen.append(self._at(picture.astype(np.float32) / np.float32(one), px, py))
             behind.append(self._at(self.background.picture, px - self.background.left, py - self.background.top))
-        I, B = np.stack(seen), np.stack(behind)
-        usual = np.median(I - B, axis=0)
+        looks, walls = np.stack(seen), np.stack(behind)
+        usual = np.median(looks - walls, axis=0)
         inside = np.hypot(across, along) < 0.6 * self.radius
         core = float(np.quantile(np.abs(usual[inside]), 0.5)) if inside.any() else float(np.abs(usual).max())
         reach = np.hypot(across, along)
         first = np.clip(np.abs(usual) / max(core, 1.0), 0.0, 1.0)
         first = np.where(reach < 0.7 * self.radius, 1.0, first)
-        spread = B.var(axis=0)
-        together = ((I - I.mean(axis=0)) * (B - B.mean(axis=0))).mean(axis=0)
+        spread = walls.var(axis=0)
+        together = ((looks - looks.mean(axis=0)) * (walls - walls.mean(axis=0))).mean(axis=0)
         prior = 4.0 * self.noise**2 + 25.0
         slope = (together + prior * (1.0 - first)) / (spread + prior)
         opacity = np.clip(1.0 - slope, 0.0, 1.0)
         edge = np.clip(self.half + 0.5 - np.maximum(np.abs(across), np.abs(along)), 0.0, 1.0)
         opacity = np.where(opacity < 0.04, 0.0, opacity) * edge
         self.opacity = opacity.astype(np.float32)
-        self.light = np.where(opacity > 0.0, np.median(I - (1.0 - opacity) * B, axis=0), 0.0).astype(np.float32)
+        self.light = np.where(opacity > 0.0, np.median(looks - (1.0 - opacity) * walls, axis=0), 0.0).astype(np.float32)
         self._blurred = {}
 
     def _at(self, picture: Image, x: Image, y: Image) -> Image:
@@ -183,15 +184,14 @@ class Bob:
             at = round(x), round(y)
             if corner != at:
                 corner = at
-                l, r, t, b = at[0] - room[0] - 1, at[0] + room[0] + 2, at[1] - room[1] - 1, at[1] + room[1] + 2
-                l, t = max(l, bg.left), max(t, bg.top)
-                r, b = min(r, bg.left + width), min(b, bg.top + height)
-                if r - l < 6 or b - t < 6:
+                left, right = max(at[0] - room[0] - 1, bg.left), min(at[0] + room[0] + 2, bg.left + width)
+                top, low = max(at[1] - room[1] - 1, bg.top), min(at[1] + room[1] + 2, bg.top + height)
+                if right - left < 6 or low - top < 6:
                     return None
-                I = picture[t:b, l:r].astype(np.float32)
-                B = bg.picture[t - bg.top : b - bg.top, l - bg.left : r - bg.left]
-                var = bg.variance[t - bg.top : b - bg.top, l - bg.left : r - bg.left]
-                gx, gy = np.meshgrid(np.arange(l, r, dtype=np.float32), np.arange(t, b, dtype=np.float32))
+                part = picture[top:low, left:right].astype(np.float32)
+                B = bg.picture[top - bg.top : low - bg.top, left - bg.left : right - bg.left]
+                var = bg.variance[top - bg.top : low - bg.top, left - bg.left : right - bg.left]
+                gx, gy = np.meshgrid(np.arange(left, right, dtype=np.float32), np.arange(top, low, dtype=np.float32))
             dx, dy = gx - np.float32(x), gy - np.float32(y)
             u, v = c * dx - s * dy + np.float32(reach), s * dx + c * dy + np.float32(self.half)
             m, mu, mv = self._sloped(opacity, u, v)
@@ -204,8 +204,8 @@ class Bob:
             w = weight.ravel().astype(np.float64)
             WJ = J * w
             if step == 0:
-                g = float((WJ[2] @ I.ravel()) / max(WJ[2] @ J[2], 1e-9))
-            rest = (I - np.float32(g) * model).ravel().astype(np.float64)
+                g = float((WJ[2] @ part.ravel()) / max(WJ[2] @ J[2], 1e-9))
+            rest = (part - np.float32(g) * model).ravel().astype(np.float64)
             J[:2] *= g
             WJ[:2] *= g
             normal = WJ @ J.T
@@ -229,13 +229,13 @@ class Bob:
         size2 = float((w * own) @ own)
         if not size2 > 0.0:
             return None
-        excess = I.ravel() / g - B.ravel()
+        excess = part.ravel() / g - B.ravel()
         seen = float((w * own) @ excess) / size2
         count = max(int((w > 0).sum()) - 3, 1)
         chi2 = float((w * rest) @ rest) / count
-        covariance = np.linalg.pinv(normal)[:2, :2] * chi2
-        left, top = self.half + 0.5 * streak * abs(c), self.radius
-        if not (bg.left + 0.6 * top <= x <= bg.left + width - 0.6 * top and bg.top + 0.6 * top <= y <= bg.top + height - 0.6 * top):
+        covariance = np.asarray(np.linalg.pinv(normal)[:2, :2] * chi2, dtype=np.float64)
+        rim = 0.6 * self.radius
+        if not (bg.left + rim <= x <= bg.left + width - rim and bg.top + rim <= y <= bg.top + height - rim):
             return None
         sagitta = streak * streak * curved / 24.0
         return Place(x + s * sagitta, y + c * sagitta, covariance, seen, math.sqrt(chi2))
@@ -249,7 +249,8 @@ class Bob:
             self._slope_of: dict[int, Any] = {}
         if key not in self._slope_of or self._slope_of[key][0] is not image:
             wide = cv.copyMakeBorder(image, 1, 1, 1, 1, cv.BORDER_CONSTANT)
-            self._slope_of[key] = (image, 0.5 * (wide[1:-1, 2:] - wide[1:-1, :-2]), 0.5 * (wide[2:, 1:-1] - wide[:-2, 1:-1]))
+            self._slope_of[key] = (image, 0.5 * (wide[1:-1, 2:] - wide[1:-1, :-2]),
+                                   0.5 * (wide[2:, 1:-1] - wide[:-2, 1:-1]))
         _, across, along = self._slope_of[key]
         return (value, cv.remap(across, u, v, cv.INTER_LINEAR, borderMode=cv.BORDER_CONSTANT),
                 cv.remap(along, u, v, cv.INTER_LINEAR, borderMode=cv.BORDER_CONSTANT))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -270,8 +271,8 @@ class Guess:
             if self.own and t > self.times[-1]:
                 recent = np.array(self.own[-4000:])
                 times, points = recent[:, 0], recent[:, 1:]
-            near = np.abs(times - t) < span
-            if near.sum() < 12:
+            near = np.flatnonzero(np.abs(times - t) < span)
+            if len(near) < 12:
                 near = np.argsort(np.abs(times - t))[:200]
             times, points = times[near], points[near]
             harmonics = 2 if len(times) > 24 else 1
@@ -354,7 +355,8 @@ def _learned(film: Film, sample: Sample, swing: Swing, pivot: tuple[float, float
 def _noise(pictures: list[Picture]) -> float:
     """Return the standard deviation of the pixels of pictures in time [grey levels], at least that of rounding."""
     pairs = [(a.astype(np.float32) - b)[::3, ::3] for a, b in zip(pictures[:-1:4], pictures[1::4], strict=False)]
-    return max(float(np.median([1.48 * np.median(np.abs(one - np.median(one))) for one in pairs])) / math.sqrt(2.0), 0.5)
+    spread = float(np.median([1.48 * np.median(np.abs(one - np.median(one))) for one in pairs]))
+    return max(spread / math.sqrt(2.0), 0.5)
 
 
 class _Reading:
@@ -436,8 +438,8 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
             rate: float | None) -> FilmTrack:
     """Return the track of the frames that were read, without doubtful ones."""
     frames, kept = len(read.stamps), [row for row in read.rows if row is not None]
-    few = RecordingError(f"{film.name}: the bob could be read in too few frames ({len(kept)} of {frames}); give bob=(x, y)"
-                         " of a place on its way, or until= the time at which it is out of sight")
+    few = RecordingError(f"{film.name}: the bob could be read in too few frames ({len(kept)} of {frames}); give "
+                         "bob=(x, y) of a place on its way, or until= the time at which it is out of sight")
     if len(kept) < max(_FEW, _LEAST * frames):
         raise few
     left_out = {"without the bob in full": frames - len(kept) - read.repeated,
@@ -469,8 +471,8 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
     roll, how = _vertical(film.name, time[keep], angles.angle, error, chosen.omega)
     steps = np.diff(read.stamps)
     usual = float(np.median(steps))
-    notes = [f"pivot: ({angles.pivot[0]:.6g}, {angles.pivot[1]:.6g}), " + (
-                 "as given" if pivot is not None else f"centre of the circle through the places (rms {angles.rms:.2g} pixels)"),
+    centre = f"centre of the circle through the places (rms {angles.rms:.2g} pixels)"
+    notes = [f"pivot: ({angles.pivot[0]:.6g}, {angles.pivot[1]:.6g}), {'as given' if pivot is not None else centre}",
              f"radius: {angles.radius}", f"vertical: {how}"]
     if film.slower != 1.0:
         notes.append(f"rate: {1.0 / film.step:g} Hz as given, {film.slower:g} times that of the file")
@@ -482,7 +484,8 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
         notes.append(f"the film ends early: {film.broken}")
     return FilmTrack(film.name, time[keep], angles.angle - roll, error, rest * angles.error, x[keep], y[keep],
                      angles.pivot, angles.radius, by * read.bob.radius, frames,
-                     {why: count for why, count in left_out.items() if count}, np.setdiff1d(read.stamps, time[keep]), usual,
+                     {why: count for why, count in left_out.items() if count},
+                     np.setdiff1d(read.stamps, time[keep]), usual,
                      bool(np.ptp(steps) < 0.02 * usual), read.bob.exposure, float(streaks[keep].max()), roll,
                      tuple(one.in_words() for one in (chosen, *(other for other in found if other is not chosen))),
                      tuple(notes), picture, film.size, rate, read.stamps[-1], complete)
@@ -491,10 +494,8 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
 def _vertical(name: str, time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> tuple[float, str]:
     """Return the angle [rad] of the swing's middle in the picture, and how it was found."""
     start = 0.0
-    try:
+    with suppress(RecordingError):
         start = Recording(time, angle, name).released().release or 0.0
-    except RecordingError:
-        pass
     free = time >= start
     zero = middle_of(time[free], angle[free], error[free], omega)
     if zero is None:
