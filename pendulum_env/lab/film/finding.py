@@ -32,7 +32,8 @@ _LEAST = 12  # spots of a path
 _LOST = 8  # frames for which a thing may be hidden on its path
 _LONG = 6.0  # half widths: the ends of longer spots, such as bare rods, are places of their own
 _HIDING = 4.0  # half widths of the bob: with a shorter way, it hides its background most of the time
-_BEGINS = (0.0, 0.1, 0.2, 0.3, 0.45, 0.6)  # shares of a path that are tried without
+_BEGINS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # shares of a path that are tried without
+_WHOLE = 0.01  # of its variance that a swing may leave for nothing to be tried
 _EXPLAINED = 0.85  # least share of a path's variance that a swing explains
 
 
@@ -355,16 +356,20 @@ def _turns(place: FloatArray) -> int:
 def _free(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> NDArray[np.intp]:
     """Return a path without its beginning, as far as this must go for the rest to be a swing: a hand holds the bob."""
     t = times[spots.frame[path]]
+    parts, left = [], []
     for begin in _BEGINS:
-        rest = path[np.flatnonzero(t >= t[0] + begin * float(np.ptp(t)))]
-        if len(rest) < _LEAST:
+        part = path[np.flatnonzero(t >= t[0] + begin * float(np.ptp(t)))]
+        if len(part) < _LEAST:
             break
-        points = np.stack([spots.x[rest], spots.y[rest]], axis=1)
+        points = np.stack([spots.x[part], spots.y[part]], axis=1)
         centred = points - points.mean(axis=0)
         along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
-        if _turns(along) >= 2 and frequency(times[spots.frame[rest]], along)[1] >= _EXPLAINED:
-            return rest
-    return path
+        if _turns(along) >= 2:
+            parts.append(part)
+            left.append(1.0 - frequency(times[spots.frame[part]], along)[1])
+            if left[-1] < _WHOLE:
+                break
+    return next((part for part, one in zip(parts, left, strict=True) if one <= max(2.0 * min(left), _WHOLE)), path)
 
 
 def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDArray[np.intp], float, float] | None:
@@ -373,8 +378,9 @@ def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDA
     Spots that are anywhere by chance would fill the room within which they are taken evenly: 0. None if it is no swing.
     """
     middle, area = times.mean(), float(np.ptp(spots.x) * np.ptp(spots.y)) + 1.0
-    path = _free(path, spots, times)
-    best = None
+    free = _free(path, spots, times)
+    held = spots.frame < (spots.frame[free[0]] if len(free) < len(path) else 0)
+    path, best = free, None
     for turn in range(4):
         t = times[spots.frame[path]] - middle
         points = np.stack([spots.x[path], spots.y[path]], axis=1)
@@ -390,7 +396,7 @@ def _grown(path: NDArray[np.intp], spots: Spots, times: FloatArray) -> tuple[NDA
         gate = max(1.5, 5.0 * float(np.median(rest)), (0.25, 0.12, 0.06, 0.06)[turn] * size)
         where = basis(times - middle, omega, harmonics) @ solution
         near = np.hypot(spots.x - where[spots.frame, 0], spots.y - where[spots.frame, 1])
-        alike = spots.width > 0.4 * np.median(spots.width[path])
+        alike = ~held & (spots.width > 0.4 * np.median(spots.width[path]))
         near = np.where(alike & (np.sign(spots.contrast) == np.sign(np.median(spots.contrast[path]))), near, np.inf)
         order = np.lexsort((near, spots.frame))
         first = order[np.unique(spots.frame[order], return_index=True)[1]]
