@@ -127,13 +127,19 @@ def sampled(film: Film, tell: Callable[[float, str], None]) -> Sample:
 def moved(sample: Sample) -> float:
     """Return by how many pixels the camera moves between frames of a sample; 0 where nothing shows that it moves.
 
-    The shift of a frame against the middle one is that of their phase correlation (Kuglin & Hines 1975). It counts if
+    The shift of a frame against another is that of their phase correlation (Kuglin & Hines 1975). It counts if
     it explains most of the change in seven or more of 16 parts of the picture, as a moving bob does not.
     """
     cv = packages()[1]
     flat = [one.astype(np.float32) - cv.GaussianBlur(one.astype(np.float32), (0, 0), 6.0)
-            for one in sample.small[:: max(1, len(sample.small) // 25)]]
-    base = flat[len(flat) // 2]
+            for one in sample.small[:: max(1, len(sample.small) // 20)]]
+    found = [_shift(base, flat) for base in flat[len(flat) // 6 :: max(1, len(flat) // 3)][:3]]
+    return float(np.median(found)) * sample.scale  # against three, as somebody may walk by in one
+
+
+def _shift(base: NDArray[np.float32], flat: list[NDArray[np.float32]]) -> float:
+    """Return by how much most pictures are shifted against one [pixels]."""
+    cv = packages()[1]
     height, width = base.shape
     window = cv.createHanningWindow((width, height), cv.CV_32F)
     slope = np.hypot(cv.Sobel(base, cv.CV_32F, 1, 0), cv.Sobel(base, cv.CV_32F, 0, 1))
@@ -154,7 +160,7 @@ def moved(sample: Sample) -> float:
                     before, after = (np.median(np.abs(other[part] - base[part])[here]) for other in (one, turned))
                     votes += bool(after < 0.7 * before)
         shifts.append(math.hypot(dx, dy) if votes >= _VOTES else 0.0)
-    return float(np.quantile(shifts, 0.8)) * sample.scale
+    return float(np.quantile(shifts, 0.8))
 
 
 def gains(pictures: NDArray[np.uint8], background: NDArray[np.floating]) -> FloatArray:
