@@ -150,7 +150,8 @@ def _shift(base: NDArray[np.float32], flat: list[NDArray[np.float32]]) -> float:
         if math.hypot(dx, dy) < 0.4:
             shifts.append(0.0)
             continue
-        turned = cv.warpAffine(one, np.array([[1.0, 0.0, -dx], [0.0, 1.0, -dy]]), (width, height))
+        turned = cv.warpAffine(one, np.array([[1.0, 0.0, -dx], [0.0, 1.0, -dy]]), (width, height),
+                               borderMode=cv.BORDER_REFLECT)  # as noisy as the rest
         votes = 0
         for rows in np.array_split(np.arange(height), 4):
             for columns in np.array_split(np.arange(width), 4):
