@@ -31,7 +31,9 @@ _SPOTS = 24  # the largest spots of a frame
 _LEAST = 12  # spots of a path
 _LOST = 8  # frames for which a thing may be hidden on its path
 _LONG = 6.0  # half widths: the ends of longer spots, such as bare rods, are places of their own
-_HIDING = 4.0  # half widths of the bob: with a shorter way, it hides its background most of the time
+_HIDING = 6.0  # half widths of the bob: with a shorter way, it hides its background most of the time
+_MOVES = 4.0  # pixels: what moves less is no swing
+_ALIKE = 0.2  # of its size, by which width and contrast of one thing may differ from path to path
 _BEGINS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # shares of a path that are tried without
 _WHOLE = 0.01  # of its variance that a swing may leave for nothing to be tried
 _EXPLAINED = 0.85  # least share of a path's variance that a swing explains
@@ -324,11 +326,12 @@ def _swings(sample: Sample, share: float) -> list[Swing]:
     spots, times = seen(sample, share), sample.times
     found: list[Swing] = []
     taken = np.zeros(len(spots.frame), dtype=bool)
-    paths = sorted(paths_of(spots, times), key=len, reverse=True)
-    for path in paths[:40]:
+    paths = [path for path in paths_of(spots, times) if _reach(path, spots) * sample.scale >= _MOVES]
+    paths = sorted(paths, key=len, reverse=True)[:40]
+    for path in paths:
         if taken[path].mean() > 0.5:
             continue
-        grown = _grown(path, spots, times)
+        grown = _grown(path, spots, times) or _grown(_again(path, paths, spots), spots, times)
         if grown is None:
             continue
         path, omega, sure = grown
@@ -340,11 +343,33 @@ def _swings(sample: Sample, share: float) -> list[Swing]:
         width, contrast = float(np.median(spots.width[path])), float(np.median(np.abs(spots.contrast[path])))
         x, y = (scale * (place[path] + 0.5) - 0.5 for place in (spots.x, spots.y))
         reach = float(np.hypot(np.ptp(x), np.ptp(y)))
-        if reach < 4.0 or share < 0.15 or sure < 0.2:
+        if share < 0.15 or sure < 0.2:
             continue
         found.append(Swing(times[spots.frame[path]], x, y, omega, scale * width, contrast, share,
                            share * sure * contrast * math.sqrt(scale * width) * reach**0.25))
     return found
+
+
+def _reach(path: NDArray[np.intp], spots: Spots) -> float:
+    """Return how far a path reaches [small pixels]."""
+    return float(np.hypot(np.ptp(spots.x[path]), np.ptp(spots.y[path])))
+
+
+def _again(path: NDArray[np.intp], paths: list[NDArray[np.intp]], spots: Spots) -> NDArray[np.intp]:
+    """Return a path with those at other times of spots as wide and as dark: a post hides the bob between them."""
+    frames, looks = set(spots.frame[path].tolist()), _looks(path, spots)
+    parts = [path]
+    for other in paths:
+        own = spots.frame[other].tolist()
+        if np.all(np.abs(np.log(_looks(other, spots) / looks)) < _ALIKE) and frames.isdisjoint(own):
+            parts.append(other)
+            frames.update(own)
+    return np.sort(np.concatenate(parts))
+
+
+def _looks(path: NDArray[np.intp], spots: Spots) -> FloatArray:
+    """Return the usual width and contrast of a path's spots."""
+    return np.array([np.median(spots.width[path]), abs(np.median(spots.contrast[path])) + 1e-9])
 
 
 def _turns(place: FloatArray) -> int:
