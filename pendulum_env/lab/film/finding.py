@@ -144,7 +144,8 @@ def _shift(base: NDArray[np.float32], flat: list[NDArray[np.float32]]) -> float:
     cv = packages()[1]
     height, width = base.shape
     window = cv.createHanningWindow((width, height), cv.CV_32F)
-    slope = np.hypot(cv.Sobel(base, cv.CV_32F, 1, 0), cv.Sobel(base, cv.CV_32F, 0, 1))
+    smooth = cv.GaussianBlur(base, (0, 0), 1.2)  # without the noise, which shifting by parts of a pixel takes away, too
+    slope = np.hypot(cv.Sobel(smooth, cv.CV_32F, 1, 0), cv.Sobel(smooth, cv.CV_32F, 0, 1))
     strong = slope > max(40.0, 3.0 * float(np.median(slope)))
     shifts = []
     for one in flat:
@@ -152,15 +153,16 @@ def _shift(base: NDArray[np.float32], flat: list[NDArray[np.float32]]) -> float:
         if math.hypot(dx, dy) < 0.4:
             shifts.append(0.0)
             continue
+        one = cv.GaussianBlur(one, (0, 0), 1.2)
         turned = cv.warpAffine(one, np.array([[1.0, 0.0, -dx], [0.0, 1.0, -dy]]), (width, height),
-                               borderMode=cv.BORDER_REFLECT)  # as noisy as the rest
+                               borderMode=cv.BORDER_REFLECT)
         votes = 0
         for rows in np.array_split(np.arange(height), 4):
             for columns in np.array_split(np.arange(width), 4):
                 part = np.ix_(rows, columns)
                 here = strong[part]
                 if here.sum() >= 12:
-                    before, after = (np.median(np.abs(other[part] - base[part])[here]) for other in (one, turned))
+                    before, after = (np.median(np.abs(other[part] - smooth[part])[here]) for other in (one, turned))
                     votes += bool(after < 0.7 * before)
         shifts.append(math.hypot(dx, dy) if votes >= _VOTES else 0.0)
     return float(np.quantile(shifts, 0.8))

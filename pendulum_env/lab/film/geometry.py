@@ -19,6 +19,10 @@ from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.tracks import fit_circle
 
 _UNSURE = 0.1  # of the radius: a pivot with a larger standard error is refused
+_SURE = 6.0  # standard errors from which a bend is none of chance
+_BENDS = 0.005, 0.005  # squares and cubes of angles from which a bend matters
+_STREAK = 0.003  # of a streak's length, to which its middle is known across the arc, by drawn films
+_WIDE = 0.9  # rad from end to end, from which the third harmonic changes visibly with the amplitude
 _WINDOW = 1.6  # periods in which a swing is compared with harmonics whose amplitudes change linearly
 
 
@@ -70,25 +74,112 @@ def _together(x: FloatArray, y: FloatArray, radius: float) -> float:
     return math.sqrt(max(1.0, float(means.var()) * len(means) / max(len(means) - 3, 1) / each)) if each > 0.0 else 1.0
 
 
+def blurred(radius: Measurement, angle: FloatArray, streak: float) -> Measurement:
+    """Return a radius with the error that streaks add: they move the bob across the arc, and where it is fast."""
+    swung = 0.5 * float(np.ptp(angle))
+    return Measurement(radius.value, math.hypot(radius.error, 2.0 * _STREAK * streak / swung**2), radius.unit)
+
+
+def _columns(time: FloatArray, angle: FloatArray, omega: float) -> FloatArray:
+    """Return the columns of harmonics 1 to 3 with a changing first, as of :func:`basis`; of few readings, harmonic 1.
+
+    Wide swings have 7 harmonics, of which the third changes, and the first twice.
+    """
+    if len(time) <= 24:
+        return basis(time, omega)
+    if len(time) <= 48 or np.ptp(angle) < _WIDE:
+        return basis(time, omega, 3)
+    return np.hstack([basis(time, omega, 7), time[:, None] * basis(time, omega, 3)[:, [3, 4, 7, 8]]])
+
+
+def _windows(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float
+             ) -> list[tuple[FloatArray, FloatArray, float]]:
+    """Return the coefficients of :func:`_columns`, their covariance, and how far the lesser side is seen, by windows."""
+    span = _WINDOW * math.tau / omega
+    found = []
+    for begin in np.arange(float(time[0]), float(time[-1]), span):
+        here = (time >= begin) & (time < begin + span)
+        if here.sum() <= 24:
+            continue
+        table = _columns(time[here] - begin - 0.5 * span, angle[here], omega) / error[here, None]
+        inverse = np.asarray(np.linalg.pinv(table.T @ table), dtype=np.float64)
+        found.append((inverse @ (table.T @ (angle[here] / error[here])), inverse,
+                      float(min(angle[here].max(), -angle[here].min()))))
+    return found
+
+
 def middle_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> float | None:
     """Return the middle of a swing [rad]: the constant beside its harmonics, as of :func:`rest_of`; None without one.
 
     Unlike the middle of turning points, it is the same where one side is hidden.
     """
-    span = _WINDOW * math.tau / omega
-    found = []
-    for begin in np.arange(float(time[0]), float(time[-1]), span):
-        here = (time >= begin) & (time < begin + span)
-        if here.sum() < 24:
-            continue
-        table = basis(time[here] - begin - 0.5 * span, omega, 3) / error[here, None]
-        inverse = np.linalg.pinv(table.T @ table)
-        found.append((float((inverse @ (table.T @ (angle[here] / error[here])))[0]), float(inverse[0, 0])))
-    if not found:
+    windows = _windows(time, angle, error, omega)
+    windows = [(c, v) for c, v, _ in windows if 0.0 < v[0, 0] < math.inf]
+    if not windows:
         return None
-    values, variances = np.array(found).T
-    near = np.abs(values - np.median(values)) <= 5.0 * np.sqrt(np.maximum(variances, np.median(variances)))
+    values, variances = (np.array(side) for side in ([c[0] for c, _ in windows], [v[0, 0] for _, v in windows]))
+    away = np.abs(values - np.median(values))
+    near = away <= 5.0 * np.maximum(np.sqrt(np.maximum(variances, np.median(variances))), np.median(away))
     return float(np.average(values[near], weights=1.0 / variances[near]))
+
+
+class Bent(NamedTuple):
+    """How a picture bends the angles of a pendulum, ``seen = scale (true + square true² + cube true³)``."""
+
+    square: float
+    cube: float
+    amplitude: float
+
+    @property
+    def scale(self) -> float:
+        """Size by which the angles' scale is off [relative]: a tilt by 1/c gives ``cube = (1/c - c)/6``, and the
+        perspective of a near camera adds to it or takes from it."""
+        return 5.0 * abs(self.cube)
+
+    @property
+    def error(self) -> float:
+        """Error [rad] of which 1.96 are as large as the largest bend of an angle."""
+        return math.hypot(0.5 * self.square * self.amplitude**2, 0.25 * self.cube * self.amplitude**3) / 1.96
+
+
+def bent_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> Bent | None:
+    """Return how a camera that looks at an angle, or a lens, bends the swing; None if it does not show.
+
+    A free pendulum's second harmonic is 0 and its third ``-A³/192 - ...``, exactly by the nome q of its elliptic
+    functions (Jacobi 1829), in phase with the first; friction makes harmonics out of phase. What else is there, in
+    phase, comes from the picture.
+    """
+    rows = []
+    for c, v, seen in _windows(time, angle, error, omega):
+        first = complex(c[1], -c[2])
+        size = abs(first)
+        if seen < 0.9 * size:  # one side is hidden
+            continue
+        back = (first / size).conjugate()
+        square = (complex(c[5], -c[6]) * back**2).real, math.sqrt(0.5 * (v[5, 5] + v[6, 6]))
+        cube = (complex(c[7], -c[8]) * back**3).real - _third(size), math.sqrt(0.5 * (v[7, 7] + v[8, 8]))
+        rows.append((2.0 * square[0] / size**2, 2.0 * square[1] / size**2, 4.0 * cube[0] / size**3,
+                     4.0 * cube[1] / size**3, size))
+    if len(rows) < 2:
+        return None
+    table = np.array(rows)
+    values, sigmas = [], []
+    for column in (0, 2):
+        weight = table[:, column + 1] ** -2
+        values.append(float(np.average(table[:, column], weights=weight)))
+        sigmas.append(float(weight.sum() ** -0.5))
+    shows = [abs(value) > max(_SURE * sigma, least) and sigma < 0.6 * least
+             for value, sigma, least in zip(values, sigmas, _BENDS, strict=True)]
+    if not any(shows):
+        return None
+    return Bent(values[0] if shows[0] else 0.0, values[1], float(table[:, 4].max()))
+
+
+def _third(first: float) -> float:
+    """Return the third harmonic [rad] of a free pendulum whose first is this [rad]: -8 q^1.5 / (3 (1 + q³))."""
+    root = min(first / 4.0, 0.9)  # the lesser root s of 8 s / (1 + s²) = first, s = q^0.5
+    root = (1.0 - math.sqrt(max(1.0 - root**2, 0.0))) / root if root > 0.0 else 0.0
+    return -8.0 * root**3 / (3.0 * (1.0 + root**6))
 
 
 def rest_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> FloatArray:
@@ -109,7 +200,7 @@ def rest_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float
         if len(here) < 12:
             continue
         own, middle = error[here], 0.5 * float(time[here[0]] + time[here[-1]])
-        table = basis(time[here] - middle, omega, 3 if len(here) > 24 else 1) / own[:, None]
+        table = _columns(time[here] - middle, angle[here], omega) / own[:, None]
         value = angle[here] / own
         use = np.ones(len(here), dtype=bool)
         left = value

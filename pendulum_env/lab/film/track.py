@@ -17,7 +17,7 @@ from pendulum_env.common.tables import Table
 from pendulum_env.lab.checked import FloatArray, RecordingError, file_name, numbers, one_number
 from pendulum_env.lab.film.finding import CLEAR, FAINTEST, Sample, Swing, basis, gains, moved, sampled, spots_of, swings
 from pendulum_env.lab.film.frames import CHANNELS, Film, Picture
-from pendulum_env.lab.film.geometry import alone, angles_of, calibrated, middle_of, rest_of
+from pendulum_env.lab.film.geometry import alone, angles_of, bent_of, blurred, calibrated, middle_of, rest_of
 from pendulum_env.lab.film.position import LARGE, Bob, Place, background_of
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.parts import Drop, spans
@@ -28,6 +28,7 @@ _FINDING = 0.4  # of the progress bar
 _LEAST = 0.3  # least share of the frames that are read
 _FEW = 12  # readings
 _MOVES = 0.3  # pixels per frame, from which a repeated picture is told from a bob that turns back
+_BENT = 0.02  # cube of the angle, from which a picture is too bent
 _SHAKEN = 0.7  # pixels: a camera that moves further is refused
 
 
@@ -469,21 +470,33 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
         rest = rest_of(time[keep], angles.angle, angles.error, chosen.omega)
         error, factor = calibrated(angles.error, rest)
     roll, how = _vertical(film.name, time[keep], angles.angle, error, chosen.omega)
+    radius, tilted = blurred(angles.radius, angles.angle - roll, float(streaks[keep].max())), ""
+    bent = bent_of(time[keep], angles.angle - roll, error, chosen.omega)
+    if bent is not None:
+        tilted = (f"tilt: the swing looks bent, by {math.degrees(bent.error):.1g} degrees: the camera looks at it at "
+                  f"an angle, or its lens bends the picture; all angles may be off by {100.0 * bent.scale:.0f} %; put "
+                  "the camera straight before the swing, far away")
+        if abs(bent.cube) > _BENT and bent.error > float(np.median(error)) and pivot is None:
+            raise RecordingError(f"{film.name}: {tilted}, or give pivot=(x, y) to keep the angles as they are")
+        error = np.hypot(error, bent.error)
+        radius = Measurement(radius.value, math.hypot(radius.error, bent.scale * radius.value), radius.unit)
     steps = np.diff(read.stamps)
     usual = float(np.median(steps))
     centre = f"centre of the circle through the places (rms {angles.rms:.2g} pixels)"
     notes = [f"pivot: ({angles.pivot[0]:.6g}, {angles.pivot[1]:.6g}), {'as given' if pivot is not None else centre}",
-             f"radius: {angles.radius}", f"vertical: {how}"]
+             f"radius: {radius}", f"vertical: {how}"]
     if film.slower != 1.0:
         notes.append(f"rate: {1.0 / film.step:g} Hz as given, {film.slower:g} times that of the file")
     if film.channel:
         notes.append(f"channel: {CHANNELS[film.channel]}, as nothing swings in the brightness")
+    if tilted:
+        notes.append(tilted)
     if length is not None:
         notes.append(f"scale: {angles.radius.value / length:.6g} pixels per metre, by the given length")
     if film.broken:
         notes.append(f"the film ends early: {film.broken}")
     return FilmTrack(film.name, time[keep], angles.angle - roll, error, rest * angles.error, x[keep], y[keep],
-                     angles.pivot, angles.radius, by * read.bob.radius, frames,
+                     angles.pivot, radius, by * read.bob.radius, frames,
                      {why: count for why, count in left_out.items() if count},
                      np.setdiff1d(read.stamps, time[keep]), usual,
                      bool(np.ptp(steps) < 0.02 * usual), read.bob.exposure, float(streaks[keep].max()), roll,
