@@ -12,6 +12,9 @@ from operator import index
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pendulum_env.common.many import Many
 from pendulum_env.common.texts import LONGEST, shortened
 
@@ -209,3 +212,17 @@ def nearest(name: Any, known: Iterable[str]) -> str:
     if len(names) <= MOST_NAMES:
         return f"; there are {', '.join(names)}."
     return f"; there are {len(names)}, such as {', '.join(names[:3])}."
+
+
+def float_array(value: Any) -> NDArray[np.float64]:
+    """Return a number, nested lists of numbers or an array as a float64 array.
+
+    Raises TypeError for anything else, including truth values.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "iufO":
+            return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise TypeError(f"no array of numbers: {type(value).__name__}")

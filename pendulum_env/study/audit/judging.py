@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.effects.predictions import OSCILLATIONS
+from pendulum_env.physics.effects.effect import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
 from pendulum_env.study.audit.cases import AuditCase
 from pendulum_env.study.audit.swing import METHOD, Swing

@@ -11,7 +11,7 @@ import numpy as np
 from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.rollout import rollout
-from pendulum_env.physics.effects.predictions import OSCILLATIONS
+from pendulum_env.physics.effects.effect import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import boolean, number

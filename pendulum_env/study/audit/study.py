@@ -9,7 +9,7 @@ from typing import Any
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.results import write
 from pendulum_env.engine.kernels import Backend
-from pendulum_env.physics.effects.predictions import OSCILLATIONS
+from pendulum_env.physics.effects.effect import OSCILLATIONS
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number

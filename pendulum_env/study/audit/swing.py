@@ -14,7 +14,7 @@ from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.reading import arguments
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics import exact
-from pendulum_env.physics.effects.predictions import OSCILLATIONS
+from pendulum_env.physics.effects.effect import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]

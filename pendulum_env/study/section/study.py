@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import integrators
 from integrators import Method
-from pendulum_env.common.checks import one_of, shown
+from pendulum_env.common.checks import float_array, one_of, shown
 from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.common.provenance import provenance
 from pendulum_env.common.results import Column, Columns, Result
@@ -30,7 +30,6 @@ from pendulum_env.engine.settings import SceneLike
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
 from pendulum_env.engine.starts import usual_start
 from pendulum_env.engine.threads import MOST_THREADS, cores
-from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
