@@ -14,7 +14,7 @@ from pendulum_env.auto.costs import Table as Costs
 from pendulum_env.auto.probes import probes
 from pendulum_env.auto.search import MARGIN, Candidate, ProbeEpisode, Search
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.physics.scene import Scene
 from pendulum_env.truth.probes import ProbeMotions

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from pendulum_env.auto.choice import Choice
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table
 
 COLUMNS = {"method": "", "substeps": "", "error_rad": "rad", "cost_rk4_steps": ""}
 """Columns of the table with their units."""

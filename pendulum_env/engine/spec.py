@@ -25,12 +25,12 @@ from pendulum_env.engine.certificate import CertifiedBatch, CertifiedMachine, Ce
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.limits import Validity
 from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.settings import CommonSettings, RunSettings, SceneLike
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
-from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import still_torque

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 from integrators import Method
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.hard_cases.case import OUTCOMES, Case, Finding
 
 COLUMNS = {

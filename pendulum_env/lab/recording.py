@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.lab.accelerations import Mount
 from pendulum_env.lab.checked import FloatArray, RecordingError, check_origin, file_name, one_number
 from pendulum_env.lab.measures import Measurement

@@ -19,7 +19,7 @@ from pendulum_env.physics.scene import Scene
 
 if TYPE_CHECKING:
     from pendulum_env.common.results import Result
-    from pendulum_env.common.tables import Table
+    from pendulum_env.common.texts import Table
 
 LARGEST = 5e6
 """Largest film that is put into a notebook [bytes]; of a larger one a link is shown."""

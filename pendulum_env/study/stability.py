@@ -12,9 +12,8 @@ import integrators as registry
 from integrators import Method, MethodError
 from integrators.analysis import leading_error, stability_function
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of, write
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Columns, Result, columns_of, one_line, write
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.study.lists.methods import SOFT, entry, shown
 

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from pendulum_env import __version__, cli
 from pendulum_env.cli import app
 from pendulum_env.cli.console import print_table, print_text
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.common.version import sources
 from pendulum_env.study.compare import compare
 from pendulum_env.study.compare.drift import LEADING_ERROR

@@ -32,7 +32,7 @@ MAY_RUN = {
     "integrators/solving/stepper.py": "the package's own generated text",
     "integrators/families/taylor.py": "the package's own generated text",
     "integrators/solving/own.py": "the lines of a step that the caller of from_step has written",
-    "pendulum_env/engine/plain.py": "the package's own generated text",
+    "pendulum_env/engine/code.py": "the package's own generated text",
     "pendulum_env/testing/contract.py": "pickles that it has just made of the caller's environment",
     "pendulum_env/study/sweep/study.py": "a pickle that it has just made of the exception that the caller's run raised",
 }

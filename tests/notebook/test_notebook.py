@@ -50,7 +50,7 @@ from pendulum_env.auto.ranking import Ranking
 from pendulum_env.cli import console
 from pendulum_env.common import progress
 from pendulum_env.common.results import Result, columns_of
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.notebook import cards
 from pendulum_env.notebook.figures import FIGURES
 from pendulum_env.physics.equation import equation_mathml

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
-from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Plotted, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.density import LogDensity

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
-from pendulum_env.common.texts import clean
+from pendulum_env.common.results import Column, Columns, columns_of, one_line
+from pendulum_env.common.texts import Table, clean
 from pendulum_env.lab.checked import RecordingError, side
 from pendulum_env.lab.fitting.base import FitResult
 from pendulum_env.lab.fitting.candidates import shapes

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from integrators import Method
 from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting
 from pendulum_env.engine.runs import RecordSchedule, recorded

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from integrators import METHODS
 from pendulum_env.bench.sources import SOURCES
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.motion import EVENTS
 from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES

@@ -14,9 +14,8 @@ from integrators import Method
 from pendulum_env.common.checks import shown
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, Result
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Column, Columns, Result, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.motion import drive_rate
 from pendulum_env.engine.settings import SceneLike

@@ -20,9 +20,8 @@ from integrators import Method
 from pendulum_env.common.checks import float_array, one_of, shown
 from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, Result
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Column, Columns, Result, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted
 from pendulum_env.engine.motion import EVENTS, drive_rate, event_function
