@@ -93,7 +93,7 @@ def fit(
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.fit import planned
     from pendulum_env.lab.fitting.remedies import repaired
-    from pendulum_env.lab.fitting.robust import calmed
+    from pendulum_env.lab.fitting.shooting import calmed
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.study.fit_report import (

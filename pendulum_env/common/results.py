@@ -85,7 +85,7 @@ class Result(Plotted):
     """Base of results that have tables and figures.
 
     A class of results defines :meth:`origin` and :meth:`tables`, and :meth:`pictures` if it writes several figures. Its
-    figures are entries of ``pendulum_env.notebook.figures``. Commands print ``table`` and ``text``; a notebook shows
+    figures are entries of ``pendulum_env.notebook``. Commands print ``table`` and ``text``; a notebook shows
     the equation of ``scene``, if there is one, ``table``, ``text`` and the usual figure.
 
     Attributes:

@@ -73,17 +73,16 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "pendulum_env.physics.energy": ("Ledger",),
     "integrators.solving.dense": ("DenseOutput", "Curve"),
     "pendulum_env.truth.answer": ("Truth",),
-    "pendulum_env.auto.ranking": ("Ranking",),
+    "pendulum_env.auto.choice": ("Ranking",),
     "pendulum_env.auto.calibrate": ("Choice",),
     "pendulum_env.auto.search": ("Candidate",),
     "pendulum_env.envs.transfer": ("Transfer", "Difference"),
     "pendulum_env.hard_cases.matrix": ("Matrix", "MatrixEntry"),
     "pendulum_env.hard_cases.case": ("Bound", "Case", "Finding"),
-    "pendulum_env.lab.accelerations": ("Mount",),
-    "pendulum_env.lab.cycles": ("Cycles",),
+    "pendulum_env.lab.inertial": ("Mount",),
     "pendulum_env.lab.gates": ("GateSheet",),
     "pendulum_env.lab.losses": ("Losses",),
-    "pendulum_env.lab.measures": ("Measurement",),
+    "pendulum_env.lab.measures": ("Cycles", "Measurement"),
     "pendulum_env.lab.recording": ("Recording",),
     "pendulum_env.lab.sheet": ("LabSheet",),
     "pendulum_env.lab.turning": ("TurningPoints",),
@@ -560,7 +559,7 @@ def _scene(written: Mapping[str, Any], own: Mapping[str, type]) -> Any:
 
 
 def _catalogue() -> Any:
-    return import_module("pendulum_env.hard_cases.catalogue").CASES
+    return import_module("pendulum_env.hard_cases.run").CASES
 
 
 def _functions(name: Any) -> dict[str, Any]:

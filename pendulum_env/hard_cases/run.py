@@ -1,8 +1,8 @@
-"""Run methods in hard cases: choose the cases, run each pair of case and method, and collect the results."""
+"""The catalogue of all hard cases in a fixed order, with the known failures, and runs of methods in them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
 from itertools import groupby
@@ -12,10 +12,37 @@ from integrators import Method
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.results import write
 from pendulum_env.engine.starts import listed_methods, none_twice
-from pendulum_env.hard_cases.case import Case
-from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
+from pendulum_env.hard_cases import (
+    actions,
+    chaos,
+    extremes,
+    fast_drive,
+    long_runs,
+    magnitudes,
+    near_top,
+    non_smooth,
+    resonance,
+    reversal,
+    step_limits,
+    stiff_damping,
+    switching,
+)
+from pendulum_env.hard_cases.case import Case, check_unique
 from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
 from pendulum_env.physics.units import SceneError, boolean, one_of, several
+
+GROUPS = (near_top, step_limits, stiff_damping, non_smooth, fast_drive, chaos, long_runs, magnitudes, actions, reversal,
+          extremes, resonance, switching)
+"""Modules of hard cases, one per group."""
+CASES: tuple[Case, ...] = check_unique(tuple(case for group in GROUPS for case in group.CASES))
+"""All hard cases; the command line, the tests and the documentation read this tuple."""
+MOTIONS = {case.motion.name: case.motion for case in CASES if case.motion is not None}
+"""Motions with predicted errors, by name."""
+KNOWN_FAILURES: Mapping[tuple[str, str], str] = {
+    pair: why for group in GROUPS for pair, why in getattr(group, "KNOWN", {}).items()
+}
+"""(case, method) -> reason why the outcome is not an allowed one, and what the method does instead."""
+
 
 __all__ = ["Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress", "write"]
 

@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.lab.accelerations import Mount, felt
 from pendulum_env.lab.checked import GAP, FloatArray, RecordingError, count, gaps_of, known, one_number
 from pendulum_env.lab.columns import ColumnLayout, is_absolute, layout_of
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.displacement import displacement_angle
+from pendulum_env.lab.inertial import Mount, along_axis, felt, integrated, with_sign
 from pendulum_env.lab.jumps import without_jumps
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.noise import changes_only, quantum_level
@@ -30,7 +30,6 @@ from pendulum_env.lab.quantities import (
     TIME,
     TRACK,
 )
-from pendulum_env.lab.rates import along_axis, integrated, with_sign
 from pendulum_env.lab.table import DAY, DECIMALS, SEPARATORS, TextTable
 from pendulum_env.lab.tracks import Y_AXES, about_pivot
 from pendulum_env.lab.turning import hidden_in

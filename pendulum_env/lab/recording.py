@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.results import Plotted, one_line
-from pendulum_env.lab.accelerations import Mount
 from pendulum_env.lab.checked import FloatArray, RecordingError, check_origin, file_name, one_number
+from pendulum_env.lab.inertial import Mount
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.noise import noise_level, quantum_level
 from pendulum_env.lab.parts import Drop, kept, share

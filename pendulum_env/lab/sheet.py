@@ -13,10 +13,12 @@ import numpy as np
 
 from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.lab.checked import RecordingError, check_half_turn, count, side
-from pendulum_env.lab.cycles import SURE, Cycles, corrected_periods
 from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
 from pendulum_env.lab.measures import (
+    SURE,
+    Cycles,
     Measurement,
+    corrected_periods,
     crossings,
     doubt_of_gravity,
     doubt_of_length,

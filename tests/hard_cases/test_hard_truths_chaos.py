@@ -15,8 +15,17 @@ from scipy.integrate import solve_ivp
 import integrators
 from pendulum_env.hard_cases import chaos, long_runs, magnitudes, reversal
 from pendulum_env.hard_cases.case import ACCURATE, REFUSED, STABLE, WRONG, Case
-from pendulum_env.hard_cases.catalogue import CASES
-from pendulum_env.truth.chaos import AMPLIFIED, BY_START, DOUBLINGS, EXPONENTS, MOTION, QUIET, QUIET_STRENGTH, Doubling
+from pendulum_env.hard_cases.chaos import (
+    AMPLIFIED,
+    BY_START,
+    DOUBLINGS,
+    EXPONENTS,
+    MOTION,
+    QUIET,
+    QUIET_STRENGTH,
+    Doubling,
+)
+from pendulum_env.hard_cases.run import CASES
 
 GROUPS = (chaos, long_runs, magnitudes, reversal)
 PERIOD = 3.0 * math.pi

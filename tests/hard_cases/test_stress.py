@@ -42,7 +42,7 @@ from pendulum_env.hard_cases.case import (
     always,
     check_unique,
 )
-from pendulum_env.hard_cases.catalogue import CASES, KNOWN_FAILURES
+from pendulum_env.hard_cases.run import CASES, KNOWN_FAILURES
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots import hard_cases as matrix_figure

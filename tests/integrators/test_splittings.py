@@ -23,7 +23,7 @@ from integrators.analysis import (
     splitting_order,
     stability_limit,
 )
-from integrators.analysis.splitting_conditions import trees, violations
+from integrators.analysis.conditions import trees, violations
 from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
 from integrators.tables.splittings import alternating, composed, mirrored, with_drag
 from pendulum_env import SCENES, Scene, rollout

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from pendulum_env import VirtualSensor, rollout
 from pendulum_env.lab import Recording, RecordingError, fit, measure
-from pendulum_env.lab.fitting.robust import CORNER
+from pendulum_env.lab.fitting.shooting import CORNER
 from pendulum_env.physics.units import SceneError
 
 Array = NDArray[np.float64]

@@ -26,10 +26,9 @@ from pendulum_env import LabPendulumEnv, Recording, fit, load, rollout
 from pendulum_env.cli import app
 from pendulum_env.lab import RecordingError, simulated_recording
 from pendulum_env.lab.fitting import posterior as sampling
-from pendulum_env.lab.fitting.density import LogDensity
 from pendulum_env.lab.fitting.grade import Fault
 from pendulum_env.lab.fitting.posterior import Posterior
-from pendulum_env.lab.fitting.priors import Prior, priors_of
+from pendulum_env.lab.fitting.priors import LogDensity, Prior, priors_of
 from pendulum_env.lab.fitting.result import Fit
 from pendulum_env.lab.fitting.statistics import split_r
 from pendulum_env.physics.units import SceneError

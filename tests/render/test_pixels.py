@@ -19,7 +19,7 @@ from pendulum_env.render import Apparatus, View, frame, paint, pixels
 from pendulum_env.render.curves import fading, graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import gradient, rgb
-from pendulum_env.render.ring import HEAD, Ring
+from pendulum_env.render.stand import HEAD, Ring
 
 HIGH, WIDE = 47, 61
 COLOUR, WHITE = rgb("#D55E00"), np.full(3, 200, np.float32)

@@ -15,8 +15,7 @@ from pendulum_env.physics.effects import BearingFriction, Gravity, LinearDrag, Q
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.audit import draw
-from pendulum_env.study.audit.simplification import simplify
-from pendulum_env.study.audit.study import audit, write
+from pendulum_env.study.audit.study import audit, simplify, write
 from pendulum_env.study.audit.verdicts import NOT_JUDGED, Audit, AuditRow
 
 # --- simplified scenes ----------------------------------------------------------------------------------------------

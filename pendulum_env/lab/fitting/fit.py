@@ -20,8 +20,7 @@ from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.priors import priors_of
 from pendulum_env.lab.fitting.remedies import JUMP, OUTLIERS, SUBTRACTED, Remedy, remedies_of, repaired
 from pendulum_env.lab.fitting.result import Fit, FitComparison
-from pendulum_env.lab.fitting.robust import calmed, pulled, released
-from pendulum_env.lab.fitting.shooting import FitSolution, solve_all
+from pendulum_env.lab.fitting.shooting import FitSolution, calmed, pulled, released, solve_all
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.measures import doubt_of_length
 from pendulum_env.lab.noise import scatter_level
@@ -84,7 +83,7 @@ def fit(
         above: share of the first amplitude, such as 0.05 or "5%", below which swings are left out.
         drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
         robust: True lets readings that are far off count less, by the soft L1 loss. Their weights follow from the model
-            with the most dampings, after jumps are subtracted; see :mod:`pendulum_env.lab.fitting.robust`.
+            with the most dampings, after jumps are subtracted; see :mod:`pendulum_env.lab.fitting.shooting`.
         jumps: True subtracts jumps of the sensor's zero that explain a misfit and lower the Bayesian information
             criterion by 10 or more, with a note on each in the recording of the fit; False leaves them in.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A

@@ -19,7 +19,6 @@ from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import Table
 from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
-from pendulum_env.lab.fitting.density import LogDensity
 from pendulum_env.lab.fitting.intervals import (
     MOST_DRAWS,
     Fitted,
@@ -30,7 +29,7 @@ from pendulum_env.lab.fitting.intervals import (
     scatter_of,
 )
 from pendulum_env.lab.fitting.model import ZERO, unit_of
-from pendulum_env.lab.fitting.priors import Prior, priors_of
+from pendulum_env.lab.fitting.priors import LogDensity, Prior, priors_of
 from pendulum_env.lab.fitting.statistics import split_r
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.physics.units import SceneError, file_path, one_of, whole_number

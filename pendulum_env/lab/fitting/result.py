@@ -342,7 +342,7 @@ class Fit(FitResult):
 
         The log likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, with their
         standard deviation sigma integrated out with the prior 1/sigma. It is wider where the standard errors allow for
-        slow changes of the residuals or rounding; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
+        slow changes of the residuals or rounding; see :class:`pendulum_env.lab.fitting.priors.LogDensity`. Start and
         zero are sampled with the other parameters. The walkers start around the fit.
 
         Args:

@@ -16,8 +16,7 @@ from pendulum_env.physics.exact.damped import (
     linear,
     quadratic_turning_point,
 )
-from pendulum_env.physics.exact.flight import flight
-from pendulum_env.physics.exact.pendulum import pendulum, period, period_rotation, small_amplitude_series
+from pendulum_env.physics.exact.pendulum import flight, pendulum, period, period_rotation, small_amplitude_series
 
 __all__ = [
     "coulomb_turning_points",

@@ -15,8 +15,7 @@ from pendulum_env.common.saved import save
 from pendulum_env.common.texts import Table
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.audit.cases import cases
-from pendulum_env.study.audit.swing import METHOD
+from pendulum_env.study.audit.cases import METHOD, cases
 
 CALLED_FOR, NEGLIGIBLE, OUTSIDE = "matters", "negligible", "outside its validity"
 """Verdicts on effects that were simulated with and without."""
