@@ -12,7 +12,8 @@ from pendulum_env.cli.options import given, one_method, scene_of
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
 if TYPE_CHECKING:
-    from pendulum_env.study.section import Basins, Section
+    from pendulum_env.study.basins import Basins
+    from pendulum_env.study.section import Section
 
 
 def section(

@@ -10,7 +10,6 @@ from itertools import groupby
 import integrators as registry
 from integrators import Method
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.results import write
 from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.hard_cases import (
     actions,
@@ -44,7 +43,7 @@ KNOWN_FAILURES: Mapping[tuple[str, str], str] = {
 """(case, method) -> reason why the outcome is not an allowed one, and what the method does instead."""
 
 
-__all__ = ["Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress", "write"]
+__all__ = ["Matrix", "MatrixEntry", "chosen_cases", "entry", "listing", "stress"]
 
 
 def chosen_cases(names: str | Sequence[str] | None, scene: str | None, long: bool) -> tuple[Case, ...]:

@@ -20,7 +20,7 @@ and tanh interpolate at Chebyshev nodes, computed with 120 digits.
 
 from math import sqrt as sqrt
 
-__all__ = ["atan2", "cos", "exp", "log", "power", "sin", "tanh"]
+__all__ = ["cos", "exp", "log", "power", "sin", "tanh"]  # formulas of effects call these; closed forms atan2, too
 
 
 def _quadrant(x: float) -> tuple[float, float, float]:

@@ -20,6 +20,7 @@ import integrators
 from integrators import MethodError
 from integrators.steps.estimates import has_estimates, order_of_estimate
 from pendulum_env.common.provenance import OutputError
+from pendulum_env.common.results import write
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine, fitting
@@ -29,7 +30,6 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.cost import draw
 from pendulum_env.study.cost import runs as cost_runs
 from pendulum_env.study.cost import study as cost_plan
-from pendulum_env.study.cost import write
 from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto
 from pendulum_env.study.cost.runs import SPARSE, Setting
 from pendulum_env.study.cost.study import RECORDS, cost

@@ -14,7 +14,6 @@ import numpy as np
 
 import integrators
 from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
-from pendulum_env.common.results import write
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, resolve
 from pendulum_env.engine.machine import Machine
@@ -81,7 +80,7 @@ def scene_times(
     return {scene: 1e9 * best[text] for scene, text in keys.items()}
 
 
-__all__ = ["STEPS", "Audit", "AuditRow", "Progress", "audit", "write"]
+__all__ = ["STEPS", "Audit", "AuditRow", "Progress", "audit", "simplify"]
 
 STEPS = tuple(SAMPLES * 2**k for k in range(7))
 """Steps per period, doubled until the changes have converged."""

@@ -26,7 +26,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number
 from pendulum_env.study.cost.points import FLOOR
 from pendulum_env.study.cost.runs import SAMPLES, energy_scale, evaluations_per_step
-from pendulum_env.study.growth.laws import Law, law_of
+from pendulum_env.study.growth_laws import Law, law_of
 from pendulum_env.truth.long_runs import LongTruth, long_truth, on, refuse_gusts
 from pendulum_env.truth.reference import StudyError
 
@@ -72,7 +72,7 @@ class GrowthLine:
         energy_error: largest |energy residual| in the period before each of the study's times, in units of
             :func:`pendulum_env.study.cost.runs.energy_scale`; nan after a run ended.
         floor: angle errors up to this are not reliable [rad]: ten times the error of the reference solution.
-        angle, energy: laws by which the two errors grow, see :func:`pendulum_env.study.growth.laws.law_of`.
+        angle, energy: laws by which the two errors grow, see :func:`pendulum_env.study.growth_laws.law_of`.
         stop_reason: why the run ended early, else "".
     """
 

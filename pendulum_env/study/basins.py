@@ -24,7 +24,7 @@ from pendulum_env.engine.threads import MOST_THREADS, cores
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
-from pendulum_env.study.section.study import (
+from pendulum_env.study.section import (
     ANGLE,
     MOST,
     REPEATS,
