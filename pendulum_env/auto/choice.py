@@ -12,12 +12,12 @@ from pendulum_env.auto import store
 from pendulum_env.auto.calibrate import AccuracyError, Choice, Chosen, calibrate
 from pendulum_env.auto.costs import SHIPPED, measure
 from pendulum_env.auto.search import Candidate
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, late_bar
 from pendulum_env.common.provenance import provenance
 from pendulum_env.common.results import Columns, Result, columns_of, one_line
 from pendulum_env.common.texts import Table
 from pendulum_env.common.version import sources
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, boolean, function, number, several, shown, whole_number
 

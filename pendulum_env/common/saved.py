@@ -42,10 +42,9 @@ from typing import IO, Any
 
 import numpy as np
 
-from pendulum_env.common.checks import SceneError, file_path, nearest, several, shown
+from pendulum_env.common.checks import SceneError, file_path, nearest, several, shown, warn
 from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.common.replacing import OutputError, replacing
-from pendulum_env.common.warn import warn
 
 __all__ = ["Savable", "load", "origin_of", "save"]
 
@@ -77,12 +76,11 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "pendulum_env.auto.calibrate": ("Choice",),
     "pendulum_env.auto.search": ("Candidate",),
     "pendulum_env.envs.transfer": ("Transfer", "Difference"),
-    "pendulum_env.hard_cases.matrix": ("Matrix", "MatrixEntry"),
+    "pendulum_env.hard_cases.run": ("Matrix", "MatrixEntry"),
     "pendulum_env.hard_cases.case": ("Bound", "Case", "Finding"),
     "pendulum_env.lab.inertial": ("Mount",),
     "pendulum_env.lab.gates": ("GateSheet",),
-    "pendulum_env.lab.losses": ("Losses",),
-    "pendulum_env.lab.measures": ("Cycles", "Measurement"),
+    "pendulum_env.lab.measures": ("Cycles", "Losses", "Measurement"),
     "pendulum_env.lab.recording": ("Recording",),
     "pendulum_env.lab.sheet": ("LabSheet",),
     "pendulum_env.lab.turning": ("TurningPoints",),

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from integrators import Method
+from pendulum_env.common.checks import warn
 from pendulum_env.common.many import Many, plain
-from pendulum_env.common.warn import warn
 from pendulum_env.engine.machine import BY_ANGLE, INDEX, TWO_PI, Machine, fitting
 from pendulum_env.engine.problem import moving
 from pendulum_env.engine.reading import arguments

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method
 from integrators.solving.equal import MOST_STEPS
-from pendulum_env.common.warn import warn
+from pendulum_env.common.checks import warn
 from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.certificate import CertifiedBatch, CertifiedMachine, CertifiedRuns

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.lab.losses import Losses, losses  # at once, as the module has the name of the function
+from pendulum_env.lab.measures import Losses, losses  # at once, as the module has the name of the function
 
 if TYPE_CHECKING:
     from pendulum_env.lab.driven.fit import fit_driven

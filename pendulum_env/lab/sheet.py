@@ -12,21 +12,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pendulum_env.common.results import Plotted, one_line
-from pendulum_env.lab.checked import RecordingError, check_half_turn, count, side
-from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
+from pendulum_env.lab.checked import Drop, RecordingError, check_half_turn, count, side
 from pendulum_env.lab.measures import (
+    FEWEST,
     SURE,
     Cycles,
+    Losses,
     Measurement,
     corrected_periods,
     crossings,
     doubt_of_gravity,
     doubt_of_length,
     envelope_rate,
+    losses,
+    percent,
     period,
     small_amplitude_period,
 )
-from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics.body import Body

@@ -19,6 +19,11 @@ from gymnasium.vector.utils import batch_space
 from pendulum_env.common.checks import boolean, function, shown, whole_number
 from pendulum_env.testing.contract import (
     AGAIN,
+    SEED,
+    FaultError,
+    Run,
+    SkippedError,
+    Vector,
     check_arrays,
     check_final_info,
     check_infos,
@@ -30,20 +35,13 @@ from pendulum_env.testing.contract import (
     check_same_step,
     check_starts,
     check_unseeded,
-    told,
-)
-from pendulum_env.testing.runs import (
-    SEED,
-    FaultError,
-    Run,
-    SkippedError,
-    Vector,
     compare,
     ends_of,
     need_ends,
     record,
     reset_call,
     steps_of,
+    told,
 )
 
 WIDTH = 80

@@ -180,7 +180,7 @@ OTHERS_PRIVATE = {
     ("pendulum_env.engine.compiling", "_rebuild"): "the counterpart of _reduce",
     ("pendulum_env.lab.columns", "_replace"): "of named tuples: a documented name of Python's own",
     ("pendulum_env.bench.sources.pasco", "_loop"): "PASCO's library never closes its event loop",
-    ("pendulum_env.common.warn", "_getframe"): "of sys: the way to the caller that a warning points at",
+    ("pendulum_env.common.checks", "_getframe"): "of sys: the way to the caller that a warning points at",
 }
 """Private names of other packages that are used for want of public ones, each with its reason."""
 

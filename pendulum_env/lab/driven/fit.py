@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, telling_of
-from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog
 from pendulum_env.lab.driven.problem import BOUNDS, DrivenResiduals, DrivenSolution, Linearised, lower_bounds

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, telling_of
-from pendulum_env.common.warn import warn
-from pendulum_env.lab.checked import side
+from pendulum_env.lab.checked import Drop, side
 from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
 from pendulum_env.lab.fitting.grade import EXCESS, as_fault, of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
@@ -24,7 +24,6 @@ from pendulum_env.lab.fitting.shooting import FitSolution, calmed, pulled, relea
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.measures import doubt_of_length
 from pendulum_env.lab.noise import scatter_level
-from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording, RecordingError, part_of
 from pendulum_env.lab.sheet import apparatus
 from pendulum_env.physics.body import Body

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import Table
-from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.intervals import (
     MOST_DRAWS,
