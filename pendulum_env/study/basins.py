@@ -37,6 +37,8 @@ from pendulum_env.study.section import (
     wrapped,
 )
 
+__all__ = ["Basins", "basins"]
+
 Array = NDArray[np.float64]
 
 SIZE, MOST_SIZE = 300, 4000

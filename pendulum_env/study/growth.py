@@ -30,6 +30,8 @@ from pendulum_env.study.growth_laws import Law, law_of
 from pendulum_env.truth.long_runs import LongTruth, long_truth, on, refuse_gusts
 from pendulum_env.truth.reference import StudyError
 
+__all__ = ["Growth", "GrowthLine", "growth"]
+
 Array = NDArray[np.float64]
 
 PERIODS = 1e5

@@ -33,6 +33,8 @@ from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
 
+__all__ = ["Section", "section"]
+
 Array = NDArray[np.float64]
 
 POINTS, RUNS, STEPS = 100_000, 512, 200
