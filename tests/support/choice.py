@@ -78,13 +78,12 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
 
 def names_in(params: Any, registry: Mapping[str, Any]) -> set[str]:
     """Names of a registry among a test's parameters, in tuples too, and of methods that stand there themselves."""
-    if isinstance(params, Mapping):
-        return set().union(*(names_in(value, registry) for value in params.values()))
-    if isinstance(params, tuple):
-        return set().union(*(names_in(value, registry) for value in params))
+    if isinstance(params, str):  # most are, of tens of thousands
+        return {params} if params in registry else set()
     if isinstance(params, integrators.Method):
         return names_in(params.name, registry)
-    return {params} if isinstance(params, str) and params in registry else set()
+    inner = params if isinstance(params, tuple) else params.values() if isinstance(params, Mapping) else ()
+    return set().union(*(names_in(value, registry) for value in inner))
 
 
 def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, **options: Any) -> Rollout:
