@@ -375,7 +375,7 @@ def test_checkers_pass_over_every_pair_of_options(case: str) -> None:
     check_env(LabPendulumEnv(**options), skip_render_check=True)
     made = {"max_episode_steps": 13, **options}
     check_vector_env(partial(gym.make_vec, "LabPendulum-v0", **made), partial(gym.make, "LabPendulum-v0", **made),
-                     steps=40)
+                     steps=16)
 
 
 def test_a_reference_is_seen_without_delay() -> None:
