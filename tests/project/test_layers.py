@@ -185,21 +185,30 @@ OTHERS_PRIVATE = {
 """Private names of other packages that are used for want of public ones, each with its reason."""
 
 
+OF_TUPLES = ("_fields", "_make", "_replace")
+
+
 def private_uses(tree: ast.Module) -> set[str]:
     """Underscore names that a file takes from elsewhere: imported, or of an object and not defined in the file.
 
     Names that end in an underscore, such as IPython's ``_repr_html_``, are those of a protocol, which anybody may call;
     those of NamedTuples are documented, and have the underscore only because fields may have any other name.
     """
-    own = {node.name for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
-    own |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
-            and isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")}
-    own |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
-    named = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "__future__"
-             for alias in node.names}
-    named |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and node.attr not in own}
-    named -= {"_fields", "_make", "_replace"}
-    return {name for name in named if name.startswith("_") and not name.startswith("__") and not name.endswith("_")}
+    own, named = set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and private(node.attr):
+            of_itself = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+            (own if of_itself else named).add(node.attr)
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            own.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            own.add(node.id)
+    taken = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names}
+    return named - own | set(filter(private, taken))
+
+
+def private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__") and not name.endswith("_") and name not in OF_TUPLES
 
 
 def test_nothing_reaches_for_another_modules_underscore() -> None:
