@@ -261,9 +261,8 @@ def test_equations_are_mathml(scene: str, rows: list[str]) -> None:
     assert written(SCENES[scene].equation()) == rows
 
 
-@pytest.mark.parametrize("scene", SCENES)
-def test_the_equation_of_every_scene_is_mathml(scene: str) -> None:
-    assert written(SCENES[scene].equation())[0].startswith("θ''=")
+def test_the_equation_of_every_scene_is_mathml() -> None:
+    assert [name for name, scene in SCENES.items() if not written(scene.equation())[0].startswith("θ''=")] == []
 
 
 def test_a_small_tableau_is_shown() -> None:
