@@ -1,7 +1,7 @@
 """Draw a film of a swing, as a phone on a stand sees it, track its bob, and fit a scene to the track.
 
-The film has a patterned wall, noise and compression, and a hand that lets go after a second. The motion is simulated, so
-the true numbers are known. Your own film takes the place of swing.mp4: `track("swing.mp4")` is all that it needs.
+The film has a patterned wall, noise and compression, and a hand that lets go after a second. The motion is simulated,
+so the true numbers are known. Your own film takes the place of swing.mp4: `track("swing.mp4")` is all that it needs.
 """
 
 import av

@@ -16,15 +16,11 @@ from integrators.families.second_order import STOERMER, SYMMETRIC
 from integrators.families.structural import STRUCTURAL
 from integrators.families.taylor import TAYLOR, named_order
 from integrators.method import Method, MethodError, System
-from integrators.tables.collocation import COLLOCATION
 from integrators.tables.compositions import COMPOSITIONS
-from integrators.tables.general_splittings import GENERAL
-from integrators.tables.implicit import IMPLICIT
+from integrators.tables.implicit import COLLOCATION, IMPLICIT
 from integrators.tables.nystrom import NYSTROM
-from integrators.tables.nystrom_splittings import NYSTROM_SPLITTINGS
-from integrators.tables.runge_kutta import EXPLICIT
-from integrators.tables.runge_kutta_embedded import EMBEDDED
-from integrators.tables.splitting import SPLITTING
+from integrators.tables.runge_kutta import EMBEDDED, EXPLICIT
+from integrators.tables.splittings import GENERAL, NYSTROM_SPLITTINGS, SPLITTING
 from integrators.tables.verner import VERNER
 
 FIRST = ("forward_euler", "backward_euler")

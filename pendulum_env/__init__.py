@@ -40,10 +40,11 @@ if TYPE_CHECKING:
     from pendulum_env.physics.sensor import Sensor
     from pendulum_env.physics.units import SceneError
     from pendulum_env.study.audit import audit, simplify
+    from pendulum_env.study.basins import basins
     from pendulum_env.study.compare import compare
     from pendulum_env.study.cost import cost
     from pendulum_env.study.growth import growth
-    from pendulum_env.study.section import basins, section
+    from pendulum_env.study.section import section
     from pendulum_env.study.study import Study
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.tasks import Task
@@ -63,7 +64,7 @@ _LAZY = {
     "SceneError": "pendulum_env.physics.units",
     "Sensor": "pendulum_env.physics.sensor",
     "audit": "pendulum_env.study.audit",
-    "basins": "pendulum_env.study.section",
+    "basins": "pendulum_env.study.basins",
     "code": "pendulum_env.engine.code",
     "compare": "pendulum_env.study.compare",
     "cost": "pendulum_env.study.cost",

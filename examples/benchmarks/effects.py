@@ -36,7 +36,7 @@ from pendulum_env.physics.effects import (
     SmoothFriction,
     SphereDrag,
 )
-from pendulum_env.study.audit.step_cost import scene_times
+from pendulum_env.study.audit.study import scene_times
 
 AMPLITUDE, SIZE, METHODS = 0.5, 1024, ("rk4", "velocity_verlet")
 TIMINGS: dict[str, tuple[int, int, int]] = {"compiled": (25, 20_000, 500), "python": (9, 200, 100)}

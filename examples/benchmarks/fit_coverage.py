@@ -37,11 +37,10 @@ from machine import describe
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from pendulum_env import Scene, rollout, sweep
-from pendulum_env.lab.accelerations import felt
 from pendulum_env.lab.fitting.fit import fit
 from pendulum_env.lab.fitting.model import ANGLE, DISTANCE, LENGTH, VELOCITY, ZERO, Model
 from pendulum_env.lab.fitting.start import SEEN, visible
-from pendulum_env.lab.rates import integrated
+from pendulum_env.lab.inertial import felt, integrated
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sensor import VirtualSensor
 from pendulum_env.physics.body import Body

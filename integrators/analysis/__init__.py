@@ -9,11 +9,11 @@ results on the harmonic oscillator are in :mod:`integrators.analysis.linear`,
 :mod:`integrators.analysis.multistep_linear`, :mod:`integrators.analysis.local_error` and
 :mod:`integrators.analysis.stability`. :mod:`integrators.analysis.conditions` evaluates order conditions for a method of
 any kind; the conditions themselves are in :mod:`integrators.analysis.trees`,
-:mod:`integrators.analysis.nystrom_trees`, :mod:`integrators.analysis.splitting_conditions` and
+:mod:`integrators.analysis.nystrom_trees`, :mod:`integrators.analysis.conditions` and
 :mod:`integrators.analysis.multistep_linear`.
 """
 
-from integrators.analysis.conditions import order_residuals
+from integrators.analysis.conditions import order_residuals, splitting_order
 from integrators.analysis.linear import (
     amplification,
     damping_limit,
@@ -32,7 +32,6 @@ from integrators.analysis.measured import (
 )
 from integrators.analysis.multistep_linear import error_constant, order_defects, stability_angle
 from integrators.analysis.nystrom_trees import NystromCondition, nystrom_conditions
-from integrators.analysis.splitting_conditions import splitting_order
 from integrators.analysis.stability import (
     oscillation_errors,
     overdamping_limit,

@@ -28,7 +28,7 @@ from integrators.registry import named
 from integrators.solving.stepper import Step, stepper
 from integrators.steps.terms import literal
 from integrators.steps.unroll import unroll
-from integrators.tables.extrapolation import extrapolated_midpoint
+from integrators.tables.butcher import extrapolated_midpoint
 
 Polynomial = Sequence[Fraction]
 """Coefficients of a polynomial, lowest power first."""

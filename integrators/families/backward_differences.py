@@ -12,7 +12,7 @@ from integrators.families.multistep import HNW, Started
 from integrators.method import Acceleration, History, MethodError, Polynomial, exact
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, combination, fraction_of, term
-from integrators.tables.collocation import COLLOCATION
+from integrators.tables.implicit import COLLOCATION
 
 RADAU5 = next(method for method in COLLOCATION if method.name == "radau5")
 

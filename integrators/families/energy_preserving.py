@@ -25,7 +25,7 @@ from integrators.method import Acceleration, Method, MethodError, Polynomial, Sy
 from integrators.steps.arrays import mean_force_step
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, term
-from integrators.tables.collocation import GAUSS8
+from integrators.tables.implicit import GAUSS8
 
 HALF = Fraction(1, 2)
 Mean = Callable[[Any, Any, Any, Any], Any]

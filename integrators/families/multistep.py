@@ -22,7 +22,7 @@ from integrators.families.runge_kutta import RungeKutta
 from integrators.method import Method, Polynomial, System
 from integrators.steps.arrays import stages_solver
 from integrators.steps.terms import Notation, StepLines, combination, definition
-from integrators.tables.extrapolation import extrapolated_midpoint
+from integrators.tables.butcher import extrapolated_midpoint
 from integrators.tables.runge_kutta import EXPLICIT
 
 RK4 = next(method for method in EXPLICIT if method.name == "rk4")

@@ -22,7 +22,7 @@ from integrators.families.multistep import (
 from integrators.method import MethodError, Polynomial, exact, total
 from integrators.steps.newton import one_stage
 from integrators.steps.terms import Notation, StepLines, combination, increment, plus, term, times_step
-from integrators.tables.extrapolation import extrapolated_midpoint
+from integrators.tables.butcher import extrapolated_midpoint
 
 
 @dataclass(frozen=True, kw_only=True)

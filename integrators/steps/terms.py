@@ -176,7 +176,7 @@ class StepLines:
     """Source lines of one step function, in the order in which they run; a family of methods appends them.
 
     Lines that add to the angle q or the velocity v go through ``sum``, ``advance``, ``end`` and ``flow``. These methods
-    know the terms of the sum, so that :mod:`integrators.steps.compensated_lines` can add compensated sums instead.
+    know the terms of the sum, so that :mod:`integrators.steps.compensated` can add compensated sums instead.
 
     Attributes:
         notation: names and number format of the source.

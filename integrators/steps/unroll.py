@@ -23,8 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from integrators.method import Method, MethodError
-from integrators.steps.compensated import LOST
-from integrators.steps.compensated_lines import CompensatedNotation
+from integrators.steps.compensated import LOST, CompensatedNotation
 from integrators.steps.estimates import check_estimates
 from integrators.steps.terms import Notation, Number, literal
 

@@ -8,7 +8,7 @@ to the published digits.
 from __future__ import annotations
 
 from integrators.families.splitting import Splitting
-from integrators.tables.flows import composed, with_drag
+from integrators.tables.splittings import composed, with_drag
 
 COMPOSITIONS = (
     Splitting(

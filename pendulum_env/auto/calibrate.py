@@ -11,13 +11,12 @@ from dataclasses import dataclass, replace
 
 from integrators import MethodError
 from pendulum_env.auto.costs import Table as Costs
-from pendulum_env.auto.probes import probes
+from pendulum_env.auto.probes import ProbeMotions, probes
 from pendulum_env.auto.search import MARGIN, Candidate, ProbeEpisode, Search
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.machine import Machine, fitting
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth.probes import ProbeMotions
 
 SAFETY = 4.0
 """Factor by which errors in probe episodes must stay below the requested accuracy. A small error grows more than

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from integrators import Method
@@ -12,9 +12,12 @@ from pendulum_env.auto import store
 from pendulum_env.auto.calibrate import AccuracyError, Choice, Chosen, calibrate
 from pendulum_env.auto.costs import SHIPPED, measure
 from pendulum_env.auto.search import Candidate
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, late_bar
+from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.common.version import sources
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, boolean, function, number, several, shown, whole_number
 
@@ -115,3 +118,39 @@ def settled(
     for sentence in choice.limits:
         warn(f"integrator='auto': {sentence}")
     return choice
+
+
+COLUMNS = {"method": "", "substeps": "", "error_rad": "rad", "cost_rk4_steps": ""}
+"""Columns of the table with their units."""
+
+
+@dataclass(frozen=True, repr=False)
+class Ranking(Result):
+    """The method of an automatic choice and the next cheapest ones."""
+
+    choice: Choice
+
+    def __repr__(self) -> str:
+        return one_line(self, f"{self.choice.method} with {self.choice.substeps} substeps")
+
+    def origin(self) -> Mapping[str, str]:
+        """Return accuracy [rad], control step [s] and length of an episode, with what computed the choice."""
+        return provenance(Accuracy=self.choice.accuracy, ControlStep=self.choice.dt, Steps=self.choice.steps,
+                          Costs=self.choice.table)
+
+    def tables(self) -> Mapping[str, Columns]:
+        """Return the methods, from the cheapest, with their substeps, largest error and cost."""
+        one = self.choice
+        return {"auto": columns_of(COLUMNS, [
+            (one.method, one.substeps, one.error, one.cost),
+            *((other.method, other.substeps, other.error, other.cost) for other in one.others)])}
+
+    @property
+    def table(self) -> Table:
+        """Table of the methods."""
+        return self.choice.ranking
+
+    @property
+    def text(self) -> str:
+        """Reasons for the choice, and the cases in which the accuracy is not guaranteed."""
+        return self.choice.why

@@ -13,13 +13,13 @@ import numpy as np
 
 from integrators import Method
 from pendulum_env.auto.costs import Table, control_cost, step_cost
+from pendulum_env.auto.probes import Probe, ProbeMotions
 from pendulum_env.common.progress import Progress
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, Machine
 from pendulum_env.engine.shape import DIVERGED
 from pendulum_env.engine.spec import RunSpec
 from pendulum_env.engine.starts import fewest_substeps
 from pendulum_env.truth.answer import Truth
-from pendulum_env.truth.probes import Probe, ProbeMotions
 
 MOST_SUBSTEPS = 1024
 MARGIN = 1.25

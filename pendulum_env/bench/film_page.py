@@ -26,10 +26,9 @@ from pendulum_env.bench.server import Handler, filled, serving
 from pendulum_env.bench.session import OrderError, sentence
 from pendulum_env.common.texts import clean
 from pendulum_env.common.version import __version__
-from pendulum_env.lab.checked import RecordingError
+from pendulum_env.lab.checked import RecordingError, spans
 from pendulum_env.lab.film import FilmTrack, follow
 from pendulum_env.lab.film.frames import Film, Shots
-from pendulum_env.lab.parts import spans
 from pendulum_env.physics.units import one_of
 from pendulum_env.web.document import ASSETS as WEB
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from pendulum_env.bench.source import FloatArray, Source, SourceError
 from pendulum_env.common.provenance import checked_folder, provenance
 from pendulum_env.common.texts import NOTE, clean
-from pendulum_env.lab.journals import MARK, NOTED
+from pendulum_env.lab.containers import MARK, NOTED
 
 SYNCED = 1.0
 """Time between two orders to the system to bring the file to the disk [s]; see :class:`Journal`."""

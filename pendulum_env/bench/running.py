@@ -14,9 +14,8 @@ from pendulum_env.bench.acquisition import Acquisition, Status
 from pendulum_env.bench.journal import check_new
 from pendulum_env.bench.source import Source, SourceError, name_and_unit
 from pendulum_env.bench.sources import source_at
-from pendulum_env.common.checks import boolean, file_path, number, shown
+from pendulum_env.common.checks import boolean, file_path, number, shown, warn
 from pendulum_env.common.progress import Progress, telling_of
-from pendulum_env.common.warn import warn
 
 if TYPE_CHECKING:
     from pendulum_env.lab.recording import Recording

@@ -23,8 +23,7 @@ def auto(
     settings: options.Settings = None,
 ) -> None:
     """Choose the cheapest method and substeps for an accuracy, as integrator="auto" does, and give the reasons."""
-    from pendulum_env.auto.choice import choose
-    from pendulum_env.auto.ranking import Ranking
+    from pendulum_env.auto.choice import Ranking, choose
 
     place = scene_of(scene, damping, settings)
     steps = checked_steps(number(duration, "duration", above=0.0, unit="s"),

@@ -70,7 +70,8 @@ def compare(
 def show_stability(integrators: list[str], given: list[str], out: Path, as_json: bool) -> None:
     """Run ``lab-pendulum compare --stability``; raise SceneError if other options, named in ``given``, were used too.
     """
-    from pendulum_env.study.stability import stability, write
+    from pendulum_env.common.results import write
+    from pendulum_env.study.stability import stability
 
     if given:
         raise SceneError(f"--stability runs no scene, and takes only --integrators and --out; leave out {given[0]}.")

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.progress import Progress, progress_bar
-from pendulum_env.common.tables import Table
-from pendulum_env.common.texts import clean, in_encoding, replaced
+from pendulum_env.common.texts import Table, clean, in_encoding, replaced
 
 if TYPE_CHECKING:
     from warnings import WarningMessage

@@ -40,8 +40,8 @@ def cost(
     from pendulum_env.common.results import write
     from pendulum_env.study.cost.study import JOURNAL
     from pendulum_env.study.cost.study import cost as run
-    from pendulum_env.study.growth.study import growth as run_growth
-    from pendulum_env.study.growth.study import planned
+    from pendulum_env.study.growth import growth as run_growth
+    from pendulum_env.study.growth import planned
     from pendulum_env.study.sweep.cluster import executor_at
 
     place = scene_of(scene, damping, settings)

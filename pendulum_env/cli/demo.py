@@ -17,8 +17,8 @@ def demo(
     out: options.Out = Path("out/demo"),
 ) -> None:
     """Show the package in two minutes: print, plot and film one story, from three Euler methods to a swing-up."""
-    from pendulum_env.study.demo.tour import Chapter
-    from pendulum_env.study.demo.tour import demo as run
+    from pendulum_env.study.demo import Chapter
+    from pendulum_env.study.demo import demo as run
 
     bars: list[Progress] = []
     chapters = run(out, film=film, progress=lambda done, text: bars[-1](done, text))

@@ -29,7 +29,8 @@ def effects(
 
     With --out, a bar chart and a CSV file are written.
     """
-    from pendulum_env.study.audit import simplify, write
+    from pendulum_env.common.results import write
+    from pendulum_env.study.audit import simplify
 
     place = scene_of(scene, damping, settings)
     if svg and out is None:

@@ -12,8 +12,8 @@ import typer
 from pendulum_env.cli import options
 from pendulum_env.cli.console import bar, print_files, print_table, print_text, printable, shown_if_refused, tell_of
 from pendulum_env.cli.options import given, given_by_user, recording_of
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.damping import parse_settings, typed
 from pendulum_env.physics.units import SceneError, number, shown, whole_number
 
@@ -93,7 +93,7 @@ def fit(
     from pendulum_env.lab.fitting.fit import fit as run
     from pendulum_env.lab.fitting.fit import planned
     from pendulum_env.lab.fitting.remedies import repaired
-    from pendulum_env.lab.fitting.robust import calmed
+    from pendulum_env.lab.fitting.shooting import calmed
     from pendulum_env.lab.sheet import measure
     from pendulum_env.lab.simulated import FILE
     from pendulum_env.study.fit_report import (

@@ -35,8 +35,8 @@ def list_(
     suit it.
     """
     from pendulum_env.envs.settings import ids_table, settings_table
-    from pendulum_env.study.lists import effects, methods
-    from pendulum_env.study.lists.tables import TABLES, brief, integrators_data, names_of
+    from pendulum_env.study.lists import methods
+    from pendulum_env.study.lists.tables import TABLES, brief, effect_listing, integrators_data, names_of
 
     tables = {**TABLES, "ids": ids_table, "settings": settings_table}
 
@@ -66,7 +66,7 @@ def list_(
         elif name == "integrators":
             print(methods.listing(METHODS.values(), terminal_width()))
         elif name == "effects":
-            print(effects.listing(EFFECTS.values(), terminal_width()))
+            print(effect_listing(EFFECTS.values(), terminal_width()))
         else:
             print_table(tables[name](), name)
     if scene is None and not (whole or csv or markdown):

@@ -10,8 +10,8 @@ import typer
 from pendulum_env.cli import options
 from pendulum_env.cli.console import print_files, print_table, print_text, shown_if_refused
 from pendulum_env.cli.options import given, recording_of
+from pendulum_env.common.checks import warn
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.units import SceneError, number, other_units
 
 

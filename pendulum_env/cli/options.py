@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from pendulum_env.cli.console import bar
-from pendulum_env.common.checks import shown
+from pendulum_env.common.checks import shown, warn
 from pendulum_env.common.provenance import checked_folder
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings, typed, typed_values
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of

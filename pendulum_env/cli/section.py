@@ -12,7 +12,7 @@ from pendulum_env.cli.options import given, one_method, scene_of
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
 if TYPE_CHECKING:
-    from pendulum_env.study.section import Basins, Section
+    from pendulum_env.study.section import Section
 
 
 def section(
@@ -48,7 +48,10 @@ def section(
     The section is that of many runs from angles spread over a turn; with --over one run for each value starts from
     --angle and --velocity. Writes a figure and a CSV table.
     """
-    from pendulum_env.study import section as room
+    from pendulum_env.common.results import write
+    from pendulum_env.study.basins import Basins
+    from pendulum_env.study.basins import basins as run_basins
+    from pendulum_env.study.section import section as run_section
 
     place = scene_of(scene, damping, settings)
     shared = given(integrator=one_method(integrators), steps=steps_per_period, transient=transient)
@@ -63,12 +66,12 @@ def section(
     result: Section | Basins
     with bar("section") as progress:
         if basins is not None:
-            result = room.basins(place, size=basins, progress=progress, **shared, **of_starts)
+            result = run_basins(place, size=basins, progress=progress, **shared, **of_starts)
         else:
-            result = room.section(place, progress=progress, **shared, **of_points)
-        paths = room.write(result, out, svg)
+            result = run_section(place, progress=progress, **shared, **of_points)
+        paths = write(result, out, svg)
     before, title = f"{place.name}: {place.equation()}", None
-    if isinstance(result, room.Basins):
+    if isinstance(result, Basins):
         title = "attractors, at phase 0 of the drive"
     else:
         before += f"\n{len(result.angle)} points"

@@ -36,7 +36,8 @@ def stress(
     method needs, and an error said so. wrong: finite and false, which is always a failure. The allowed outcomes of each
     kind of method follow from theory; any other outcome is a failure, with exit code 1 unless its reason is known.
     """
-    from pendulum_env.hard_cases.run import chosen_cases, listing, write
+    from pendulum_env.common.results import write
+    from pendulum_env.hard_cases.run import chosen_cases, listing
     from pendulum_env.hard_cases.run import stress as run
 
     if show:

@@ -1,16 +1,25 @@
-"""Checks of user arguments, with error messages that say what was wrong and what is allowed."""
+"""Checks of user arguments, with errors that say what was wrong and what is allowed; and warnings beside them.
+
+A warning names the user's line of code, not a line of this package or of Gymnasium.
+"""
 
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from inspect import signature
 from operator import index
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pendulum_env.common.many import Many
 from pendulum_env.common.texts import LONGEST, shortened
@@ -209,3 +218,37 @@ def nearest(name: Any, known: Iterable[str]) -> str:
     if len(names) <= MOST_NAMES:
         return f"; there are {', '.join(names)}."
     return f"; there are {len(names)}, such as {', '.join(names[:3])}."
+
+
+def float_array(value: Any) -> NDArray[np.float64]:
+    """Return a number, nested lists of numbers or an array as a float64 array.
+
+    Raises TypeError for anything else, including truth values.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "iufO":
+            return array.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise TypeError(f"no array of numbers: {type(value).__name__}")
+
+
+BETWEEN = ("pendulum_env", "integrators", "gymnasium")
+"""Packages whose lines a warning does not name."""
+
+
+def warn(text: str) -> None:
+    """Emit a UserWarning that points to the user's line of code: the nearest caller outside this package and Gymnasium.
+    """
+    here = inspect.currentframe()
+    frame, level = here.f_back if here is not None else None, 2
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in BETWEEN:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, stacklevel=level)
+
+
+@cache
+def warn_once(text: str) -> None:
+    """Emit a UserWarning as :func:`warn` does, but the same text once per process only."""
+    warn(text)

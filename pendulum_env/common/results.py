@@ -1,6 +1,8 @@
-"""Results: figures and tables of columns with units, as files, as JSON, and for pandas and xarray.
+"""Results that show themselves, and their figures and tables of columns with units: as files, as JSON, for pandas.
 
-A class of results gives its origin, its tables and the names of its figures; all that can be done with them is here.
+A class of results gives its origin, its tables and the names of its figures; all that can be done with them is here. It
+declares its line of text in ``__repr__``; its HTML and its figures are entries of :mod:`pendulum_env.notebook`. That
+room knows all results, and is loaded when the first of them is shown, so that no result knows how it is drawn.
 """
 
 from __future__ import annotations
@@ -15,9 +17,48 @@ from typing import Any, NamedTuple
 from pendulum_env.common.checks import SceneError, one_of, shown
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
-from pendulum_env.common.saved import origin_of
-from pendulum_env.common.shown import ROOM, Plotted
-from pendulum_env.common.tables import Table
+from pendulum_env.common.saved import Savable, origin_of
+from pendulum_env.common.texts import Table, clean
+
+ROOM = "pendulum_env.notebook"
+"""Module with the functions ``html_of`` and ``figure_of``, which show every result of the package."""
+WIDTH = 80
+"""Largest number of characters of a line."""
+
+
+def html_of(result: object) -> str:
+    """Return a result of the package as HTML."""
+    return str(import_module(ROOM).html_of(result))
+
+
+class Displayed:
+    """Base of objects that notebooks show as HTML."""
+
+    def _repr_html_(self) -> str:
+        """Return the object as HTML, which notebooks show."""
+        return html_of(self)
+
+
+class Plotted(Savable, Displayed):
+    """Base of results that can be drawn and saved."""
+
+    def plot(self, kind: str | None = None) -> Any:
+        """Draw the result; return a ``matplotlib.figure.Figure``, which a notebook shows when it ends a cell.
+
+        Args:
+            kind: which of the result's figures; None for its usual one. An unknown kind raises SceneError, which names
+                all of them.
+
+        pyplot does not know the figure, so that it is shown only once. ``figure.savefig("name.png")`` writes a file.
+        """
+        return import_module(ROOM).figure_of(self, kind)
+
+
+def one_line(result: object, text: str) -> str:
+    """Return the line ``<Class: text>`` for a result, shortened to 80 characters."""
+    line = f"<{type(result).__name__}: {clean(text, None)}>"
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 4]}...>"
+
 
 STYLE = "pendulum_env.plots.style"
 """Module with the function ``save_all``, which saves a figure."""
@@ -44,7 +85,7 @@ class Result(Plotted):
     """Base of results that have tables and figures.
 
     A class of results defines :meth:`origin` and :meth:`tables`, and :meth:`pictures` if it writes several figures. Its
-    figures are entries of ``pendulum_env.notebook.figures``. Commands print ``table`` and ``text``; a notebook shows
+    figures are entries of ``pendulum_env.notebook``. Commands print ``table`` and ``text``; a notebook shows
     the equation of ``scene``, if there is one, ``table``, ``text`` and the usual figure.
 
     Attributes:

@@ -42,10 +42,9 @@ from typing import IO, Any
 
 import numpy as np
 
-from pendulum_env.common.checks import SceneError, file_path, nearest, several, shown
+from pendulum_env.common.checks import SceneError, file_path, nearest, several, shown, warn
 from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.common.replacing import OutputError, replacing
-from pendulum_env.common.warn import warn
 
 __all__ = ["Savable", "load", "origin_of", "save"]
 
@@ -73,17 +72,15 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "pendulum_env.physics.energy": ("Ledger",),
     "integrators.solving.dense": ("DenseOutput", "Curve"),
     "pendulum_env.truth.answer": ("Truth",),
-    "pendulum_env.auto.ranking": ("Ranking",),
+    "pendulum_env.auto.choice": ("Ranking",),
     "pendulum_env.auto.calibrate": ("Choice",),
     "pendulum_env.auto.search": ("Candidate",),
     "pendulum_env.envs.transfer": ("Transfer", "Difference"),
-    "pendulum_env.hard_cases.matrix": ("Matrix", "MatrixEntry"),
+    "pendulum_env.hard_cases.run": ("Matrix", "MatrixEntry"),
     "pendulum_env.hard_cases.case": ("Bound", "Case", "Finding"),
-    "pendulum_env.lab.accelerations": ("Mount",),
-    "pendulum_env.lab.cycles": ("Cycles",),
+    "pendulum_env.lab.inertial": ("Mount",),
     "pendulum_env.lab.gates": ("GateSheet",),
-    "pendulum_env.lab.losses": ("Losses",),
-    "pendulum_env.lab.measures": ("Measurement",),
+    "pendulum_env.lab.measures": ("Cycles", "Losses", "Measurement"),
     "pendulum_env.lab.recording": ("Recording",),
     "pendulum_env.lab.sheet": ("LabSheet",),
     "pendulum_env.lab.turning": ("TurningPoints",),
@@ -103,10 +100,10 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "pendulum_env.study.compare.comparison": ("Comparison",),
     "pendulum_env.study.compare.drift": ("Drift",),
     "pendulum_env.study.cost.points": ("CostPoint", "CostStudy"),
-    "pendulum_env.study.growth.laws": ("Law",),
-    "pendulum_env.study.growth.study": ("Growth", "GrowthLine"),
-    "pendulum_env.study.section.basins": ("Basins",),
-    "pendulum_env.study.section.study": ("Section",),
+    "pendulum_env.study.growth_laws": ("Law",),
+    "pendulum_env.study.growth": ("Growth", "GrowthLine"),
+    "pendulum_env.study.basins": ("Basins",),
+    "pendulum_env.study.section": ("Section",),
     "pendulum_env.study.stability": ("Stability",),
     "pendulum_env.study.sweep.study": ("Sweep",),
 }
@@ -560,7 +557,7 @@ def _scene(written: Mapping[str, Any], own: Mapping[str, type]) -> Any:
 
 
 def _catalogue() -> Any:
-    return import_module("pendulum_env.hard_cases.catalogue").CASES
+    return import_module("pendulum_env.hard_cases.run").CASES
 
 
 def _functions(name: Any) -> dict[str, Any]:

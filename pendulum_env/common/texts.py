@@ -3,15 +3,18 @@ r"""Text from outside the package (names of files, titles and notes of recording
 Such a text becomes one printable line where it comes in, by :func:`clean`; where it goes out it is escaped for its
 target: by :func:`for_csv` and :func:`for_markdown`, for HTML by ``integrators.html.text``, and for figures by
 ``pendulum_env.plots.titles.for_figure``. A text for a stream of another encoding than UTF-8 goes through
-:func:`in_encoding`.
+:func:`in_encoding`. A :class:`Table` of texts can be written as Markdown and as CSV.
 """
 
 from __future__ import annotations
 
 import codecs
+import csv
+import io
 import re
 import unicodedata
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 LONGEST = 100
 """Largest number of characters of a name, and of a value in an error message."""
@@ -121,3 +124,22 @@ def _word(letter: str) -> str:
         return kinds[0] if len(kinds) == 1 else "+"
     plain = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
     return plain or "?"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of text: the heads of its columns, and its rows."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def markdown(self) -> str:
+        """Return the table as Markdown."""
+        lines = [self.head, tuple("---" for _ in self.head), *self.rows]
+        return "\n".join(f"| {' | '.join(map(for_markdown, line))} |" for line in lines)
+
+    def csv(self) -> str:
+        """Return the table as CSV text; every line ends with a newline."""
+        text = io.StringIO()
+        csv.writer(text, lineterminator="\n").writerows([map(for_csv, line) for line in (self.head, *self.rows)])
+        return text.getvalue()

@@ -23,7 +23,7 @@ from typing import Any
 from numba.core import codegen, compiler, serialize
 from numba.core.runtime import rtsys
 
-from pendulum_env.common.warn import warn_once
+from pendulum_env.common.checks import warn_once
 from pendulum_env.engine.lanes import width
 from pendulum_env.engine.llvm import CALL, LlvmProgram, instructions
 from pendulum_env.engine.source import TEXT

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.many import Many, in_groups, plain
+from pendulum_env.engine.limits import Validity
 from pendulum_env.engine.machine import numbers_of
 from pendulum_env.engine.problem import program_parts
 from pendulum_env.engine.starts import WHOLE, checked_limit, frequency
-from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, UnknownParameterError

@@ -15,7 +15,8 @@ from integrators import Method, unroll
 from integrators.steps.compensated import added, scaled
 from integrators.steps.terms import docstring
 from pendulum_env.common.sources import ours
-from pendulum_env.engine import advance, blocks, equations, report, series, slack, watch
+from pendulum_env.engine import advance, blocks, equations, report, series, slack
+from pendulum_env.engine.equations import sub_flows
 from pendulum_env.engine.goal import Goal
 from pendulum_env.engine.layout import LIMITS, Layout
 from pendulum_env.engine.loops import run
@@ -32,7 +33,6 @@ from pendulum_env.engine.source import (
     with_callees,
 )
 from pendulum_env.engine.stages import BETWEEN, WHOLE, scheduled
-from pendulum_env.engine.subflows import sub_flows
 from pendulum_env.engine.templates import Templates
 from pendulum_env.physics import elementary
 from pendulum_env.physics.effects import Effect
@@ -46,7 +46,7 @@ WRITTEN: Mapping[str, Callable[[Problem], str]] = {
     "jacobian": equations.jacobian, "mean_acceleration": equations.mean_acceleration,
     "mean_jacobian": equations.mean_jacobian, "exact_flow": equations.exact_flow, "series": series.series,
 }
-"""Function that a step calls -> its writer; kicks and drag flows are in :mod:`pendulum_env.engine.subflows`."""
+"""Function that a step calls -> its writer; kicks and drag flows are in :mod:`pendulum_env.engine.equations`."""
 
 HELPERS: tuple[Plain, ...] = (
     *report.CALLED, *advance.CALLED, elementary.exp, elementary.log, elementary.power, dry_glide, added, scaled)
@@ -196,10 +196,10 @@ def _step(problem: Problem) -> list[str]:
         *([write(advance.stick_slip)] if shape.slides else []),
         *([equations.remember(problem)] if shape.remembered else []),
         equations.potential(problem),
-        *([watch.tension(problem)] if shape.pull else []),
+        *([equations.tension(problem)] if shape.pull else []),
         *([write(slack.taut), write(slack.pull_after), write(slack.slack_after)] if shape.slack else []),
         *([write(advance.land)] if shape.adaptive else []),
-        *(watch.flow(problem) if "quality_factor" in shape.watched else []),
+        *(equations.flow_functions(problem) if "quality_factor" in shape.watched else []),
         *([] if shape.adaptive else [write(advance.advance)]),
         *([write(slack.settle)] if shape.slack and not shape.adaptive else []),
     ]

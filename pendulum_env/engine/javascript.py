@@ -15,11 +15,10 @@ from functools import lru_cache, singledispatchmethod
 from typing import Any
 
 from pendulum_env.common.checks import printable
-from pendulum_env.common.sources import parsed
+from pendulum_env.common.sources import is_nan, names_set, parameters_of, parsed
 from pendulum_env.engine.generate import Program
 from pendulum_env.engine.reading import ProgramError
 from pendulum_env.engine.source import blocks_of, words_of
-from pendulum_env.engine.syntax import is_nan, names_set, parameters_of
 
 EXPORTED = ("run", "info")
 """Functions of a program that its JavaScript module exports."""

@@ -17,10 +17,10 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
+from pendulum_env.common.checks import warn, warn_once
 from pendulum_env.common.sources import executed
 from pendulum_env.common.trust import own_bytes, own_folder, write_own
 from pendulum_env.common.version import __version__
-from pendulum_env.common.warn import warn, warn_once
 from pendulum_env.engine.source import TEXT
 from pendulum_env.physics.units import nearest, shown
 

@@ -26,10 +26,9 @@ from numba.core.cgutils import (
 )
 from numba.extending import intrinsic
 
-from pendulum_env.common.sources import parsed
+from pendulum_env.common.sources import is_nan, names_read, names_set, parameters_of, parsed, statements_of
 from pendulum_env.engine import lanes
 from pendulum_env.engine.lanes import element, spread
-from pendulum_env.engine.syntax import is_nan, names_read, names_set, parameters_of, statements_of
 
 __all__ = ["CALL", "WRITTEN", "LlvmFunction", "LlvmProgram", "LlvmWriter", "instructions"]
 

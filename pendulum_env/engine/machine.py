@@ -16,7 +16,7 @@ from integrators.method import NEEDS
 from integrators.solving.adaptive import checked
 from integrators.solving.solve import accepted
 from integrators.steps.compensated import check_compensated
-from pendulum_env.engine import watch
+from pendulum_env.engine import equations
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, functions, resolve
 from pendulum_env.engine.pieces import NOWHERE as NOWHERE
@@ -154,7 +154,7 @@ def numbers_of(scene: Scene, watched: bool = True) -> dict[str, float]:
     With ``watched=False`` those for the pull on the suspension and for the flow past the bob are left out.
     """
     scale = scene.restoring
-    further = watch.numbers(scene) if watched else {}
+    further = equations.flow_numbers(scene) if watched else {}
     return {**scene.coefficients, "inertia": scene.inertia, "scale": scale, **further}
 
 

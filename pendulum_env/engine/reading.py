@@ -31,7 +31,7 @@ import numpy as np
 from pendulum_env.common.checks import shown
 from pendulum_env.common.sources import FunctionSource, ReadingError, executed, ours, parsed, source_of
 from pendulum_env.physics import elementary
-from pendulum_env.physics.arctangent import atan2
+from pendulum_env.physics.elementary import atan2
 
 Function = Callable[..., Any]
 MODULE = "pendulum_env.read"

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from integrators import Method, MethodError
 from integrators.solving.dense import DenseOutput
-from pendulum_env.common.shown import Plotted, one_line
+from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.physics.energy import Ledger
-from pendulum_env.physics.exact.flight import Flight, flight
+from pendulum_env.physics.exact.pendulum import Flight, flight
 from pendulum_env.physics.scene import Scene
 
 Array = NDArray[np.float64]

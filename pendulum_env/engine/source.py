@@ -10,10 +10,9 @@ from symtable import symtable
 from types import CodeType, FunctionType
 from typing import Any
 
-from pendulum_env.common.sources import parsed, source_of
+from pendulum_env.common.sources import names_set, parsed, source_of
 from pendulum_env.engine.reading import ProgramError, Reader, arguments, float_text
 from pendulum_env.engine.specialise import Written
-from pendulum_env.engine.syntax import names_set
 
 Plain = Callable[..., Any]
 """A function made with def, of floats, whose source can be copied into a program."""

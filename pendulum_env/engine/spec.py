@@ -18,19 +18,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method
 from integrators.solving.equal import MOST_STEPS
-from pendulum_env.common.warn import warn
+from pendulum_env.common.checks import warn
 from pendulum_env.engine import limits, starts
 from pendulum_env.engine.batch import Batch
 from pendulum_env.engine.certificate import CertifiedBatch, CertifiedMachine, CertifiedRuns
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.goal import SPAN, Goal
 from pendulum_env.engine.kernels import Backend
+from pendulum_env.engine.limits import Validity
 from pendulum_env.engine.machine import VELOCITY, Machine, check_diagnostics, find_method
 from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.settings import CommonSettings, RunSettings, SceneLike
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
-from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import still_torque

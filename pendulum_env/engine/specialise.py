@@ -24,8 +24,8 @@ from functools import cache, cached_property
 from types import FunctionType
 from typing import Any, TypeVar
 
+from pendulum_env.common.sources import functions_of, names_in, names_set, statements_of
 from pendulum_env.engine.reading import float_text
-from pendulum_env.engine.syntax import functions_of, names_in, names_set, statements_of
 
 Template = Callable[..., Any]
 F = TypeVar("F", bound=Template)

@@ -14,8 +14,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pendulum_env.common.sources import parsed
-from pendulum_env.engine.syntax import functions_of, names_in, parameters_of, statements_of
+from pendulum_env.common.sources import functions_of, names_in, parameters_of, parsed, statements_of
 
 TURNED = frozenset({"sin", "cos"})
 BETWEEN = TURNED | {"power"}

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from integrators import Method, MethodError
 from integrators.solving.equal import MOST_STEPS
+from pendulum_env.common.checks import float_array
 from pendulum_env.common.many import Many
 from pendulum_env.engine.machine import find_method
 from pendulum_env.engine.random_streams import MOST_SEED
-from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, file_path, number, several, shown
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from integrators import METHODS, Method
 from pendulum_env.common.checks import MEANT
-from pendulum_env.common.shown import Displayed
+from pendulum_env.common.results import Displayed
 from pendulum_env.engine.elementwise import elementwise
 from pendulum_env.engine.sensing import Plan
 from pendulum_env.engine.spec import RunSpec

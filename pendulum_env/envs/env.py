@@ -13,7 +13,7 @@ import numpy as np
 from numpy import empty
 from numpy.typing import NDArray
 
-from pendulum_env.common.shown import one_line
+from pendulum_env.common.results import one_line
 from pendulum_env.engine.goal import looking_ahead
 from pendulum_env.engine.machine import ANGLE, INDEX, NOWHERE, TURNS, UNSEEN, VELOCITY, Machine
 from pendulum_env.engine.pieces import FEW

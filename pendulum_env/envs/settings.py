@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from integrators import Method
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.report import SEEN
 from pendulum_env.engine.sensing import KINDS, Plan
 from pendulum_env.engine.settings import RunSettings, SceneSettings, declared, meaning

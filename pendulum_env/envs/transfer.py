@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Plotted, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.random_streams import MOST_SEED
 from pendulum_env.envs.limits import REGISTERED, checked_steps
 from pendulum_env.envs.settings import MOST_ENVS

@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from pendulum_env.common.shown import one_line
+from pendulum_env.common.results import one_line
 from pendulum_env.engine.batch import Results
 from pendulum_env.engine.layout import BLOCK
 from pendulum_env.engine.random_streams import MOST_SEED, Streams, fresh_seeds, words_of_range

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pendulum_env.common.warn import warn
+from pendulum_env.common.checks import warn
 from pendulum_env.lab.measures import UNLIKELY, Measurement
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import LabSheet, measure

@@ -12,8 +12,7 @@ from pendulum_env.exercise.given import Given
 from pendulum_env.exercise.large_angles import ANGLE, DURATION
 from pendulum_env.exercise.motion import STEP, Array, ExerciseMotion, large
 from pendulum_env.exercise.small_angles import ANGLE as SMALL
-from pendulum_env.lab.losses import Losses
-from pendulum_env.lab.measures import Measurement, envelope_rate, period
+from pendulum_env.lab.measures import Losses, Measurement, envelope_rate, period
 from pendulum_env.lab.recording import RecordingError
 from pendulum_env.lab.turning import TurningPoints, turning_points
 from pendulum_env.physics.body import Body

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from integrators import METHODS, Method
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import checked_folder, output_folder, provenance
-from pendulum_env.common.shown import html_of
+from pendulum_env.common.results import html_of
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import Machine
 from pendulum_env.engine.spec import RunSpec, parted

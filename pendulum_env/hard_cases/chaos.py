@@ -7,6 +7,9 @@ Poincaré map; the cases test this map, its derivatives, and how long the motion
 The error of a step is like that of a force error ``C PACE (PACE h)**p``, see :func:`.bounds.error_constant`. At time t
 it has grown to at most this force error times the integral over s of |D(t) D(s)⁻¹|, where D is the derivative of the
 motion by its start (Alekseev 1961; Hairer, Norsett & Wanner 1993, I.14).
+
+The reference numbers of this pendulum were computed without this package. The tests compute them again, with 40-digit
+Taylor series or with scipy's DOP853 and the first variation.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ import math
 from dataclasses import replace
 from functools import partial
 from itertools import takewhile
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,10 +46,110 @@ from pendulum_env.hard_cases.case import (
 from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
-from pendulum_env.truth import chaos as true
 from pendulum_env.truth.answer import Array, Truth
 from pendulum_env.truth.bounds import error_constant, rounding_factor
-from pendulum_env.truth.chaos import AMPLIFIED, MOTION, PERIOD
+
+
+class Doubling(NamedTuple):
+    """Period doubling: the drive at which an orbit loses stability to one of twice its period.
+
+    Attributes:
+        periods: periods of the drive after which the orbit repeats.
+        strength: strength of the drive at the doubling, to nine digits.
+        published: published strength to four places; in the first doubling cut off, not rounded.
+        orbit: state of the orbit at phase 0 of the drive.
+        range: change of the strength up to which the orbit exists.
+        slope: derivative of ``1 + trace + determinant`` of the Poincaré map's Jacobian by the strength, three digits.
+    """
+
+    periods: int
+    strength: float
+    published: float
+    orbit: Truth
+    range: float
+    slope: float
+
+
+class Exponent(NamedTuple):
+    """Largest Lyapunov exponent [1/s].
+
+    Attributes:
+        value, error: the exponent and its standard error.
+        scatter: standard deviation of the exponent of one motion over SPAN periods.
+    """
+
+    value: float
+    error: float
+    scatter: float
+
+    def spread(self, periods: float) -> float:
+        """Return the standard deviation [1/s] of an exponent that is measured over a number of periods of the drive."""
+        return self.scatter * math.sqrt(SPAN / periods)
+
+
+SPAN = 2000
+"""Periods of the drive in which the scatter of an exponent was measured."""
+SERIES = "Taylor series of order 36 in 40 digits, 48 steps a period; with 60 steps of order 40 it differs by 1e-27"
+PERIOD = 3.0 * math.pi
+"""Period of the drive [s]."""
+
+_PERIODS: tuple[tuple[float, float, float, float, float], ...] = (
+    (-6.308406913972585, 1.2975114936381074, 0.01308886781304984, 0.05902932223002471, 10.22),
+    (-11.80306078723289, -0.025693720483862564, 0.734791402044317, -0.26425468198283625, 168.8),
+    (-18.87079953329635, 1.3523333717260089, 0.011173434335475393, 0.003596338998300461, 13.76),
+    (-23.34074155023236, 0.038819571427760866, 0.14471098583954292, 0.056214297215453526, 428.0),
+    (-31.497160984876825, 1.4054639926998886, -0.017528298392326242, -0.35879963970948925, 1002.0),
+    (-34.51062851759178, 0.910785723200408, -13.196641139651081, -10.022154783038555, 4.635e+4),
+    (-37.582549644417384, 0.5926650858819171, 0.8155239933120233, 0.008469969761446807, 2294.0),
+    (-44.04084481922072, 1.4213398781121904, 0.0027450522033721594, 0.11713141929048113, 338.3),
+    (-46.34751279878069, 1.4606858228242028, 4.326900273378264, 3.1304990904506247, 1.553e+4),
+    (-46.968089980048035, 0.9946585598498597, 73.22718964348303, 55.90880683072325, 2.68e+5),
+    (-50.13861009167862, 0.5611556808959864, 18.933780880559354, -42.04206791499303, 1.341e+5),
+    (-56.605133667781175, 1.4251790096699903, 2.793778459236977, 4.7932520887678205, 1.615e+4),
+    (-58.75995386478556, 1.5701262285904192, 192.13126149664004, 133.9984570979321, 6.819e+5),
+    (-57.26882821548308, 2.2642717754278285, 1931.1835273328245, 262.3726232327217, 5.673e+6),
+    (-49.122289572394685, 1.8822463258741782, -968.0460020135513, 933.591337549296, 3.915e+6),
+    (-46.40291802895571, 1.459688300372425, -889.2843747635072, -661.301686820147, 3.226e+6),
+)
+_COLUMNS = np.array(_PERIODS).T
+
+MOTION = Truth(PERIOD * np.arange(1.0, len(_PERIODS) + 1.0), _COLUMNS[0], _COLUMNS[1], 4e-15, SERIES)
+"""Chaotic motion from rest at 0.2 rad at drive strength 1.5, after 1, 2, ... periods of the drive, to rounding."""
+BY_START = _COLUMNS[2:4].T
+"""Derivatives of the angle and velocity of ``MOTION`` by the starting angle [1, 1/s]."""
+AMPLIFIED = tuple(_COLUMNS[4].tolist())
+"""Integral of |D(t) D(s)⁻¹| over s from 0 to t [s], in the Frobenius norm, after 1, 2, ... periods of the drive.
+
+D(t) is the derivative of the state of ``MOTION`` at time t by the state at the start.
+"""
+
+
+def _orbit(angle: float, velocity: float, error: float) -> Truth:
+    """Return a state on a periodic orbit as a reference; after one period it recurs to within ``error``."""
+    return Truth(np.zeros(1), np.array([angle]), np.array([velocity]), error, "DOP853 brings it back")
+
+
+DOUBLINGS = (
+    Doubling(1, 1.0663728625, 1.0663, _orbit(-0.22147489973431525, 1.9596599331982114, 2e-8), 0.03, -35.3),
+    Doubling(2, 1.0793139059, 1.0793, _orbit(-2.1149066599968838, 1.416524163977911, 2e-8), 0.005, -167.0),
+)
+"""Period doublings; published strengths from Taylor 2005, Classical Mechanics, table 12.1, and Baker & Gollub 1996."""
+
+QUIET_STRENGTH, QUIET = 0.9, _orbit(-0.5602283290650862, 1.9335855133167923, 1e-11)
+"""A drive strength at which the motion is periodic with the drive, and the state at phase 0 of the drive."""
+
+EXPONENTS = {
+    1.15: Exponent(0.09924, 0.00005, 0.00320),
+    1.2: Exponent(0.13179, 0.00004, 0.00276),
+    1.5: Exponent(0.11250, 0.00003, 0.00207),
+}
+"""Drive strength -> largest Lyapunov exponent.
+
+Computed with ``python tests/support/exponents.py``: the mean over 2048 independent motions of 2000 periods each, by
+RK4 and the first variation, and over 2048 others by two motions 1e-8 apart with SciPy's DOP853, see the README of
+:mod:`pendulum_env.hard_cases`.
+"""
+
 
 GROUP = "chaos"
 SCENE = SCENES["chaotic"]
@@ -155,12 +258,12 @@ def _quiet(method: Method) -> Finding:
 
     Both exponents are equal, as the orbit's multipliers are complex conjugates.
     """
-    _, jacobian = Stroboscope(true.QUIET_STRENGTH, method, 20).orbit(state_of(true.QUIET), 1)
+    _, jacobian = Stroboscope(QUIET_STRENGTH, method, 20).orbit(state_of(QUIET), 1)
     largest = math.log(float(np.max(np.abs(np.linalg.eigvals(jacobian))))) / PERIOD
     return graded(largest + 0.5 * DAMPING, own(method) + ROUNDING, size=0.5 * DAMPING, of="the exponent")
 
 
-def _doubling(truth: true.Doubling, method: Method) -> Finding:
+def _doubling(truth: Doubling, method: Method) -> Finding:
     """Judge a method by the drive strength at which its motion doubles its period.
 
     At a doubling a multiplier is -1, so that 1 + trace + determinant of the Poincaré map's Jacobian is zero. The zero
@@ -184,7 +287,7 @@ def _exponent(strength: float, method: Method) -> Finding:
 
     The exponent is the mean rate at which two motions separate, with their distance reset to 1e-8 after each period.
     """
-    truth, periods, apart = true.EXPONENTS[strength], MEAN_OF, 1e-8
+    truth, periods, apart = EXPONENTS[strength], MEAN_OF, 1e-8
     if own(method) > DOUBTFUL * truth.value:
         return Finding(STABLE, note=f"its error is more than {DOUBTFUL:.0%} of the exponent")
     advance = Stroboscope(strength, method, 2 * periods)
@@ -223,7 +326,7 @@ def _apart(method: Method) -> Finding:
     if own(method) * AMPLIFIED[0] > KNOWN_TO:
         return every(Finding(STABLE, note=TOO_CRUDE), *findings)
     above, below = np.array([0.2 + NEAR, 0.0]), np.array([0.2 - NEAR, 0.0])
-    for amplified, by_start in zip(AMPLIFIED, true.BY_START, strict=True):
+    for amplified, by_start in zip(AMPLIFIED, BY_START, strict=True):
         above, below = advance(above), advance(below)
         error = (above - below) / (2.0 * NEAR) - by_start
         # The derivative grows like the error of the motion, and an error of the motion adds one of the derivative.
@@ -256,13 +359,13 @@ def _horizon(method: Method) -> Finding:
     return every(*findings)
 
 
-def doubled(truth: true.Doubling) -> Motion:
+def doubled(truth: Doubling) -> Motion:
     """Return the first period of an orbit at the drive at which its period doubles."""
     start = float(truth.orbit.angle[0]), float(truth.orbit.velocity[0])
     return _first_period(f"the doubling to {2 * truth.periods} periods", truth.strength, start)
 
 
-def _doubles(truth: true.Doubling) -> Case:
+def _doubles(truth: Doubling) -> Case:
     """Return the case of a period doubling."""
     motion = doubled(truth)
     return foreseen(
@@ -292,7 +395,7 @@ def _claimed(method: Method) -> Finding:
                   why="an estimate from two runs gives the size of an error, within a factor of ten")
 
 
-MATRICES = "40-digit Taylor series of the motion and its first variation; see pendulum_env.truth.chaos"
+MATRICES = "40-digit Taylor series of the motion and its first variation; see pendulum_env.hard_cases.chaos"
 PREDICTABLE = known(lambda method: own(method) * AMPLIFIED[0], KNOWN_TO, STABLE)
 """Rule of the allowed outcomes: ACCURATE if a method's angle is predictable after one period of the drive."""
 
@@ -304,8 +407,8 @@ CASES = (
     Case("a quiet drive's exponents", GROUP,
          "A periodic orbit has to be located although neighbouring motions spiral around it.",
          "both exponents are -1/(2q) at g = 0.9", "conjugate multipliers of product exp(-T/q) (Floquet)",
-         driven(true.QUIET_STRENGTH), always(ACCURATE), _quiet),
-    *map(_doubles, true.DOUBLINGS),
+         driven(QUIET_STRENGTH), always(ACCURATE), _quiet),
+    *map(_doubles, DOUBLINGS),
     foreseen(GROUP, HORIZON, "The derivatives of the motion by its start grow a thousandfold within ten periods of the "
              "drive.", "the derivative by the starting angle after each period; the error of the motion is that of the "
              "formula", MATRICES, _apart, PREDICTABLE, name="neighbours part"),
@@ -321,8 +424,8 @@ CASES = (
         Case(f"the largest exponent at g = {strength:g}", GROUP,
              "Two chaotic motions that look right may separate from each other at a wrong rate.",
              f"{truth.value:.5f} +- {truth.error:.5f} 1/s, within {RARE:g} standard errors of {MEAN_OF} periods",
-             "8 million periods by the first variation and by two motions; see pendulum_env.truth.chaos",
+             "8 million periods by the first variation and by two motions; see pendulum_env.hard_cases.chaos",
              driven(strength), known(own, DOUBTFUL * truth.value, STABLE), partial(_exponent, strength), True)
-        for strength, truth in true.EXPONENTS.items()
+        for strength, truth in EXPONENTS.items()
     ),
 )

@@ -30,9 +30,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from integrators.steps.newton import REFINING, SOLVING
-from pendulum_env.common.sources import parsed
+from pendulum_env.common.sources import functions_of, is_nan, names_set, parameters_of, parsed
 from pendulum_env.engine.reading import ProgramError
-from pendulum_env.engine.syntax import functions_of, is_nan, names_set, parameters_of
 from pendulum_env.jax.elementary import ELEMENTARY
 
 Names = dict[str, Any]

@@ -5,10 +5,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.lab.losses import Losses, losses  # at once, as the module has the name of the function
+from pendulum_env.lab.measures import Losses, losses  # at once, as the module has the name of the function
 
 if TYPE_CHECKING:
-    from pendulum_env.lab.cycles import Cycles, corrected_periods
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
@@ -17,7 +16,15 @@ if TYPE_CHECKING:
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.gates import GateSheet, measure_gate
-    from pendulum_env.lab.measures import Measurement, crossings, decay_rate, period, small_amplitude_period
+    from pendulum_env.lab.measures import (
+        Cycles,
+        Measurement,
+        corrected_periods,
+        crossings,
+        decay_rate,
+        period,
+        small_amplitude_period,
+    )
     from pendulum_env.lab.noise import noise_level, quantum_level, scatter_level
     from pendulum_env.lab.recording import Recording, RecordingError
     from pendulum_env.lab.sensor import VirtualSensor
@@ -66,7 +73,7 @@ __all__ = [
 
 _LAZY = {
     "Circle": "pendulum_env.lab.tracks",
-    "Cycles": "pendulum_env.lab.cycles",
+    "Cycles": "pendulum_env.lab.measures",
     "DrivenFit": "pendulum_env.lab.driven.result",
     "DrivenLog": "pendulum_env.lab.driven.log",
     "DrivenPrediction": "pendulum_env.lab.driven.result",
@@ -80,7 +87,7 @@ _LAZY = {
     "RecordingError": "pendulum_env.lab.recording",
     "TurningPoints": "pendulum_env.lab.turning",
     "VirtualSensor": "pendulum_env.lab.sensor",
-    "corrected_periods": "pendulum_env.lab.cycles",
+    "corrected_periods": "pendulum_env.lab.measures",
     "crossings": "pendulum_env.lab.measures",
     "decay_rate": "pendulum_env.lab.measures",
     "fit": "pendulum_env.lab.fitting.fit",

@@ -1,4 +1,7 @@
-"""Checks of the arguments of measurements: numbers, arrays, series and words; all raise RecordingError."""
+"""Checks of the arguments of measurements: numbers, arrays, series, words, and parts of a recording to leave out.
+
+All raise RecordingError. The parts are those after a time, between two times, or below an amplitude.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.checks import float_array
 from pendulum_env.common.texts import NOTE, clean
-from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.units import SceneError, file_path, number, shown, whole_number
 
 FloatArray = NDArray[np.float64]
@@ -164,3 +167,61 @@ def chosen(name: str, what: str, parts: Sequence[str], part: str | None, best: S
     if not parts:
         raise RecordingError(f"{name}: expected a {what} with numbers, found none")
     raise RecordingError(f"{name}: expected one {what} with numbers, found {', '.join(parts)}; choose one by part=")
+
+
+Drop = str | Sequence[float] | Sequence[str] | Sequence[Sequence[float]]
+"""Times between which readings are left out: "12.5:13.1", (12.5, 13.1), or several of them."""
+
+
+def kept(
+    source: str, time: FloatArray, until: float | None, drop: Drop | None
+) -> tuple[NDArray[np.bool_], list[str]]:
+    """Return a mask of the readings that stay, and notes.
+
+    Left out are the readings after ``until`` [s] and those between the times ``drop`` [s]. Raises RecordingError if
+    fewer than 3 remain.
+    """
+    keep, notes = np.ones(len(time), dtype=np.bool_), []
+    if until is not None:
+        end = one_number(until, "until")
+        keep &= time <= end
+        notes.append(f"until: {np.count_nonzero(~keep)} readings after {end:g} s left out, as given")
+    for first, last in () if drop is None else spans(drop):
+        lost = keep & (time >= first) & (time <= last)
+        keep &= ~lost
+        notes.append(f"drop: {np.count_nonzero(lost)} readings from {first:g} to {last:g} s left out, as given")
+    if notes and np.count_nonzero(keep) < 3:
+        raise RecordingError(f"{source}: until and drop must leave at least 3 readings of {len(keep)}")
+    return keep, notes
+
+
+def spans(drop: Drop) -> list[tuple[float, float]]:
+    """Return the pairs of times [s] of ``drop``; RecordingError unless they are numbers, the earlier first."""
+    given = drop.split(",") if isinstance(drop, str) else drop
+    parts: list[Any] = list(given) if isinstance(given, Sequence) else [given]
+    if len(parts) == 2 and not any(isinstance(part, (str, Sequence)) for part in parts):
+        parts = [parts]
+    found = []
+    for part in parts or [None]:
+        try:
+            first, last = (float(end) for end in (part.split(":") if isinstance(part, str) else part))
+        except (TypeError, ValueError):
+            first, last = 0.0, -1.0
+        if not first <= last:
+            raise RecordingError("drop must be two times in s, the earlier first, as in '12.5:13.1', or several of "
+                                 f"them, got {shown(drop)}")
+        found.append((first, last))
+    return found
+
+
+def share(above: float | str) -> float:
+    """Return a share of the first amplitude, such as 0.05 or "5%"; RecordingError unless it is between 0 and 1."""
+    text = above.strip() if isinstance(above, str) else ""
+    try:
+        value = float(text.removesuffix("%")) * (0.01 if text.endswith("%") else 1.0) if text else above
+    except ValueError:
+        value = above
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 < value < 1.0:
+        return float(value)
+    raise RecordingError(f"above must be a share of the first amplitude between 0 and 1, as 0.05 or '5%', got "
+                         f"{shown(above)}")

@@ -1,4 +1,7 @@
-"""The text of a recording's file: plain text, or the table in a zip archive, a workbook or a Tracker project."""
+"""The text of a recording's file: plain text, or the table in a zip archive, a workbook or a Tracker project.
+
+Journals of live acquisitions are plain text that may end in the middle of a line, because a run was cut off.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +22,36 @@ from pendulum_env.lab.decoding import (
     opened,
     unpacked,
 )
-from pendulum_env.lab.journals import is_journal, whole_lines
 from pendulum_env.lab.quantities import ANGLE, CORRELATION, DISTANCE, FORCE, GATE, PERIOD, RATE, TRACK
 from pendulum_env.physics.units import shown
+
+MARK = "# LabPendulum journal, written as samples came"
+"""First line of a journal."""
+NOTED = "# note: "
+"""Beginning of the comments of a journal that belong to the notes of its recording."""
+
+
+def is_journal(data: bytes) -> bool:
+    """Return True if the bytes of a file are those of a journal."""
+    return data.startswith(MARK.encode())
+
+
+def whole_lines(data: bytes) -> tuple[bytes, list[str]]:
+    """Return a journal up to its last whole line, and its notes.
+
+    A line without an end was cut off with the power or the process, perhaps within a number: it is no sample. After the
+    power failed, blocks may be filled with zeros; what follows them is left out, too. Of notes with the same words
+    before the colon the last one counts.
+    """
+    end = data.find(b"\0")
+    whole = data[:end if end >= 0 else None]
+    whole = whole[:whole.rfind(b"\n") + 1]
+    lines = whole.decode("utf-8", "replace").splitlines()
+    notes = {line.removeprefix(NOTED).partition(":")[0]: line.removeprefix(NOTED)
+             for line in lines if line.startswith(NOTED)}
+    cut = ["journal: its last line was cut off, and is left out"] if len(whole) < len(data) else []
+    return whole, [*cut, *notes.values()]
+
 
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")
 _OLD_WORKBOOK = b"\xd0\xcf\x11\xe0"

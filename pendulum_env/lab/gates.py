@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.results import Displayed, one_line
 from pendulum_env.common.saved import Savable
-from pendulum_env.common.shown import Displayed, one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, file_name, known, numbers, one_number
 from pendulum_env.lab.columns import described
@@ -25,7 +25,7 @@ from pendulum_env.lab.table import TextTable
 from pendulum_env.physics import exact
 
 if TYPE_CHECKING:
-    from pendulum_env.common.tables import Table
+    from pendulum_env.common.texts import Table
 
 FEWEST = 4
 """Fewest periods from which the decay of the amplitude can be found."""
@@ -74,7 +74,7 @@ class GateSheet(Savable, Displayed):
     @property
     def table(self) -> Table:
         """Table of the sheet: one row per quantity, with value, standard error and unit."""
-        from pendulum_env.common.tables import Table
+        from pendulum_env.common.texts import Table
 
         rows = [("mean period T", self.period), ("small-amplitude period T0", self.small_period),
                 ("length, from T0 and g", self.length)]

@@ -1,7 +1,9 @@
-"""Period and decay rate of a free swing, with uncertainties.
+"""Period, decay and law of damping of a free swing, and the periods of its single cycles, with uncertainties.
 
 Every function takes an object with the arrays ``time`` [s] and ``angle`` [rad], such as a recording or a rollout.
 Angles are measured from the equilibrium, so cut and centre a recording first: ``recording.released().centred()``.
+
+The law of the damping follows from the envelope of a swing: amplitude loss per half swing against amplitude.
 """
 
 from __future__ import annotations
@@ -13,7 +15,16 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number, readings, series_of
+from pendulum_env.lab.checked import (
+    FloatArray,
+    RecordingError,
+    check_half_turn,
+    count,
+    numbers,
+    one_number,
+    readings,
+    series_of,
+)
 from pendulum_env.lab.noise import noise_level
 from pendulum_env.lab.turning import CLEAR, AngleSeries, TurningPoints, hidden_in, turning_points
 from pendulum_env.physics import exact
@@ -222,3 +233,245 @@ def small_amplitude_period(period: P, amplitude: ArrayLike) -> P:
     if angle.size == 0 or not bool(np.all((angle >= 0) & (angle < math.pi))):
         raise RecordingError(f"amplitude must be between 0 and pi [rad], got {shown(amplitude)}")
     return period / float(np.mean(exact.period(angle, 2.0 * math.pi)))
+
+
+SURE = 3.0
+"""A drift counts as seen if it is larger than this many errors."""
+FARTHEST = 2.0
+"""Largest error by a drift, in drifts over the run: where the amplitude hardly changes, it is not the reason."""
+SWINGS = 3
+"""The damping is divided out of the periods of more half swings than this; fewer hardly show it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """Cycles of a swing, from one upward zero crossing to the next; ``time``, ``amplitude`` and ``period`` are arrays.
+
+    Attributes:
+        time: middle of every cycle [s].
+        amplitude: mean amplitude of the cycle's two half swings [rad].
+        period: duration of the cycle, corrected to small amplitude [s].
+        left_out: number of cycles that are left out because readings are missing in them.
+        variance: variance of every corrected period, from the noise of the readings [s²].
+        shared: covariance of every corrected period with the next one [s²]; below 0 where both share a crossing, else
+            0.
+        damped: share of the period that the damping adds, which is divided out [1].
+    """
+
+    time: FloatArray
+    amplitude: FloatArray
+    period: FloatArray
+    left_out: int
+    variance: FloatArray
+    shared: FloatArray
+    damped: float
+
+    @property
+    def spread(self) -> float:
+        """Largest relative deviation of a cycle's period, corrected to small amplitude, from the mean of all cycles."""
+        mean = float(self.period.mean())
+        return float(np.abs(self.period - mean).max()) / mean
+
+    @property
+    def drift(self) -> Measurement:
+        """Change of the period, corrected to small amplitude, from the first cycle to the last, by a straight line [s].
+
+        For fewer than three cycles the value is 0 with an infinite error.
+        """
+        return change(self.time, self.period)
+
+    def mean(self, count: int | None = None) -> Measurement:
+        """Return the period at small amplitude [s], the mean of the corrected periods of the first ``count`` cycles
+        (None: all).
+
+        The error follows from those of the crossing times and of the amplitudes. It is enlarged if successive corrected
+        periods of the run differ by more than these errors allow. A drift of the corrected period over the run that is
+        clear (SURE errors) is taken for ``slope A²``, as amplitudes that are wrong by a factor cause it: the mean of
+        that over the cycles is added. The correction for damping is added too, as the law may not be linear.
+        """
+        taken = slice(count)
+        periods, shared = self.period[taken], self.shared[taken][: len(self.period[taken]) - 1]
+        value, number = float(periods.mean()), len(periods)
+        variance = (float(self.variance[taken].sum()) + 2.0 * float(shared.sum())) / number**2
+        next_to = self.shared < 0.0
+        apart = (self.variance[1:] + self.variance[:-1] - 2.0 * self.shared)[next_to]
+        # The mean square of k differences that share readings is 1 within 2/sqrt(k), even if the errors are right.
+        scatter = float(np.mean(np.diff(self.period)[next_to] ** 2 / apart)) - 2.0 / math.sqrt(len(apart)) if (
+            len(apart)) else 0.0
+        square = self.amplitude**2
+        falls = abs(change(self.time, square).value)
+        share = min(float(square[taken].mean()) / falls, FARTHEST) if falls > 0.0 else FARTHEST
+        wrong = share**2 * max(self.drift.value**2 - (SURE * self.drift.error) ** 2, 0.0)
+        return Measurement(value, math.sqrt(max(1.0, scatter) * variance + wrong + (self.damped * value) ** 2), "s")
+
+
+def change(time: FloatArray, y: FloatArray) -> Measurement:
+    """Return the change of ``y`` from the first to the last of its times, by a straight line through points of equal
+    errors; 0 with an infinite error for fewer than three points."""
+    if len(time) < 3:
+        return Measurement(0.0, math.inf, "s")
+    away = time - time.mean()
+    square = float(away @ away)
+    slope = float(away @ y) / square
+    rest = y - y.mean() - slope * away
+    error = math.sqrt(float(rest @ rest) / (len(rest) - 2) / square)
+    length = float(np.ptp(time))
+    return Measurement(slope * length, error * length, "s")
+
+
+def corrected_periods(series: AngleSeries) -> Cycles:
+    """Return the period of every cycle, corrected to small amplitude: ``T0 = T / mean(2 K(sin(A/2)) / pi)`` [s].
+
+    T is the time between upward zero crossings, A the amplitudes of the two half swings between them, K the complete
+    elliptic integral of the first kind (Nelson & Olsson, Am. J. Phys. 54, 112, 1986). Damping at the rate gamma
+    lengthens the period by the factor ``sqrt(1 + (gamma T/(4 pi))²)``, about ``1 + 1/(8 Q²)``, which is divided out
+    too; this is exact for linear damping at small angles, and right in size for other laws. Angles must be measured
+    from the equilibrium.
+
+    Raises RecordingError if there is no complete cycle, or if the bob goes over the top.
+    """
+    time, angle = series_of(series)
+    points, sigma = turning_points(series), noise_level(time, angle)
+    ends, errors = crossings_with_errors(time, angle, CLEAR * sigma)
+    places, gaps = np.searchsorted(points.time, ends), np.searchsorted(time[hidden_in(time, angle)], ends)
+    complete = np.diff(places) > 0
+    kept = np.flatnonzero(complete & (np.diff(gaps) == 0))
+    if not len(kept):
+        none = "none without a gap" if complete.any() else "none"
+        raise RecordingError(f"corrected periods need a full oscillation about zero, the series has {none}")
+    size = points.amplitude
+    check_half_turn(size, "corrected periods need")
+    spans = np.diff(ends)[kept]
+    rate = envelope_rate(points).value if len(size) > SWINGS else 0.0
+    damped = math.hypot(1.0, max(rate, 0.0) * float(spans.mean()) / (4.0 * math.pi))
+    ratio = damped * exact.period(size, math.tau)
+    larger = damped * exact.period(np.minimum(size + points.error, math.pi), math.tau)
+    halves = [slice(places[k], places[k + 1]) for k in kept.tolist()]
+    mean = np.array([ratio[part].mean() for part in halves])
+    spread = np.array([np.linalg.norm((larger - ratio)[part]) / (part.stop - part.start) for part in halves])
+    own = np.maximum(sigma * errors, FINEST * np.abs(ends[-1]))
+    variance = (own[kept] ** 2 + own[kept + 1] ** 2 + (spans * spread / mean) ** 2) / mean**2
+    shared = np.where(np.diff(kept) == 1, -(own[kept[1:]] ** 2) / (mean[1:] * mean[:-1]), 0.0)
+    return Cycles(0.5 * (ends[kept] + ends[kept + 1]), np.array([size[part].mean() for part in halves]), spans / mean,
+                  int(np.count_nonzero(complete)) - len(kept), variance, shared, damped - 1.0)
+
+
+FEWEST = 8
+"""Minimum number of amplitudes; fewer cannot separate the three laws of damping."""
+NEXT = 1.5
+"""Largest time between successive turning points, in half swings; after a longer time, readings are missing."""
+_LEAST_EIGENVALUE = 1e-12
+"""Floor for the eigenvalues of the scaled normal matrix; smaller ones occur if the amplitudes hardly differ."""
+TOLD = 0.5
+"""Largest error of a share of the loss that is a result; a share is between 0 and 1."""
+LAWS = ("constant", "linear", "quadratic")
+"""Growth of the loss with the amplitude: constant for dry friction, then for linear and for quadratic drag."""
+
+
+@dataclass(frozen=True, eq=False)
+class Losses:
+    """Amplitude loss per half swing, ``A_i - A_(i+1) = s + l A + q A²`` at small angles, with A midway between the two.
+
+    Attributes:
+        amplitude: median amplitude [rad], at which the shares are given.
+        terms: s [rad], l [1], q [1/rad], none below 0: ``s = 2 tau/omega0²``, ``l = pi gamma/(2 omega0)`` and
+            ``q = 4 c/3``, with the friction torque per inertia tau, linear drag gamma and quadratic drag c.
+        errors: standard errors of the terms, calculated without the bound at 0.
+        shares: share of the loss at ``amplitude`` due to each term [1].
+        misfit: sqrt(chi² / degrees of freedom); above 1, it enlarges the errors.
+    """
+
+    amplitude: float
+    terms: tuple[float, float, float]
+    errors: tuple[float, float, float]
+    shares: dict[str, Measurement]
+    misfit: float
+
+    @property
+    def text(self) -> str:
+        """Clause on the constant, linear and quadratic shares of the loss per half swing, and on those that the
+        recording does not tell."""
+        if not self.told:
+            return "the recording does not tell constant, linear and quadratic loss apart"
+        shares = ", ".join(f"{percent(part)} {law}" for law, part in self.told.items())
+        rest = " or ".join(law for law in LAWS if law not in self.told)
+        return (f"the loss per half swing at {math.degrees(self.amplitude):.3g}° is {shares} in the amplitude"
+                + (f"; the recording does not tell how much of the rest is {rest}" if rest else ""))
+
+    @property
+    def told(self) -> dict[str, Measurement]:
+        """Shares that the recording tells: those with an error below a half (TOLD)."""
+        return {law: part for law, part in self.shares.items() if part.error < TOLD}
+
+
+def losses(points: TurningPoints) -> Losses:
+    """Split the amplitude loss per half swing into parts constant, linear and quadratic in the amplitude, with errors.
+
+    The method is weighted least squares of the differences of successive amplitudes, allowing for the correlation of
+    two differences that share an amplitude. An error of the equilibrium is fitted too, and no term may be below 0. At
+    larger angles, the powers of A are replaced by the exact work of the forces sign(v), v and |v| v along an undamped
+    half swing of amplitude A, divided by the slope of the potential: ``A/sin A``, ``16 (E - (1 - m) K)/(pi sin A)`` and
+    ``3 (1 - A/tan A)``, with the complete elliptic integrals K and E of parameter ``m = sin²(A/2)``. The loss in a half
+    swing must be small compared with the amplitude.
+
+    Source: the small-angle laws, Nelson & Olsson, Am. J. Phys. 54, 112 (1986). Raises RecordingError unless ``points``
+    are TurningPoints with at least 8 amplitudes, all below half a turn.
+    """
+    from scipy.linalg import solve_triangular
+    from scipy.optimize import nnls
+
+    if not isinstance(points, TurningPoints):
+        raise RecordingError(f"points must be TurningPoints, from turning_points(recording), not {shown(points)}")
+    size, error = points.amplitude, np.maximum(points.error, 1e-9 * points.amplitude)
+    if len(size) < FEWEST:
+        raise RecordingError(f"the law of the damping needs at least {FEWEST} amplitudes, there are {len(size)}")
+    check_half_turn(size, "the law of the damping needs")
+    middle = 0.5 * (size[1:] + size[:-1])
+    lasted = np.diff(points.time) / exact.period(middle, math.tau)
+    usable = np.flatnonzero(lasted < NEXT * np.median(lasted))
+    beside = -np.square(error[1:-1])
+    covariance = np.diag(np.square(error[1:]) + np.square(error[:-1])) + np.diag(beside, 1) + np.diag(beside, -1)
+    root = np.linalg.cholesky(covariance[np.ix_(usable, usable)])
+    table = np.column_stack([*powers(middle), np.sign(points.angle[:-1]), size[:-1] - size[1:]])[usable]
+    white = solve_triangular(root, table, lower=True)
+    columns, side, wanted = white[:, :3], white[:, 3:4], white[:, 4]
+    across = side / np.linalg.norm(side)
+    columns, wanted = columns - across @ (across.T @ columns), wanted - across[:, 0] * (across[:, 0] @ wanted)
+    scale = np.linalg.norm(columns, axis=0)
+    terms, rest = nnls(columns / scale, wanted)
+    misfit = math.sqrt(float(rest) ** 2 / (len(wanted) - 4))
+    sizes, axes = np.linalg.eigh((columns / scale).T @ (columns / scale))
+    plain = (axes / np.maximum(sizes, _LEAST_EIGENVALUE)) @ axes.T * max(1.0, misfit) ** 2
+    terms, plain = terms / scale, plain / np.outer(scale, scale)
+    amplitude = float(np.median(middle))
+    return Losses(amplitude, tuple(terms.tolist()), tuple(np.sqrt(np.diag(plain)).tolist()),
+                  _shares(terms, plain, amplitude), misfit)
+
+
+def percent(part: Measurement) -> str:
+    """Return a share and its standard error, a :class:`Measurement`, as text in per cent."""
+    return str(Measurement(100.0 * part.value, 100.0 * part.error, "%"))
+
+
+def powers(amplitude: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the functions of the amplitude that replace 1, A and A² in the loss at large angles; see :func:`losses`.
+    """
+    from scipy.special import ellipe, ellipk
+
+    sine, m = np.sin(amplitude), np.sin(0.5 * amplitude) ** 2
+    linear = 16.0 / math.pi * (ellipe(m) - (1.0 - m) * ellipk(m)) / sine
+    quadratic = np.where(amplitude < 0.01, amplitude**2, 3.0 * (1.0 - amplitude / np.tan(amplitude)))
+    return amplitude / sine, linear, quadratic
+
+
+def _shares(terms: NDArray[np.float64], covariance: NDArray[np.float64], amplitude: float) -> dict[str, Measurement]:
+    """Return the share of every term in the loss at an amplitude [rad], with first-order errors of at most 1."""
+    parts = np.array([float(law[0]) for law in powers(np.array([amplitude]))])
+    total = float(parts @ terms)
+    if total <= 0.0:
+        return {law: Measurement(0.0, 1.0, "1") for law in LAWS}
+    shares = parts * terms / total
+    slopes = (np.diag(parts) - np.outer(shares, parts)) / total
+    errors = np.minimum(np.sqrt(np.diag(slopes @ covariance @ slopes.T)), 1.0)
+    return {law: Measurement(float(share), float(error), "1")
+            for law, share, error in zip(LAWS, shares, errors, strict=True)}

@@ -13,12 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.lab.accelerations import Mount
-from pendulum_env.lab.checked import FloatArray, RecordingError, check_origin, file_name, one_number
+from pendulum_env.common.results import Plotted, one_line
+from pendulum_env.lab.checked import Drop, FloatArray, RecordingError, check_origin, file_name, kept, one_number, share
+from pendulum_env.lab.inertial import Mount
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.noise import noise_level, quantum_level
-from pendulum_env.lab.parts import Drop, kept, share
 from pendulum_env.lab.reading import ReadOptions, read_file
 from pendulum_env.lab.turning import TurningPoints, all_turning_points, equilibrium, extremes
 from pendulum_env.physics.units import shown
@@ -272,7 +271,7 @@ class Recording(Plotted):
         if start is None:
             falls = bool(np.all(np.diff(np.abs(self.angle)) < 0.0) and len(set(np.sign(self.angle))) == 1)
             by_hand = ("; readings that only fall look like amplitudes that were noted by hand: of these, "
-                       "pendulum_env.lab.losses(TurningPoints(time, amplitude, error)) tells the decay, and a fit "
+                       "pendulum_env.lab.measures(TurningPoints(time, amplitude, error)) tells the decay, and a fit "
                        "needs the readings between them") if falls else ""
             raise RecordingError(f"{self.source}: expected a swing that turns back, found none above noise{by_hand}")
         step = float(np.median(np.diff(self.time)))

@@ -11,20 +11,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.lab.checked import RecordingError, check_half_turn, count, side
-from pendulum_env.lab.cycles import SURE, Cycles, corrected_periods
-from pendulum_env.lab.losses import FEWEST, Losses, losses, percent
+from pendulum_env.common.results import Plotted, one_line
+from pendulum_env.lab.checked import Drop, RecordingError, check_half_turn, count, side
 from pendulum_env.lab.measures import (
+    FEWEST,
+    SURE,
+    Cycles,
+    Losses,
     Measurement,
+    corrected_periods,
     crossings,
     doubt_of_gravity,
     doubt_of_length,
     envelope_rate,
+    losses,
+    percent,
     period,
     small_amplitude_period,
 )
-from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics.body import Body
@@ -36,7 +40,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, shown
 
 if TYPE_CHECKING:
-    from pendulum_env.common.tables import Table
+    from pendulum_env.common.texts import Table
 
 READ = 6
 """Number of amplitudes, spread over the run, in the lab sheet's short determination of the decay rate."""
@@ -158,7 +162,7 @@ class LabSheet(Plotted):
     @property
     def table(self) -> Table:
         """Table of the lab sheet: one row per measured quantity, with value, standard error and method."""
-        from pendulum_env.common.tables import Table
+        from pendulum_env.common.texts import Table
 
         size, swings = np.degrees(self.points.amplitude), len(self.points.amplitude)
         read, cycles = min(READ, swings), self.cycles
@@ -195,7 +199,7 @@ class LabSheet(Plotted):
     @property
     def numbers(self) -> Table:
         """Table of the lab sheet for further calculation: quantity, value, standard error and unit in columns."""
-        from pendulum_env.common.tables import Table
+        from pendulum_env.common.texts import Table
 
         size, error = np.degrees(self.points.amplitude), np.degrees(self.points.error)
         rows = [("first amplitude", size[0], error[0], "deg"), ("last amplitude", size[-1], error[-1], "deg"),

@@ -1,4 +1,4 @@
-"""Portable sin, cos, exp, log, power and tanh: identical bits interpreted and compiled, on any machine.
+"""Portable sin, cos, exp, log, power, tanh and atan2: identical bits interpreted and compiled, on any machine.
 
 Every function is straight-line float arithmetic and conditional expressions: no call into a maths library, no
 integers, no division by zero, nothing that raises. So Python and numba (without fastmath or contraction)
@@ -11,14 +11,16 @@ integer, ties to even, for |x| < 2**51; 1.5 * 2**53 and 1.5 * 2**54 in its place
 4. `1e999` is infinity, `1e999 - 1e999` is nan.
 
 Sources: W. J. Cody and W. Waite, Software Manual for the Elementary Functions (1980), for argument reduction;
-Sun Microsystems, fdlibm 5.3 (1993), k_sin.c, k_cos.c and e_log.c, for the coefficients of sin, cos and log;
+Sun Microsystems, fdlibm 5.3 (1993), k_sin.c, k_cos.c and e_log.c, for the coefficients of sin, cos and log, and
+s_atan.c for the polynomial of atan2 on [0, 7/16] (larger angles are first reduced by ``pi/4`` or ``pi/2``, with
+``atan((y - x)/(y + x))`` or ``atan(-x/y)``);
 T. J. Dekker, Numer. Math. 18, 224 (1971), for exact sums and products. The polynomials of exp, power
 and tanh interpolate at Chebyshev nodes, computed with 120 digits.
 """
 
 from math import sqrt as sqrt
 
-__all__ = ["cos", "exp", "log", "power", "sin", "tanh"]
+__all__ = ["cos", "exp", "log", "power", "sin", "tanh"]  # formulas of effects call these; closed forms atan2, too
 
 
 def _quadrant(x: float) -> tuple[float, float, float]:
@@ -299,3 +301,30 @@ def tanh(x: float) -> float:
     t = t if near else base + top / bottom
     t = t if x > 0.0 else -t
     return x if x == 0.0 else t
+
+
+def atan2(y: float, x: float) -> float:
+    """Return the polar angle of the point (x, y) [rad], in -pi ... pi, within 2 ulp; 0 at the origin."""
+    a, b = abs(y), abs(x)
+    middle = a > 0.4375 * b
+    high = a > 2.4375 * b
+    top = -b if high else (a - b if middle else a)
+    bottom = a if high else (a + b if middle else b)
+    t = top / (bottom if bottom > 0.0 else 1.0)
+    z = t * t
+    w = z * z
+    odd = w * (
+        -1.99999999998764832476e-01
+        + w * (-1.11111104054623557880e-01 + w * (-7.69187620504482999495e-02 + w * (
+            -5.83357013379057348645e-02 + w * -3.65315727442169155270e-02)))
+    )
+    even = z * (
+        3.33333333333329318027e-01
+        + w * (1.42857142725034663711e-01 + w * (9.09088713343650656196e-02 + w * (
+            6.66107313738753120669e-02 + w * (4.97687799461593236017e-02 + w * 1.62858201153657823623e-02))))
+    )
+    base = 1.5707963267948966 if high else (0.7853981633974483 if middle else 0.0)
+    low = 6.123233995736766e-17 if high else (3.061616997868383e-17 if middle else 0.0)
+    result = base - ((t * (even + odd) - low) - t)
+    result = result if x >= 0.0 else 3.141592653589793 - (result - 1.2246467991473532e-16)
+    return result if y >= 0.0 else -result

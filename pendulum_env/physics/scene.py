@@ -17,7 +17,7 @@ from typing import Any, get_args
 
 from pendulum_env.common.many import isfinite, sqrt
 from pendulum_env.common.replacing import OutputError, replacing
-from pendulum_env.common.shown import Displayed
+from pendulum_env.common.results import Displayed
 from pendulum_env.common.sources import ours
 from pendulum_env.physics import data
 from pendulum_env.physics.bodies import body_data

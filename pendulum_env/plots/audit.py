@@ -15,7 +15,7 @@ from matplotlib.transforms import ScaledTranslation
 from pendulum_env.plots.style import styled
 from pendulum_env.plots.titles import fitted, for_figure, page, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, INK, OKABE_ITO
-from pendulum_env.study.audit.swing import METHOD
+from pendulum_env.study.audit.cases import METHOD
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NOT_JUDGED, Audit, AuditRow, off_by, strong_damping
 
 QUANTITIES = (

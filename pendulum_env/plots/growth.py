@@ -16,8 +16,8 @@ from pendulum_env.plots.style import distinct, panel
 from pendulum_env.plots.titles import for_figure, page, setting, start
 from pendulum_env.render.palette import FAINT_INK, HAIRLINE, OKABE_ITO, TRACK
 from pendulum_env.study.cost.runs import energy_scale
-from pendulum_env.study.growth.laws import LOST, rounding_of
-from pendulum_env.study.growth.study import Growth, GrowthLine
+from pendulum_env.study.growth import Growth, GrowthLine
+from pendulum_env.study.growth_laws import LOST, rounding_of
 
 Kind = Literal["angle", "energy"]
 

@@ -14,7 +14,7 @@ from matplotlib.transforms import blended_transform_factory
 
 from integrators import Method
 from pendulum_env.hard_cases.case import ACCURATE, DIVERGED, OUTCOMES, REFUSED, STABLE, WRONG, Case
-from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
+from pendulum_env.hard_cases.run import Matrix, MatrixEntry
 from pendulum_env.plots.style import styled
 from pendulum_env.plots.titles import fitted, for_figure, page
 from pendulum_env.plots.titles import width as width_of

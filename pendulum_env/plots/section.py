@@ -16,8 +16,8 @@ from pendulum_env.lab.fitting.model import unit_of
 from pendulum_env.plots.style import panel
 from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO, PAPER
-from pendulum_env.study.section.basins import STOPPED, UNSETTLED, Basins, percent
-from pendulum_env.study.section.study import Section
+from pendulum_env.study.basins import STOPPED, UNSETTLED, Basins, percent
+from pendulum_env.study.section import Section
 
 SIZE = (8.0, 7.2)
 """Size of a figure [inch]."""

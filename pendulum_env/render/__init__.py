@@ -13,10 +13,9 @@ takes some 20 ms. The first film imports imageio-ffmpeg.
 """
 
 from pendulum_env.render.film import write_film
-from pendulum_env.render.palette import METHOD_COLOURS, colour
+from pendulum_env.render.palette import METHOD_COLOURS, THEMES, Theme, colour
 from pendulum_env.render.panel import frame, side_by_side
 from pendulum_env.render.stage import PANELS, FrameStyle
-from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, Orbits, PastSamples, View
 
 __all__ = [

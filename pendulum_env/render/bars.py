@@ -12,9 +12,8 @@ import math
 
 from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, bar, polygon
-from pendulum_env.render.palette import ENERGY_COLOURS, rgb
+from pendulum_env.render.palette import ENERGY_COLOURS, Theme, rgb
 from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
-from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import View
 
 REACH = (1.05, 1.15)

@@ -14,9 +14,8 @@ import numpy as np
 
 from pendulum_env.render.layout import LEAST, MOST, Box
 from pendulum_env.render.paint import Image, box
-from pendulum_env.render.palette import rgb
+from pendulum_env.render.palette import THEMES, rgb
 from pendulum_env.render.text import LEAST_SIZE, MINUS, fit, measure, write
-from pendulum_env.render.theme import THEMES
 
 STATUS = (26, 20)
 """Width and height of a window over the font size of its status line."""

@@ -14,11 +14,10 @@ from pendulum_env.common.texts import clean
 from pendulum_env.render.bars import rows
 from pendulum_env.render.layout import LEAST, MOST, TEXT_FROM, Box, font_size, grid, spare
 from pendulum_env.render.paint import Image
-from pendulum_env.render.palette import colour, rgb
+from pendulum_env.render.palette import THEMES, Theme, colour, rgb
 from pendulum_env.render.stage import DEFAULT, FrameStyle, Stage, stage
 from pendulum_env.render.strip import WINDOW, angles, shared_scale
 from pendulum_env.render.text import fit, measure, write
-from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, View
 
 PLAIN = FrameStyle()

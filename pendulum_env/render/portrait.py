@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from pendulum_env.render.curves import fading
 from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, bar, disc
-from pendulum_env.render.palette import rgb
+from pendulum_env.render.palette import Theme, rgb
 from pendulum_env.render.strip import letters, round_up
 from pendulum_env.render.text import MINUS, measure, write
-from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import Orbits, View
 
 SHOWN = 3.0

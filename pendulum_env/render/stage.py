@@ -14,11 +14,10 @@ import numpy as np
 from pendulum_env.render.bars import Bars
 from pendulum_env.render.layout import ENERGY_ROW, Box, lay_out
 from pendulum_env.render.paint import Floats, Image
-from pendulum_env.render.palette import rgb
+from pendulum_env.render.palette import THEMES, Theme, rgb
 from pendulum_env.render.portrait import Portrait
 from pendulum_env.render.stand import Stand
 from pendulum_env.render.strip import History, Residual
-from pendulum_env.render.theme import THEMES, Theme
 from pendulum_env.render.view import Apparatus, View
 
 

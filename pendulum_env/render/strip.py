@@ -12,9 +12,8 @@ from pendulum_env.render.bars import energy_scale, joules
 from pendulum_env.render.curves import graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.paint import Floats, Image, bar, disc
-from pendulum_env.render.palette import ENERGY_COLOURS, rgb
+from pendulum_env.render.palette import ENERGY_COLOURS, Theme, rgb
 from pendulum_env.render.text import LEAST_SIZE, MINUS, measure, write
-from pendulum_env.render.theme import Theme
 from pendulum_env.render.view import View
 
 Floats64 = NDArray[np.float64]

@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, told_by
 from pendulum_env.common.provenance import output_folder, write_csv
 from pendulum_env.common.replacing import replacing
-from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import side
 from pendulum_env.lab.driven.result import DrivenFit
 from pendulum_env.lab.fitting.base import FitResult

@@ -12,13 +12,12 @@ import integrators as registry
 from integrators import Method, MethodError
 from integrators.analysis import leading_error, stability_function
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of, write
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.starts import listed_methods, none_twice
 from pendulum_env.study.lists.methods import SOFT, entry, shown
 
-__all__ = ["Stability", "split_evenly", "stability", "write"]
+__all__ = ["Stability", "split_evenly", "stability"]
 
 MOST_CURVES, MOST_MAPS = 12, 23
 """Largest number of methods in one figure of curves and in one figure of maps; more are spread over several."""

@@ -14,9 +14,9 @@ from typing import Any, ClassVar
 
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.provenance import provenance
+from pendulum_env.common.results import one_line
 from pendulum_env.common.saved import save
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.physics.units import Checked, SceneError, shown
 from pendulum_env.study.sweep.study import ERROR, Point, Sweep, sweep
 from pendulum_env.truth.reference import StudyError

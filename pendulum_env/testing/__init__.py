@@ -5,7 +5,6 @@ that of its pages https://gymnasium.farama.org/api/vector and https://farama.org
 ``SyncVectorEnv`` and ``CartPoleVectorEnv`` do where those pages say nothing. Nothing here knows of pendulums.
 """
 
-from pendulum_env.testing.checker import check_vector_env
-from pendulum_env.testing.report import VectorCheck, VectorReport
+from pendulum_env.testing.checker import VectorCheck, VectorReport, check_vector_env
 
 __all__ = ["VectorCheck", "VectorReport", "check_vector_env"]

@@ -36,8 +36,7 @@ from pendulum_env.physics.equation import equation_mathml, equation_text
 from pendulum_env.physics.presets import PURPOSES, SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of
-from pendulum_env.render.palette import ENERGY_COLOURS, METHOD_COLOURS, hue, place
-from pendulum_env.render.theme import THEMES, Theme
+from pendulum_env.render.palette import ENERGY_COLOURS, METHOD_COLOURS, THEMES, Theme, hue, place
 from pendulum_env.web.formulas import NumberSetting, explicit, formulas_of
 from pendulum_env.web.links import MOST_PENDULUMS, VERSION
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from integrators import MethodError
+from pendulum_env.common.checks import warn
 from pendulum_env.common.provenance import output_folder, provenance
 from pendulum_env.common.replacing import replacing
-from pendulum_env.common.warn import warn
 from pendulum_env.physics.units import SceneError
 from pendulum_env.render import Apparatus, View, frame
 from pendulum_env.render.bars import joules

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from pendulum_env.common.warn import warn
+from pendulum_env.common.checks import warn
 from pendulum_env.render.paint import Image
 
 if TYPE_CHECKING:

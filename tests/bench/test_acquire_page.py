@@ -580,9 +580,10 @@ def test_the_keyboard_alone(bench: Served, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [320, 360, 768, 1000, 1280, 2560])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize(("width", "scheme"), [
+    (320, "light"), (360, "dark"), (768, "light"), (1000, "dark"), (1280, "light"), (2560, "dark")])
 def test_the_page_fits_every_width(width: int, scheme: str, tmp_path: Path) -> None:
+    """Boxes depend on the width and contrast on the scheme, so that each width takes one of the two schemes."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright")
     with served(Virtual(wait=0.0, angle=0.1), out=tmp_path / "swing.csv") as page:
         recorded(page, 500)

@@ -13,8 +13,7 @@ from bench_clock import BenchClock
 
 from pendulum_env import Recording
 from pendulum_env.bench import Chunk, Source, SourceError
-from pendulum_env.bench.acquisition import MOST_SHOWN, Acquisition
-from pendulum_env.bench.clocks import Drift, Stamps
+from pendulum_env.bench.acquisition import MOST_SHOWN, Acquisition, Drift, Stamps
 
 
 class Given(Source):

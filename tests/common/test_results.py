@@ -210,7 +210,7 @@ def test_unknown_tables_and_missing_libraries_are_said(monkeypatch: pytest.Monke
 
 
 def test_pandas_and_xarray_are_loaded_only_when_they_are_asked_for() -> None:
-    code = ("import sys, pendulum_env.study.growth.study, pendulum_env.study.cost\n"
+    code = ("import sys, pendulum_env.study.growth, pendulum_env.study.cost\n"
             "print([name for name in ('pandas', 'xarray') if name in sys.modules])")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -38,9 +38,8 @@ from pendulum_env.common.saved import CLASSES, MODULES, origin_of
 from pendulum_env.common.version import sources
 from pendulum_env.envs.transfer import Transfer
 from pendulum_env.hard_cases.case import Case, Finding
-from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
-from pendulum_env.notebook.cards import CARDS
-from pendulum_env.notebook.figures import FIGURES
+from pendulum_env.hard_cases.run import Matrix, MatrixEntry
+from pendulum_env.notebook import CARDS, FIGURES
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.presets import find_scene
 

@@ -24,9 +24,8 @@ from integrators import RungeKutta, html
 from pendulum_env import SCENES, Recording, plots, rollout
 from pendulum_env.common.provenance import provenance, write_csv
 from pendulum_env.common.replacing import replacing
-from pendulum_env.common.shown import html_of
-from pendulum_env.common.tables import Table
-from pendulum_env.common.texts import clean, for_csv, for_markdown, in_encoding, listed
+from pendulum_env.common.results import html_of
+from pendulum_env.common.texts import Table, clean, for_csv, for_markdown, in_encoding, listed
 from pendulum_env.lab.driven.log import DrivenLog
 from pendulum_env.physics.scene import Scene
 from pendulum_env.plots.swing import readings

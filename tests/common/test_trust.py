@@ -32,7 +32,7 @@ MAY_RUN = {
     "integrators/solving/stepper.py": "the package's own generated text",
     "integrators/families/taylor.py": "the package's own generated text",
     "integrators/solving/own.py": "the lines of a step that the caller of from_step has written",
-    "pendulum_env/engine/plain.py": "the package's own generated text",
+    "pendulum_env/engine/code.py": "the package's own generated text",
     "pendulum_env/testing/contract.py": "pickles that it has just made of the caller's environment",
     "pendulum_env/study/sweep/study.py": "a pickle that it has just made of the exception that the caller's run raised",
 }
@@ -65,8 +65,8 @@ def test_nothing_else_runs_text_or_unpickles() -> None:
     roots = [Path(package.__file__).parent for package in (pendulum_env, integrators) if package.__file__]
     found = {path.relative_to(root.parent).as_posix(): dangerous(path) for root in roots for path in root.rglob("*.py")}
     for own in ("pendulum_env/__init__", "pendulum_env/lab/__init__", "pendulum_env/cli/api_pages",
-                "pendulum_env/common/shown", "pendulum_env/common/results", "pendulum_env/common/saved",
-                "pendulum_env/notebook/figures"):
+                "pendulum_env/common/results", "pendulum_env/common/saved",
+                "pendulum_env/notebook"):
         found[f"{own}.py"] -= {"import_module"}  # of the package's own public names, pandas and xarray
     assert {name for name, calls in found.items() if calls} == MAY_RUN.keys()
 

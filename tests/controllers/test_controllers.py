@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 import pendulum_env
 from pendulum_env import SCENES, Scene, SceneError, rollout
 from pendulum_env.controllers import RandomPolicy, SwingUp, swing_up
-from pendulum_env.controllers.model import model_of
-from pendulum_env.controllers.regulator import sampled
+from pendulum_env.controllers.regulator import model_of, sampled
 from pendulum_env.controllers.swinging import REACH
 from pendulum_env.engine.machine import Machine
 from pendulum_env.physics.effects import Motor, PeriodicTorque

@@ -354,19 +354,19 @@ def test_a_new_folder_is_the_users_own(tmp_path: Path, start: Start) -> None:
 
 
 @pytest.mark.slow
-def test_eight_processes_share_a_cold_cache(
+def test_four_processes_share_a_cold_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Check that eight processes that start at once with an empty cache give the motions of successive environments."""
+    """Check that four processes that start at once with an empty cache give the motions of successive environments."""
     folder = tmp_path / "cache"
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(folder))
     make = partial(gym.make, "pendulum_env:LabPendulum-v0", integrator="symplectic_euler", backend="compiled")
-    one_by_one = SyncVectorEnv([partial(make, backend="python")] * 8)
-    at_once = AsyncVectorEnv([make] * 8, context="spawn")
+    one_by_one = SyncVectorEnv([partial(make, backend="python")] * 4)
+    at_once = AsyncVectorEnv([make] * 4, context="spawn")
     try:
         expected, _ = one_by_one.reset(seed=1)
         observed, _ = at_once.reset(seed=1)
-        assert len(np.unique(observed[:, 0])) == 8
+        assert len(np.unique(observed[:, 0])) == 4
         assert np.array_equal(observed, expected)
         at_once.action_space.seed(2)
         for _ in range(50):
@@ -381,4 +381,4 @@ def test_eight_processes_share_a_cold_cache(
     before = listing(folder)
     kernels.forget()
     make().reset()
-    assert listing(folder) == before, "what eight processes left behind does not serve the ninth"
+    assert listing(folder) == before, "what four processes left behind does not serve the fifth"

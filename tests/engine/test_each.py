@@ -12,8 +12,8 @@ import pytest
 
 from pendulum_env import SCENES, Scene
 from pendulum_env.engine.each import Each
+from pendulum_env.engine.limits import Validity
 from pendulum_env.engine.machine import Machine, numbers_of
-from pendulum_env.engine.validity import Validity
 from pendulum_env.physics.effects import Gravity, LinearDrag
 from pendulum_env.physics.effects.effect import Effect, Kind
 from pendulum_env.physics.medium import air

@@ -15,11 +15,9 @@ from integrators import MethodError, System, solve
 from integrators.families.exact_flow import oscillator_flow
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.machine import fitting
-from pendulum_env.physics.arctangent import atan2
 from pendulum_env.physics.effects import EFFECTS, Gravity, LinearDrag, SmallAngleGravity
-from pendulum_env.physics.exact.flows import FLOWS
-from pendulum_env.physics.exact.pendulum_step import pendulum_flow
-from pendulum_env.physics.exact.spring_step import damped_spring_flow, spring_flow
+from pendulum_env.physics.elementary import atan2
+from pendulum_env.physics.exact.flows import FLOWS, damped_spring_flow, pendulum_flow, spring_flow
 
 GRAVITY = 9.8
 OMEGA0 = math.sqrt(GRAVITY)

@@ -51,12 +51,12 @@ def test_no_scene_and_no_method_is_left_out() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", list(SCENES))
 def test_adaptive_and_compensated_programs_have_the_same_bits_in_node(scene: str, tmp_path: Path) -> None:
-    """1000 steps each, of PAIRS. All programs with steps of one length run in a browser: see tests/web/test_page.py.
+    """250 steps each, of PAIRS. All programs with steps of one length run in a browser: see tests/web/test_page.py.
 
     ``python tests/support/in_node.py`` runs every program in Node.
     """
     cases = cases_of(scene, [method for place, method in PAIRS if place == scene])
-    assert differing([case for case in cases if case.steps != "fixed"], 1000, tmp_path) == []
+    assert differing([case for case in cases if case.steps != "fixed"], 250, tmp_path) == []
 
 
 @needs_node

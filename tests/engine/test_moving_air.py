@@ -351,7 +351,7 @@ def losing(name: str, still: bool) -> tuple[Any, Callable[..., Any], Scene]:
 
 @pytest.mark.parametrize("still", [True, False])
 @pytest.mark.parametrize("name", LOSSES)
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_losses_make_heat_and_never_energy(name: str, still: bool, data: st.DataObject) -> None:
     shape, rates, scene = losing(name, still)

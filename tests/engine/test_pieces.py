@@ -23,7 +23,7 @@ from pendulum_env.engine.machine import INDEX, Machine
 from pendulum_env.engine.pieces import FEW, GROWTH, LEAST, MOMENT, MOST, Pace
 
 ANGLES = np.linspace(0.1, 2.0, 5)
-SHORT: Mapping[str, Any] = {"duration": 2.0, "dt": 0.01, "every": 23, "backend": "python", "warn": False}
+SHORT: Mapping[str, Any] = {"duration": 1.0, "dt": 0.01, "every": 23, "backend": "python", "warn": False}
 TOLERANT: Mapping[str, Any] = {"integrator": "dopri5", "rtol": 1e-8, "dt": 0.5}
 
 BOTH: Mapping[str, Mapping[str, Any]] = {
@@ -317,7 +317,7 @@ def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
-        time.sleep(2.0)
+        time.sleep(1.0)
         assert process.poll() is None
         sent = time.perf_counter()
         process.send_signal(signal.SIGINT)

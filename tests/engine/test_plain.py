@@ -22,8 +22,8 @@ from scipy.integrate import solve_ivp
 
 from integrators import METHODS, MethodError, from_step
 from pendulum_env import SCENES, Scene, SceneError, code, rollout
+from pendulum_env.engine.code import is_plain
 from pendulum_env.engine.machine import fitting
-from pendulum_env.engine.plain import is_plain
 from pendulum_env.engine.source import constants_of, with_callees
 from pendulum_env.physics.effects import EFFECTS, BearingFriction, Effect, Gravity, LinearDrag, QuadraticDrag
 from pendulum_env.physics.elementary import sin

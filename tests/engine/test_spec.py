@@ -100,7 +100,8 @@ MAKERS = {"Machine", "Runs", "Batch", "CertifiedMachine", "CertifiedRuns", "Cert
 LOW_ROOMS = ("engine", "truth", "hard_cases")
 """Subpackages that may create machines without a RunSpec: engine, reference solutions and hard cases."""
 WITHOUT = {("lab/driven/windows.py", "Batch"): "its windows differ in the coefficients of the equation itself",
-           ("bench/sources/virtual.py", "Machine"): "its run has no end, and its start may be lifted at any time"}
+           ("bench/sources/virtual.py", "Machine"): "its run has no end, and its start may be lifted at any time",
+           ("auto/probes.py", "Machine"): "reference solutions of probe episodes, whose controls change in each step"}
 """Modules elsewhere that create one, each with its reason."""
 
 

@@ -129,13 +129,12 @@ def test_steps_that_may_be_cut_or_repeated_are_taken_whole() -> None:
     assert "def stage_" not in program_of("rk4", "sticky_bearing")
 
 
-@pytest.mark.parametrize("method", ["symplectic_euler", "rk4", "pefrl", "yoshida6a", "chin4a", "dprkn8", "abm4",
-                                    "dop853"])
-@pytest.mark.parametrize("scene", ["vacuum", "lab", "windy", "kapitza", "rod"])
-def test_compiled_blocks_take_the_single_steps(method: str, scene: str) -> None:
+@pytest.mark.parametrize(("scene", "method"), [
+    ("vacuum", "rk4"), ("lab", "rk4"), ("windy", "rk4"), ("kapitza", "rk4"), ("rod", "rk4"),
+    ("kapitza", "symplectic_euler"), ("vacuum", "pefrl"), ("lab", "yoshida6a"), ("vacuum", "chin4a"),
+    ("vacuum", "dprkn8"), ("windy", "abm4"), ("rod", "dop853")])
+def test_compiled_blocks_take_the_single_steps(scene: str, method: str) -> None:
     """Check compiled blocks, of which the second is not full, against interpreted single runs."""
-    if method not in fitting(SCENES[scene]):
-        pytest.skip("the method does not fit the scene")
     angle = np.linspace(-3.1, 3.1, 251)
     many = rollout(scene, integrator=method, angle=angle, duration=0.2, diagnostics=("energy",))
     for i in (0, 100, 247, 248, 250):

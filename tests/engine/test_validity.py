@@ -16,7 +16,7 @@ import pytest
 
 import pendulum_env
 from pendulum_env import SCENES, Scene, rollout
-from pendulum_env.engine.validity import beyond
+from pendulum_env.engine.limits import beyond
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.effects import (

@@ -210,4 +210,4 @@ def test_any_order_of_calls(machine: type[RuleBasedStateMachine], lives: int) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", [Life, VectorLife])
 def test_many_lives(machine: type[RuleBasedStateMachine]) -> None:
-    lived(machine, 200, 40)
+    lived(machine, 80, 40)

@@ -30,7 +30,7 @@ ENVS, STEPS = 5120, 40
 """Numbers of environments and of control steps of each compiled configuration."""
 COMPILED = 5
 """Number of compiled configurations, with at least 1e6 environment steps in all."""
-FEW, MANY = 6, 400
+FEW, MANY = 6, 150
 """Numbers of interpreted configurations, in quick and in slow tests."""
 ONE_SIDED = {"wind", "gusts", "periodic_torque", "horizontal_drive", "vertical_drive"}
 """Effects that break the mirror symmetry, or depend on time."""
@@ -89,7 +89,7 @@ RUNS = (scenes(), st.randoms(use_true_random=False), st.floats(-4.0, 0.0), st.fl
 
 
 @pytest.mark.parametrize("check", [check_run, check_mirror])
-@pytest.mark.parametrize("examples", [12, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("examples", [12, pytest.param(150, marks=pytest.mark.slow)])
 def test_any_run(check: Callable[..., None], examples: int) -> None:
     settings(max_examples=examples)(given(*RUNS)(check))()
 

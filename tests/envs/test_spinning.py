@@ -35,7 +35,7 @@ def vector(count: int | None, **options: Any) -> Any:
     return env
 
 
-def bits(env: Any, last: int = 20, first: int = 0, pause: float = 0.0) -> list[bytes]:
+def bits(env: Any, last: int = 10, first: int = 0, pause: float = 0.0) -> list[bytes]:
     """All that the steps from ``first`` to ``last`` return, in which episodes end and begin."""
     found = []
     for step in range(first, last):
@@ -60,14 +60,15 @@ def stepped(env: Any) -> Any:
 
 @pytest.fixture(autouse=True)
 def _alone() -> None:
-    gc.collect()
+    if members():  # else nothing is looked for, which takes half a second late in a long process
+        gc.collect()
     begun = time.perf_counter()
     while members() and time.perf_counter() - begun < 10.0:
         time.sleep(0.001)
     assert members() == 0
 
 
-@pytest.mark.parametrize("options", [{}, {"integrator": "symplectic_euler", "substeps": 3}, {"substeps": 200},
+@pytest.mark.parametrize("options", [{}, {"substeps": 50},
                                      {"length": np.linspace(0.2, 0.5, SIZE)}, {"slack": "warn", "scene": "exercise"},
                                      {"autoreset_mode": "SameStep"}])
 def test_a_spinning_pool_has_the_bits_of_one_thread(options: dict[str, Any]) -> None:

@@ -14,14 +14,13 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
-from itertools import combinations, product
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from choice import check_pairs, pairs
+from choice import FAMILIAR, check_pairs, pairs, pairs_of
 from given_effects import Blow
 from gymnasium.vector import AutoresetMode, VectorObservationWrapper
 from gymnasium.wrappers import vector as wrappers
@@ -49,7 +48,7 @@ def with_modes(rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
     while added:
         added = False
         for row in rows:
-            held = {(*row, *more): {*combinations(enumerate((*row, *more)), 2)} for more in product(MODES, DIAGNOSED)}
+            held = {(*row, *more): pairs_of((*row, *more)) for more in product(MODES, DIAGNOSED)}
             best = max(held, key=lambda one: len(held[one] - seen))
             if held[best] - seen:
                 found.append(best)
@@ -61,7 +60,7 @@ def with_modes(rows: list[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
 PAIRS = with_modes(pairs(AXES[:3]))
 
 
-def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[str, ...], steps: int = 40,
+def compare(scene: str, method: str, task: str, mode: str, diagnostics: tuple[str, ...], steps: int = 20,
             **options: Any) -> None:
     """Compare the vector environment with SyncVectorEnv over short episodes, so that each environment restarts often.
     """
@@ -93,9 +92,11 @@ def test_compiled_vector_is_the_compiled_single_one(scene: str, method: str, mod
 SMOOTH = [name for name, scene in SCENES.items() if not any(effect.dry for effect in scene.effects)]
 
 
-@pytest.mark.parametrize("case", [*enumerate(SMOOTH)], ids=lambda case: case[1])
+@pytest.mark.parametrize("case", [
+    pytest.param(case, marks=() if case[1] in FAMILIAR else pytest.mark.slow) for case in enumerate(SMOOTH)
+], ids=lambda case: case[1])
 def test_adaptive_steps_are_those_of_the_single_ones(case: tuple[int, str]) -> None:
-    """Check every scene that allows a tolerance; tasks, autoreset modes and substeps take turns."""
+    """Check every scene that allows a tolerance, the familiar ones quickly; tasks, modes and substeps take turns."""
     i, scene = case
     compare(scene, "dopri5", list(TASKS)[i % len(TASKS)], MODES[i % len(MODES)], DIAGNOSED[i % len(DIAGNOSED)],
             rtol=1e-6, dt=0.25, substeps=1 + i % 2, backend="python")
@@ -344,6 +345,7 @@ def test_arrays_are_fresh_unless_reuse_is_asked_for() -> None:
         assert np.shares_memory(first[0], after[0]) is not copied
 
 
+@pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("copied", [True, False])
 def test_each_step_has_an_info_of_its_own(copied: bool) -> None:
     """Check that changes that a caller makes to an info, and earlier stop reasons, are not in the next info."""
@@ -443,27 +445,16 @@ def test_copies_resume_bit_for_bit(backend: str) -> None:
             same(other.step(actions), wanted)
 
 
-def test_films_of_several(tmp_path: Path) -> None:
-    if not hasattr(wrappers, "RecordVideo"):
-        pytest.skip("this gymnasium films no vector environments")
-    several = vector(4, render_mode="rgb_array", render_size=100, max_episode_steps=6)
-    env = wrappers.RecordVideo(several, str(tmp_path / "films"), video_length=10)
-    env.reset(seed=0)
-    for _ in range(15):
-        env.step(np.zeros((4, 1), np.float32))
-    env.close()
-    assert list((tmp_path / "films").glob("*.mp4"))
-
-
+@pytest.mark.usefixtures("interpreted")
 def test_frames_are_those_of_single_environments() -> None:
-    options = {"render_mode": "rgb_array", "render_size": 120, "max_episode_steps": 5}
+    options = {"render_mode": "rgb_array", "render_size": 120, "max_episode_steps": 3}
     for mode in ("NextStep", "SameStep"):
         env = vector(2, autoreset_mode=mode, **options)
         theirs = gym.make_vec("LabPendulum-v0", num_envs=2, vectorization_mode="sync",
                               vector_kwargs={"autoreset_mode": mode}, **options)
         for each in (env, theirs):
             each.reset(seed=3)
-        for k in range(12):
+        for k in range(6):
             frames, wanted = env.render(), theirs.render()
             assert frames is not None
             assert wanted is not None

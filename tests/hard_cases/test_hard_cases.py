@@ -26,7 +26,9 @@ from pendulum_env.truth.reference import reference
 
 METHODS = tuple(integrators.METHODS)
 
-# They grow by no more than 4e-7 (omega0 h)⁸ a step: 20 000 steps are too few to diverge.
+STEPS = 5_000
+"""Steps next to the limit 2: a method that is unstable there has diverged, but for those of SLOWLY_GROWING."""
+# They grow by no more than 4e-7 (omega0 h)⁸ a step, too little to diverge.
 SLOWLY_GROWING = ("verner7", "verner8")
 DAMPED = tuple(name for name in METHODS if not {"velocity_free", "exact_flow"} & integrators.get(name).needs)
 BACKWARDS = tuple(name for name in METHODS if "reversible" in integrators.get(name).needs)
@@ -78,14 +80,14 @@ def test_at_rest_at_the_bottom_nothing_moves(method: str) -> None:
 def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) -> None:
     scene = SCENES["textbook"]
     h = product / scene.omega0
-    r = rolled(scene, integrator=method, dt=h, duration=20_000 * h)
+    r = rolled(scene, integrator=method, dt=h, duration=STEPS * h)
     radius = spectral_radius(method, product)
     if method in SLOWLY_GROWING or (method not in OSCILLATOR_LIMIT and 1.0 + 1e-10 < radius < 1.0 + 1e-4):
         assert r.stop_reason == ""
-        assert r.energy[-1] / r.energy[0] == pytest.approx(radius**40_000, rel=1e-7)
+        assert r.energy[-1] / r.energy[0] == pytest.approx(radius ** (2 * STEPS), rel=1e-7)
     elif product > oscillator_limit(method) and not (regains(method) and radius < 1.0):
         assert r.stop_reason == "diverged"
-        assert r.time[-1] < 20_000 * h
+        assert r.time[-1] < STEPS * h
     else:
         assert r.stop_reason == ""
         # q² - z q p + p² is conserved at worst (Hairer, Lubich & Wanner 2006, I.5), so |q| stays below q0 / k; other
@@ -106,9 +108,9 @@ def test_step_next_to_two_on_the_small_angle_scene(method: str, product: float) 
 
 
 def largest_cosine(matrix: np.ndarray) -> float:
-    """Return the largest angle of 20 000 steps of a 2 x 2 matrix from an angle of 1."""
+    """Return the largest angle of STEPS steps of a 2 x 2 matrix from an angle of 1."""
     state, most = np.array([1.0, 0.0]), 1.0
-    for _ in range(20_000):
+    for _ in range(STEPS):
         state = matrix @ state
         most = max(most, abs(float(state[0])))
     return most
@@ -237,9 +239,9 @@ def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angl
     """Gonzalez 1996, theorem 2.2; for swings and rotations at steps at which other methods fail."""
     scene = SCENES["vacuum"]
     h = product / scene.omega0
-    r = rolled(scene, integrator="discrete_gradient", angle=angle, velocity=velocity, dt=h, duration=1e5 * h, every=7)
+    r = rolled(scene, integrator="discrete_gradient", angle=angle, velocity=velocity, dt=h, duration=3e3 * h, every=7)
     assert r.stop_reason == ""
-    assert np.max(np.abs(r.energy_residual)) < 3e-13 * r.energy[0]
+    assert np.max(np.abs(r.energy_residual)) < 1e-13 * r.energy[0]
 
 
 def test_the_discrete_gradient_books_every_joule_of_a_damped_and_driven_scene() -> None:

@@ -15,7 +15,7 @@ from integrators import METHODS
 from pendulum_env.hard_cases import case as case_module
 from pendulum_env.hard_cases import step_limits as steps
 from pendulum_env.hard_cases import stiff_damping as stiff
-from pendulum_env.hard_cases.catalogue import MOTIONS
+from pendulum_env.hard_cases.run import MOTIONS
 from pendulum_env.physics import exact
 from pendulum_env.physics.energy import beyond_sense
 from pendulum_env.physics.scene import Scene

@@ -57,10 +57,10 @@ def test_the_wind_reverses() -> None:
 
 @pytest.mark.parametrize("drag", [0.0, switching.DRAG])
 def test_motion_under_a_random_torque_agrees_with_an_implicit_method(drag: float) -> None:
-    """Radau's method of order 5 at 1e-11 over the first 40 steps."""
+    """Radau's method of order 5 at 1e-11 over the first 20 steps."""
     angle, velocity = hard_truths.thrown(drag)
     state, h = np.array([switching.START, 0.0]), switching.PHASE / math.sqrt(9.81)
-    for k, share in enumerate(switching.shares(switching.STEPS)[:40].tolist()):
+    for k, share in enumerate(switching.shares(switching.STEPS)[:20].tolist()):
         torque = switching.STRENGTH * 9.81 * share
         state = solve_ivp(lambda t, y, torque=torque: [y[1], torque - 9.81 * np.sin(y[0]) - drag * abs(y[1]) * y[1]],
                           (0.0, h), state, "Radau", rtol=1e-11, atol=1e-13).y[:, -1]

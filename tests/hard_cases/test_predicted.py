@@ -19,8 +19,8 @@ from integrators import METHODS
 from pendulum_env.engine.machine import offers
 from pendulum_env.hard_cases import near_top, predicted
 from pendulum_env.hard_cases.case import ACCURATE, STABLE, WRONG, Case, held
-from pendulum_env.hard_cases.catalogue import CASES, MOTIONS
 from pendulum_env.hard_cases.predicted import FILE
+from pendulum_env.hard_cases.run import CASES, MOTIONS
 
 NAME = "release 1e-03 rad from the top"
 MOTION = MOTIONS[NAME]

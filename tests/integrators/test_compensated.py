@@ -37,7 +37,7 @@ from pendulum_env.engine.machine import ANGLE, TURNS, VELOCITY, Machine
 from pendulum_env.engine.wrap import half_turns, left_out, without_half_turns_kept
 from pendulum_env.physics.effects import Gravity, Motor
 from pendulum_env.physics.effects.coulomb_friction import dry_glide
-from pendulum_env.study.growth.study import growth
+from pendulum_env.study.growth import growth
 from pendulum_env.truth.bounds import rounding_factor
 
 REFUSED = {"exact": "it adds nothing up"} | {

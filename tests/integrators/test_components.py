@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from integrators import METHODS, MethodError, solve, solve_first_order, unroll
-from integrators.steps import components
+from integrators.solving import stepper
 
 TABLES = [name for name, method in METHODS.items()
           if (method.tableau or method.nystrom_tableau) and not method.implicit and "jacobian" not in method.needs]
@@ -20,7 +20,7 @@ def whole(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A function that runs another one with steps on whole arrays."""
     def run(function: Any) -> Any:
         with monkeypatch.context() as patch:
-            patch.setattr(components, "FEW", 0)
+            patch.setattr(stepper, "FEW", 0)
             return function()
 
     return run
@@ -56,11 +56,11 @@ def test_compensated_and_first_order_steps_too(whole: Any) -> None:
 def test_what_is_written_out_and_what_is_not() -> None:
     """Straight-line steps are; others run as they are."""
     source = unroll(METHODS["rk4"])
-    tree = components.written_out(source, 2)
+    tree = stepper.written_out(source, 2)
     assert tree is not None
     assert {"q_0", "q_1", "a4_1", "parts", "joined"} <= {one.id for one in ast.walk(tree) if isinstance(one, ast.Name)}
-    assert components.written_out("def step(t, q, v, h):\n    return q + h*sin(v), v\n", 2) is None
-    assert components.written_out("def step(t, q, v, h):\n    for i in range(2):\n        q = q + h*v\n", 2) is None
+    assert stepper.written_out("def step(t, q, v, h):\n    return q + h*sin(v), v\n", 2) is None
+    assert stepper.written_out("def step(t, q, v, h):\n    for i in range(2):\n        q = q + h*v\n", 2) is None
 
 
 def test_an_acceleration_that_changes_its_shape_is_refused() -> None:

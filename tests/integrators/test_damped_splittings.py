@@ -8,7 +8,7 @@ import mpmath
 import pytest
 
 from integrators import System, solve
-from integrators.tables.general_splittings import GENERAL
+from integrators.tables.splittings import GENERAL
 
 STEPS = 5
 

@@ -90,10 +90,11 @@ BETTER = {"fine4": 4, "stoermer4": 4}
 LINEAR_ONLY = ("ab6",)
 
 
-@pytest.mark.parametrize("theta", [0.3, 0.7])
-@pytest.mark.parametrize("name", [name for name in METHODS if name not in SETTLING])
+@pytest.mark.parametrize(("name", "theta"), [
+    *((name, 0.3) for name in METHODS if name not in SETTLING),
+    *((name, 0.7) for name in [*TABLES, "velocity_verlet"])])
 def test_declared_orders_are_observed(name, theta):
-    """Without drag, and under one kind of drag that depends on the method's name."""
+    """Without drag, and under one kind of drag that depends on the method's name; polynomials of tables twice."""
     method = METHODS[name]
     for damped in (None, "linear" if name in LINEAR_ONLY else ("linear", "quadratic")[turn_of(name, 2)]):
         if method.needs <= driven_pendulum(damped).offers():

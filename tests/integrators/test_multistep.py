@@ -39,7 +39,7 @@ from integrators.families.multistep import RK4, Started
 from integrators.families.second_order import SecondOrder
 from integrators.families.structural import GeneralizedAlpha, MeanForceAlpha
 from integrators.method import exact
-from integrators.tables.extrapolation import extrapolated_midpoint
+from integrators.tables.butcher import extrapolated_midpoint
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine.machine import Machine
 

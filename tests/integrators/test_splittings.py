@@ -23,9 +23,9 @@ from integrators.analysis import (
     splitting_order,
     stability_limit,
 )
-from integrators.analysis.splitting_conditions import trees, violations
+from integrators.analysis.conditions import trees, violations
 from integrators.families.splitting import DRAG, DRIFT, KICK, PUSH
-from integrators.tables.flows import alternating, composed, mirrored, with_drag
+from integrators.tables.splittings import alternating, composed, mirrored, with_drag
 from pendulum_env import SCENES, Scene, rollout
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity

@@ -27,8 +27,8 @@ import integrators
 import pendulum_env.jax as twin
 from integrators import MethodError
 from pendulum_env import SCENES, Scene, rollout
+from pendulum_env.hard_cases.chaos import EXPONENTS, PERIOD
 from pendulum_env.physics.units import SceneError
-from pendulum_env.truth.chaos import EXPONENTS, PERIOD
 
 jax.config.update("jax_enable_x64", True)
 

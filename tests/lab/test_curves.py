@@ -9,10 +9,9 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from pendulum_env import Scene
-from pendulum_env.lab.accelerations import Mount
-from pendulum_env.lab.fitting.curves import between, spline_slopes
-from pendulum_env.lab.fitting.model import Model
+from pendulum_env.lab.fitting.model import Model, between, spline_slopes
 from pendulum_env.lab.fitting.shooting import jacobian, linearised
+from pendulum_env.lab.inertial import Mount
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import Gravity
 

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench_files import BENCH_FILES, BenchFile
 from command_line import Here
 from driven_truth import LAYOUTS, by_scipy, drawn, expected, fine_steps, motion, recorded, steps, text_of
 from PIL import Image
@@ -294,13 +293,6 @@ def test_columns_can_be_chosen(tmp_path: Path) -> None:
     assert read.angle == pytest.approx(log["angle"])
     with pytest.raises(RecordingError, match="expected an action, torque or current beside the angle, found none"):
         DrivenLog.read(path)
-
-
-@pytest.mark.parametrize("one", BENCH_FILES, ids=[one.name for one in BENCH_FILES])
-def test_a_free_swing_is_no_driven_log(one: BenchFile, tmp_path: Path) -> None:
-    path = tmp_path / one.suffix
-    one.write(path, np.random.default_rng(1))
-    assert not is_driven(path)
 
 
 GOOD = {"time": np.arange(50) * 0.02, "angle": np.sin(np.arange(50) * 0.1), "drive": np.cos(np.arange(50) * 0.3)}

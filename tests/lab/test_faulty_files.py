@@ -617,7 +617,7 @@ def check_at_bound(found: Any) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["torque", "action"])
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_benches_without_viscous_friction_have_files(
     seed: int, kind: str, tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from pendulum_env import VirtualSensor, rollout
 from pendulum_env.lab import Recording, RecordingError, fit, measure
-from pendulum_env.lab.fitting.robust import CORNER
+from pendulum_env.lab.fitting.shooting import CORNER
 from pendulum_env.physics.units import SceneError
 
 Array = NDArray[np.float64]
@@ -116,9 +116,9 @@ def test_a_robust_fit_is_that_of_scipy_with_soft_l1() -> None:
 
 @pytest.mark.slow
 def test_intervals_of_robust_fits_hold() -> None:
-    """Of 3 x 80 intervals at 95 %, 90 to 99 % hold, with 3 % of the readings far off."""
+    """Of 3 x 40 intervals at 95 %, 90 to 99 % hold, with 3 % of the readings far off."""
     inside = []
-    for seed in range(80):
+    for seed in range(40):
         found = fit(spoilt(seed, run=10 * (seed % 2)), "linear", mass=1.0, robust=True)
         for name, value in (("zero", 0.0), ("length", LENGTH), ("linear_drag.gamma", GAMMA)):
             low, high = found.interval(name)

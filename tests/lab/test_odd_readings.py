@@ -13,8 +13,8 @@ from old_workbook import old_workbook
 from scipy.special import ellipk
 
 from pendulum_env.lab import Recording, RecordingError, measure, measure_gate
-from pendulum_env.lab.accelerations import felt
-from pendulum_env.lab.fitting.robust import calmed
+from pendulum_env.lab.fitting.shooting import calmed
+from pendulum_env.lab.inertial import felt
 
 
 def test_runs_are_told_apart_by_titles_that_are_repeated(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from pendulum_env.lab import (
     losses,
     measure,
 )
-from pendulum_env.lab.losses import LAWS, powers
+from pendulum_env.lab.measures import LAWS, powers
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import SceneError
 

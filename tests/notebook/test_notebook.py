@@ -38,6 +38,7 @@ from pendulum_env import (
     fit,
     growth,
     measure,
+    notebook,
     rollout,
     section,
     simplify,
@@ -45,14 +46,12 @@ from pendulum_env import (
     sweep,
     transfer,
 )
-from pendulum_env.auto.choice import choose
-from pendulum_env.auto.ranking import Ranking
+from pendulum_env.auto.choice import Ranking, choose
 from pendulum_env.cli import console
 from pendulum_env.common import progress
 from pendulum_env.common.results import Result, columns_of
-from pendulum_env.common.tables import Table
-from pendulum_env.notebook import cards
-from pendulum_env.notebook.figures import FIGURES
+from pendulum_env.common.texts import Table
+from pendulum_env.notebook import CARDS, FIGURES
 from pendulum_env.physics.equation import equation_mathml
 from pendulum_env.study.stability import stability
 
@@ -147,7 +146,7 @@ def names(quick: tuple[str, ...] = QUICK) -> list[Any]:
 
 def test_every_card_is_tested() -> None:
     """Results of studies that have no card of their own have that of their base."""
-    own = set(cards.CARDS) - {"Filmed", "Result"}
+    own = set(CARDS) - {"Filmed", "Result"}
     assert set(RESULTS) - {"Method", "Solution", "batch"} == own | {
         one.__name__ for one in Result.__subclasses__()
         if one.__module__.startswith("pendulum_env.") and not one.__subclasses__()}
@@ -262,9 +261,8 @@ def test_equations_are_mathml(scene: str, rows: list[str]) -> None:
     assert written(SCENES[scene].equation()) == rows
 
 
-@pytest.mark.parametrize("scene", SCENES)
-def test_the_equation_of_every_scene_is_mathml(scene: str) -> None:
-    assert written(SCENES[scene].equation())[0].startswith("θ''=")
+def test_the_equation_of_every_scene_is_mathml() -> None:
+    assert [name for name, scene in SCENES.items() if not written(scene.equation())[0].startswith("θ''=")] == []
 
 
 def test_a_small_tableau_is_shown() -> None:
@@ -297,7 +295,7 @@ def test_a_film_has_a_player_and_a_large_one_a_link(tmp_path: Any, monkeypatch: 
     gif = film("vacuum", tmp_path / "b.gif", fps=25, **options)
     assert any(tag == "img" and values["src"].startswith("data:image/gif;base64,R0lG")
                for tag, values in Page(gif._repr_html_()).tags)
-    monkeypatch.setattr(cards, "LARGEST", 100)
+    monkeypatch.setattr(notebook, "LARGEST", 100)
     (link,) = [values for tag, values in Page(made._repr_html_()).tags if tag == "a"]
     assert link["href"] == (tmp_path / "a b.mp4").as_posix()
     path.unlink()

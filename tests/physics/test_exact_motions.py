@@ -19,7 +19,7 @@ import integrators
 from pendulum_env import Scene
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import CoulombFriction, Gravity, LinearDrag, QuadraticDrag
-from pendulum_env.study.audit.swing import turning_points
+from pendulum_env.study.audit.cases import turning_points
 
 pytestmark = pytest.mark.slow
 

@@ -9,7 +9,7 @@ import pytest
 from fluid_scenes import FREQUENCY, LARGE, LENGTH, MASS, scene_with
 
 from pendulum_env import SCENES, Scene, rollout
-from pendulum_env.engine.watch import numbers
+from pendulum_env.engine.equations import flow_numbers
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.effects import (
     CoulombFriction,
@@ -102,5 +102,5 @@ def test_where_nothing_restores_there_is_no_quality() -> None:
     assert scene.omega0 > 0.0
     assert quality_factor(scene, 0.3) == 0.0
     assert quality_factor(scene.with_effects(()), 0.3) == 0.0
-    values = numbers(scene)
+    values = flow_numbers(scene)
     assert (values["natural_rate"], values["stroke_rate"]) == (0.0, 0.0)

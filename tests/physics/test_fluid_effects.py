@@ -29,7 +29,7 @@ from pendulum_env.physics.effects.added_mass import own_frequency
 from pendulum_env.physics.flow import boundary_layer
 from pendulum_env.physics.medium import Medium, glycerol, water
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.audit.swing import swing, turning_points
+from pendulum_env.study.audit.cases import swing, turning_points
 
 DENSITY = MASS / (4.0 / 3.0 * math.pi * RADIUS**3)
 """Density of the lab's bob [kg/m³]."""

@@ -59,8 +59,8 @@ ROOT = Path(pendulum_env.__file__).parent
 PICTURES = Path(__file__).with_name("figure_pictures.json")
 NO_FIGURES = {"plots.style.blank"}
 """Functions that return a figure without drawing anything in it."""
-REPORTED = ("exercise.figures",)
-"""Modules whose figures are made for one report; tests of the report look at them."""
+REPORTED = ("exercise.figures", "study.demo")
+"""Modules whose figures are made for one report or for the tour; tests of these look at them."""
 SHEET = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")
 LONG = "a_scene_whose_name_is_as_long_as_names_may_be" * 2 + "_indeed"
 

@@ -9,8 +9,7 @@ from matplotlib.colors import to_hex
 
 from integrators import METHODS
 from pendulum_env.hard_cases.case import ACCURATE, Finding
-from pendulum_env.hard_cases.catalogue import CASES
-from pendulum_env.hard_cases.matrix import Matrix, MatrixEntry
+from pendulum_env.hard_cases.run import CASES, Matrix, MatrixEntry
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.plots import audit as chart
 from pendulum_env.plots import hard_cases

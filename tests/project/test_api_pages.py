@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from beside import environment
+from check_all import check_all
 from keyword_table import ROOMS
 from numpy.typing import ArrayLike, NDArray
 from readme_code import ROOT, only
@@ -94,21 +95,21 @@ def text_of(pages: Path, name: str) -> str:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PAGES)
-def test_pages_have_all_public_names_and_no_private_ones(pages: Path, name: str) -> None:
-    text = text_of(pages, name)
-    shown = re.findall(r'<section id="([^"]+)"', text)
-    rooms = {"adapters", "controllers", "tasks", "testing", "web"}
-    assert set(getattr(import_module(name), "__all__", ())) - rooms <= set(shown)
-    assert shown
-    assert not [one for one in shown if any(re.match(r"_(?!_init__$)", part) for part in one.split("."))]
+def test_pages_have_all_public_names_and_no_private_ones(pages: Path) -> None:
+    def check(name: str) -> None:
+        shown = re.findall(r'<section id="([^"]+)"', text_of(pages, name))
+        rooms = {"adapters", "controllers", "tasks", "testing", "web"}
+        assert set(getattr(import_module(name), "__all__", ())) - rooms <= set(shown)
+        assert shown
+        assert not [one for one in shown if any(re.match(r"_(?!_init__$)", part) for part in one.split("."))]
+
+    check_all(PAGES, check)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PAGES)
-def test_docstrings_are_rendered_as_they_are_meant(pages: Path, name: str) -> None:
+def test_docstrings_are_rendered_as_they_are_meant(pages: Path) -> None:
     """No role, double backtick or stray emphasis is visible, and a role that names an object on a page is a link."""
-    for docstring in re.findall(r'<div class="docstring">(.*?)</div>', text_of(pages, name), flags=re.S):
+    def check(docstring: str) -> None:
         text = html.unescape(re.sub(r"<[^>]+>", "", docstring))
         assert not re.search(r":(func|class|data|mod|meth|attr|exc):|``", text), text
         assert "<em>" not in docstring, text
@@ -119,6 +120,9 @@ def test_docstrings_are_rendered_as_they_are_meant(pages: Path, name: str) -> No
             module, _, last = target.rpartition(".")
             public = module in PAGES and last in getattr(import_module(module), "__all__", ())
             assert not public, f"{target} is no link"
+
+    check_all([docstring for name in PAGES for docstring in re.findall(
+        r'<div class="docstring">(.*?)</div>', text_of(pages, name), flags=re.S)], check)
 
 
 @pytest.mark.slow

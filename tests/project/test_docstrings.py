@@ -105,7 +105,7 @@ def test_every_constant_has_one() -> None:
 
 
 PLACES = ("pendulum_env", "integrators.registry", "pendulum_env.plots.style", "pendulum_env.plots.series",
-          "pendulum_env.render.palette", "pendulum_env.render.stage", "pendulum_env.render.theme",
+          "pendulum_env.render.palette", "pendulum_env.render.stage",
           "pendulum_env.physics.effects", "pendulum_env.physics.presets", "pendulum_env.tasks",
           "pendulum_env.tasks.task")
 """Modules that define them."""

@@ -3,40 +3,61 @@
 from __future__ import annotations
 
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py"))
 FOREIGN = ("11_train_swing_up", "17_fit_by_gradient", "18_swing_up_by_gradient", "19_swing_up_with_least_work")
 """Run by test_foreign.py and tests/jax, in environments that have what they need."""
-MANY = ("10_thousands_at_once", "12_does_the_policy_exploit_the_integrator", "13_driven_bench", "14_posterior",
-        "16_sim_to_real", "21_film_to_fit")
+MANY = ("09_fit_a_recording", "10_thousands_at_once", "12_does_the_policy_exploit_the_integrator", "13_driven_bench",
+        "14_posterior", "15_own_task", "16_sim_to_real", "21_film_to_fit")
 """Too many steps to be interpreted, or pixels to be drawn."""
-CASES = [
-    pytest.param(path, backend, id=f"{path.stem}-{backend}", marks=[pytest.mark.slow] if backend == "compiled" else [])
-    for path in EXAMPLES for backend in ("python", "compiled")
-    if path.stem not in FOREIGN and not (path.stem in MANY and backend == "python")]
+ALONE = [path for path in EXAMPLES if path.stem not in FOREIGN]
 
 
-@pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
-def test_example_is_short_and_checks_itself(path: Path) -> None:
-    source = path.read_text(encoding="utf-8")
-    assert "assert " in source
-    assert len(source.splitlines()) < 65
+def test_examples_are_short_and_check_themselves() -> None:
+    sources = {path.name: path.read_text(encoding="utf-8") for path in EXAMPLES}
+    assert [name for name, source in sources.items() if "assert " not in source or source.count("\n") >= 65] == []
 
 
-@pytest.mark.parametrize(("path", "backend"), CASES)
-def test_example(path: Path, backend: str, tmp_path: Path) -> None:
-    environment = {key: value for key, value in os.environ.items() if key != "DISPLAY"}
+@pytest.mark.parametrize("path", [path for path in ALONE if path.stem not in MANY], ids=lambda path: path.stem)
+@pytest.mark.usefixtures("interpreted")
+def test_example_interpreted(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In this process, which has imported what they need."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path)])
+    code: Any = 0
+    try:
+        runpy.run_path(str(path), run_name="__main__")
+    except SystemExit as stop:
+        code = stop.code
+    assert not code
+    check(path, capsys.readouterr().out, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ALONE, ids=lambda path: path.stem)
+def test_example(path: Path, tmp_path: Path) -> None:
+    """As users run them, where every warning is an error."""
+    environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "LAB_PENDULUM_BACKEND")}
     result = subprocess.run([sys.executable, "-W", "error", str(path)], capture_output=True, text=True, cwd=tmp_path,
-                            env={**environment, "LAB_PENDULUM_BACKEND": backend})
+                            env=environment)
     assert result.returncode == 0, result.stderr
-    assert any(character.isdigit() for character in result.stdout)
+    check(path, result.stdout, tmp_path)
+
+
+def check(path: Path, printed: str, folder: Path) -> None:
+    """AssertionError unless a number was printed, and the figures of the exercise were drawn."""
+    assert any(character.isdigit() for character in printed)
     if path.stem == "02_the_exercise":
-        drawn = {path.name for path in (tmp_path / "out" / "exercise").iterdir()}
+        drawn = {path.name for path in (folder / "out" / "exercise").iterdir()}
         assert drawn == {"angle.png", "velocity.png", "phase.png", "energy.png", "energy_residual.png"}
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from check_all import check_all
 from drawn_films import NAMES, draw
 from folder_contents import contents
 from keyword_kinds import KIND_OF, KINDS, OWN, VALUES, check_refusal, outcome
@@ -28,11 +29,9 @@ STUDIES = (
     "audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit", "lab.fit_driven")
 
 
-def cases() -> list[Any]:
-    """All pairs; slow are those of studies and closed forms."""
-    return [pytest.param(label, name, id=f"{label}-{name}",
-                         marks=[pytest.mark.slow] if label in STUDIES or label.startswith("exact.") else [])
-            for label, name in PAIRS]
+LABELS = [pytest.param(label, marks=[pytest.mark.slow] if label in STUDIES or label.startswith("exact.") else [])
+          for label in dict.fromkeys(label for label, _ in PAIRS)]
+"""All functions with keywords; slow are studies and closed forms."""
 
 
 @cache
@@ -58,8 +57,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     yield tmp_path
     (tmp_path / "swing.gif").unlink(missing_ok=True)  # of values that a film takes
     assert contents(tmp_path) == before
-
-
 
 
 def kind_of(label: str, name: str) -> str:
@@ -90,31 +87,38 @@ def test_every_keyword_is_covered() -> None:
     assert {*KIND_OF.values(), *OWN.values()} == set(KINDS)
 
 
-@pytest.mark.parametrize(("label", "name"), cases())
-def test_what_cannot_be_is_refused_in_one_sentence(label: str, name: str, folder: Path) -> None:
-    function, default = PUBLIC[label], inspect.signature(PUBLIC[label]).parameters[name].default
-    fine, either = KINDS[kind_of(label, name)]
-    usual = arguments(label, name)
-    for word, value in VALUES.items():
-        if word in fine or (value is None and default is None):
-            continue
-        error = outcome(lambda value=value: function(**{**usual, name: value}))  # type: ignore[misc]
-        if error is not None or word not in either:
-            check_refusal(error)
-
-
-@pytest.mark.parametrize("label", PUBLIC)
-def test_unknown_keywords_are_named(label: str, folder: Path) -> None:
-    """By Python where a function takes those of its signature alone; else with the nearest that there is."""
+@pytest.mark.parametrize("label", LABELS)
+def test_what_cannot_be_is_refused_in_one_sentence(label: str, folder: Path) -> None:
     function = PUBLIC[label]
-    taken = inspect.signature(function).parameters
-    misspelt, meant = ("integratr", "integrator") if label == "bench.acquire" else ("lenght", "length")  # of a source
-    usual = {**arguments(label, ""), misspelt: 1.0}
-    if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in taken.values()):
-        check_refusal(outcome(lambda: function(**usual)), misspelt, f"did you mean {meant}")
-        return
-    with pytest.raises(TypeError, match=re.escape("lenght")):
-        function(**usual)
+
+    def check(keyword: inspect.Parameter) -> None:
+        fine, either = KINDS[kind_of(label, keyword.name)]
+        usual = arguments(label, keyword.name)
+        for word, value in VALUES.items():
+            if word in fine or (value is None and keyword.default is None):
+                continue
+            error = outcome(lambda: function(**{**usual, keyword.name: value}))  # noqa: B023 (called at once)
+            if error is not None or word not in either:
+                check_refusal(error, what=word)
+
+    check_all(keywords(function), check)
+
+
+def test_unknown_keywords_are_named(folder: Path) -> None:
+    """By Python where a function takes those of its signature alone; else with the nearest that there is."""
+    def check(label: str) -> None:
+        function = PUBLIC[label]
+        taken = inspect.signature(function).parameters
+        of_source = label == "bench.acquire"
+        misspelt, meant = ("integratr", "integrator") if of_source else ("lenght", "length")
+        usual = {**arguments(label, ""), misspelt: 1.0}
+        if any(one.kind is inspect.Parameter.VAR_KEYWORD for one in taken.values()):
+            check_refusal(outcome(lambda: function(**usual)), misspelt, f"did you mean {meant}")
+            return
+        with pytest.raises(TypeError, match=re.escape("lenght")):
+            function(**usual)
+
+    check_all(PUBLIC, check)
 
 
 TAKING = [label for label, function in PUBLIC.items()
@@ -126,10 +130,10 @@ def test_runs_and_studies_of_scenes_are_among_those_with_a_scenes_parameters() -
         "compare.write", "choose", "stress", "fit", "lab.fit_driven", "simplify", "audit"} <= {*TAKING}
 
 
-@pytest.mark.parametrize("label", TAKING)
-def test_a_misspelt_keyword_is_told_from_a_scenes_parameter(label: str) -> None:
-    for keyword in keywords(PUBLIC[label]):
-        name = keyword.name
-        if len(name) > 4:
-            usual = {**arguments(label, ""), f"{name[:2]}{name[3:]}": 1.0}
-            check_refusal(outcome(lambda usual=usual: PUBLIC[label](**usual)), f"did you mean {name}?")  # type: ignore[misc]
+def test_a_misspelt_keyword_is_told_from_a_scenes_parameter() -> None:
+    def check(pair: tuple[str, str]) -> None:
+        label, name = pair
+        usual = {**arguments(label, ""), f"{name[:2]}{name[3:]}": 1.0}
+        check_refusal(outcome(lambda: PUBLIC[label](**usual)), f"did you mean {name}?")
+
+    check_all([(label, name) for label, name in PAIRS if label in TAKING and len(name) > 4], check)

@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 import integrators
 import pendulum_env
 
@@ -121,6 +119,7 @@ def room_of(module: str) -> str:
     return next((room for room in HOUSE if module == room or module.startswith(f"{room}.")), "")
 
 
+@cache
 def reached(module: str) -> set[str]:
     """All modules that a module imports, directly or through others."""
     seen, left = {module}, [module]
@@ -156,14 +155,11 @@ def test_pictures_know_no_scene() -> None:
             if room_of(other) == "pendulum_env.engine"} == {"pendulum_env.engine.kernels"}
 
 
-@pytest.mark.parametrize("room", REACH)
-def test_rooms_reach_no_package_that_they_do_without(room: str) -> None:
+def test_rooms_reach_no_package_that_they_do_without() -> None:
     """Through all that they import, too; that Python loads the package's own ``__init__`` first is not counted."""
-    for module in modules():
-        if room_of(module) == room:
-            heavy = {other: name for other in reached(module) for name in imported(other)
-                     if (package := name.partition(".")[0]) in HEAVY and package not in REACH[room]}
-            assert not heavy, f"{module} reaches {heavy}"
+    assert [f"{module} reaches {name} by {other}" for module in modules() if (room := room_of(module)) in REACH
+            for other in sorted(reached(module)) for name in sorted(imported(other))
+            if (package := name.partition(".")[0]) in HEAVY and package not in REACH[room]] == []
 
 
 def test_only_the_engine_imports_numba() -> None:
@@ -180,9 +176,12 @@ OTHERS_PRIVATE = {
     ("pendulum_env.engine.compiling", "_rebuild"): "the counterpart of _reduce",
     ("pendulum_env.lab.columns", "_replace"): "of named tuples: a documented name of Python's own",
     ("pendulum_env.bench.sources.pasco", "_loop"): "PASCO's library never closes its event loop",
-    ("pendulum_env.common.warn", "_getframe"): "of sys: the way to the caller that a warning points at",
+    ("pendulum_env.common.checks", "_getframe"): "of sys: the way to the caller that a warning points at",
 }
 """Private names of other packages that are used for want of public ones, each with its reason."""
+
+
+OF_TUPLES = ("_fields", "_make", "_replace")
 
 
 def private_uses(tree: ast.Module) -> set[str]:
@@ -191,15 +190,21 @@ def private_uses(tree: ast.Module) -> set[str]:
     Names that end in an underscore, such as IPython's ``_repr_html_``, are those of a protocol, which anybody may call;
     those of NamedTuples are documented, and have the underscore only because fields may have any other name.
     """
-    own = {node.name for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
-    own |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)
-            and isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")}
-    own |= {node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
-    named = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module != "__future__"
-             for alias in node.names}
-    named |= {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and node.attr not in own}
-    named -= {"_fields", "_make", "_replace"}
-    return {name for name in named if name.startswith("_") and not name.startswith("__") and not name.endswith("_")}
+    own, named = set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and private(node.attr):
+            of_itself = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")
+            (own if of_itself else named).add(node.attr)
+        elif isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            own.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            own.add(node.id)
+    taken = {alias.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) for alias in node.names}
+    return named - own | set(filter(private, taken))
+
+
+def private(name: str) -> bool:
+    return name.startswith("_") and not name.startswith("__") and not name.endswith("_") and name not in OF_TUPLES
 
 
 def test_nothing_reaches_for_another_modules_underscore() -> None:

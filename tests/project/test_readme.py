@@ -20,6 +20,8 @@ BLOCKS = [(name, mark, code) for name, page in READMES.items()
 """Page, mark and code."""
 FOREIGN = "needs "
 """Beginning of the marks of code that runs in an environment of its own, in tests/adapters."""
+MANY = ("= simulated_recording()", "lab.simulated_recording()", "num_envs=1000)", "angle=np.linspace", "= section(")
+"""Texts of blocks with too many steps to be interpreted."""
 ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/engine", "pendulum_env/lab", "pendulum_env/bench",
          "pendulum_env/exercise", "pendulum_env/study", "pendulum_env/web", "pendulum_env/envs", "pendulum_env/jax",
          "pendulum_env/hard_cases", "examples/benchmarks", "tests")
@@ -35,10 +37,16 @@ FILM = {"angle": math.radians(60.0), "velocity": 0.0, "dt": 0.01, "damping": "no
 def test_python_blocks_run(
     block: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From a file: the engine reads the source of an effect's functions. Marked ones have quick tests of their own."""
+    """From a file: the engine reads the source of an effect's functions.
+
+    Blocks of few steps are interpreted, which has the same bits. Marked ones have quick tests of their own, or take
+    seconds.
+    """
     monkeypatch.chdir(tmp_path)
     if '"swing.mp4"' in block:
         draw(replace(NAMES["plain"], seconds=9.0), tmp_path / "swing.mp4")
+    if not any(text in block for text in MANY):
+        monkeypatch.setenv("LAB_PENDULUM_BACKEND", "python")
     path = tmp_path / "block.py"
     path.write_text(block, encoding="utf-8")
     exec(compile(block, str(path), "exec", dont_inherit=True), {"__name__": "block"})
@@ -91,9 +99,13 @@ def broken(page: str, folder: Path) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("name", READMES)
-def test_links_lead_to_files_and_headings_that_exist(name: str) -> None:
-    assert broken(READMES[name], (ROOT / name).parent) == []
+def test_links_lead_to_files_and_headings_that_exist() -> None:
+    found = {name: broken(page, (ROOT / name).parent) for name, page in READMES.items()}
+    assert {name: links for name, links in found.items() if links} == {}
+
+
+def test_blocks_of_many_steps_are_there() -> None:
+    assert all(any(text in code for _, _, code in BLOCKS) for text in MANY)
 
 
 def test_links_that_lead_nowhere_are_noticed() -> None:
@@ -101,12 +113,11 @@ def test_links_that_lead_nowhere_are_noticed() -> None:
     assert broken(page, ROOT) == ["#another", "README.md#end", "nowhere.md", ".."]
 
 
-@pytest.mark.parametrize("name", READMES)
-def test_paths_that_are_named_exist(name: str) -> None:
+def test_paths_that_are_named_exist() -> None:
     """From the project's folder, as all pages name them."""
     folders = r"integrators|pendulum_env|tests|examples|\.ci|\.github"
-    paths = re.findall(rf"`((?:{folders})/[^`<*]*)`", without_code(READMES[name]))
-    assert [path for path in paths if not (ROOT / path).exists()] == []
+    assert [(name, path) for name, page in READMES.items() for path in re.findall(
+        rf"`((?:{folders})/[^`<*]*)`", without_code(page)) if not (ROOT / path).exists()] == []
 
 
 def test_every_command_is_in_the_table_and_only_those() -> None:

@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from check_all import check_all
 from drawn_films import NAMES, draw
 from PIL import Image
 from readme_code import READMES, ROOT, without_code
@@ -120,20 +121,25 @@ def test_it_runs(command: str, tmp_path: Path) -> None:
     assert run(f"{command} {shorter}", tmp_path)
 
 
-@pytest.mark.parametrize("command", sorted(BENCHMARKS))
-def test_benchmarks_are_there_and_find_what_they_import(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_benchmarks_are_there_and_find_what_they_import(monkeypatch: pytest.MonkeyPatch) -> None:
     """What they measure takes minutes each, so they are not run here."""
-    path = ROOT / shlex.split(command)[1]
-    monkeypatch.syspath_prepend(str(path.parent))
-    assert importlib.import_module(path.stem).__doc__
+    def check(path: Path) -> None:
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(str(path.parent))
+            assert importlib.import_module(path.stem).__doc__
+
+    check_all(dict.fromkeys(ROOT / shlex.split(command)[1] for command in sorted(BENCHMARKS)), check)
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "examples" / "figures").iterdir()), ids=lambda path: path.name)
-def test_each_picture_is_what_a_command_of_a_readme_draws(path: Path) -> None:
+def test_each_picture_is_what_a_command_of_a_readme_draws() -> None:
     """By what it says of itself; no path of the machine that drew it is in there."""
-    with Image.open(path) as picture:
-        info = picture.info
-    command = json.loads(info["comment"])["Command"] if path.suffix == ".gif" else info["Command"]
     said = " ".join(" ".join(page.split()) for page in READMES.values())
-    assert path.name in said
-    assert command in said
+
+    def check(path: Path) -> None:
+        with Image.open(path) as picture:
+            info = picture.info
+        command = json.loads(info["comment"])["Command"] if path.suffix == ".gif" else info["Command"]
+        assert path.name in said
+        assert command in said
+
+    check_all(sorted((ROOT / "examples" / "figures").iterdir()), check)

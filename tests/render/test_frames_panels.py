@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from check_all import check_all
 from lettering import inked, overlaps
 
 from pendulum_env import SCENES
@@ -107,19 +108,21 @@ def test_texts_of_any_panels_in_any_order_neither_overlap_nor_leave_the_frame(
         assert not overlaps(texts), names
 
 
-@pytest.mark.parametrize("size", [50, 100, 130, 200, 333, (300, 700), (700, 300)])
-@pytest.mark.parametrize("names", [("apparatus",), ("phase",), ("residual", "history"), tuple(PANELS)])
-@pytest.mark.parametrize("theme", THEMES)
-def test_a_frame_is_a_fresh_contiguous_picture_of_its_size(size: Any, names: tuple[str, ...], theme: str) -> None:
-    width, height = size if isinstance(size, tuple) else (size, size)
-    look = FrameStyle(theme, names)
-    image = frame(ROD, BUSY, size, look)
-    assert image.shape == (height, width, 3)
-    assert image.dtype == np.uint8
-    assert image.flags.c_contiguous
-    assert image.flags.writeable
-    assert image.base is None
-    np.testing.assert_array_equal(image, frame(ROD, BUSY, size, look))
+def test_a_frame_is_a_fresh_contiguous_picture_of_its_size() -> None:
+    def check(case: tuple[Any, tuple[str, ...], str]) -> None:
+        size, names, theme = case
+        width, height = size if isinstance(size, tuple) else (size, size)
+        look = FrameStyle(theme, names)
+        image = frame(ROD, BUSY, size, look)
+        assert image.shape == (height, width, 3)
+        assert image.dtype == np.uint8
+        assert image.flags.c_contiguous
+        assert image.flags.writeable
+        assert image.base is None
+        np.testing.assert_array_equal(image, frame(ROD, BUSY, size, look))
+
+    check_all(itertools.product((50, 100, 130, 200, 333, (300, 700), (700, 300)), (
+        ("apparatus",), ("phase",), ("residual", "history"), tuple(PANELS)), THEMES), check)
 
 
 def test_the_order_of_names_is_that_of_the_panels(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,10 +19,10 @@ from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.units import si
 from pendulum_env.render import Apparatus, FrameStyle, Orbits, PastSamples, View, frame
 from pendulum_env.render.layout import Box
+from pendulum_env.render.palette import LIGHT
 from pendulum_env.render.portrait import wide_enough
 from pendulum_env.render.strip import History, recent
 from pendulum_env.render.text import MINUS
-from pendulum_env.render.theme import LIGHT
 
 ROD = Apparatus(length=0.353, bob_radius=0.0107)
 BLUE = "#0072B2"

@@ -19,7 +19,7 @@ from pendulum_env.render import Apparatus, View, frame, paint, pixels
 from pendulum_env.render.curves import fading, graph
 from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import gradient, rgb
-from pendulum_env.render.ring import HEAD, Ring
+from pendulum_env.render.stand import HEAD, Ring
 
 HIGH, WIDE = 47, 61
 COLOUR, WHITE = rgb("#D55E00"), np.full(3, 200, np.float32)
@@ -80,8 +80,9 @@ def by_python(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
 def test_compiled_and_interpreted_loops_paint_the_same(
     by_python: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Interpreted loops also find an index that is too large, as Python checks it."""
     def painted() -> list[Any]:
-        images = [paper(seed) for seed in range(25)]
+        images = [paper(seed) for seed in range(50)]
         for seed, image in enumerate(images):
             shapes(image, seed)
         return images
@@ -90,7 +91,7 @@ def test_compiled_and_interpreted_loops_paint_the_same(
     one, two = painted(), by_python(painted)
     for seed, (compiled, plain) in enumerate(zip(one, two, strict=True)):
         np.testing.assert_array_equal(compiled, plain, err_msg=str(seed))
-    assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 20
+    assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 45
 
 
 def test_the_shapes_call_every_loop(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,6 +113,7 @@ def test_a_frame_is_the_same_where_python_runs_the_loops(by_python: Callable[...
     np.testing.assert_array_equal(frame(apparatus, view, 200), by_python(frame, apparatus, view, 200))
 
 
+@pytest.mark.slow
 def test_no_index_is_out_of_bounds(tmp_path: Path) -> None:
     """numba checks the indices of loops that it compiles with NUMBA_BOUNDSCHECK."""
     code = ("import sys; sys.path.insert(0, sys.argv[1]); import test_pixels as t\n"

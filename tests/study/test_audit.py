@@ -23,9 +23,8 @@ from pendulum_env.physics.effects import (
 )
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
-from pendulum_env.study.audit.simplification import simplify
-from pendulum_env.study.audit.study import audit
-from pendulum_env.study.audit.swing import SAMPLES, swing, turning_points
+from pendulum_env.study.audit.cases import SAMPLES, swing, turning_points
+from pendulum_env.study.audit.study import audit, simplify
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_JUDGED, NOT_SIMULATED, OUTSIDE
 from pendulum_env.truth.reference import StudyError
 

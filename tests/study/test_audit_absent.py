@@ -26,8 +26,7 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.study.audit import cases as cases_module
 from pendulum_env.study.audit.cases import cases
 from pendulum_env.study.audit.judging import corrections
-from pendulum_env.study.audit.simplification import simplify
-from pendulum_env.study.audit.study import audit
+from pendulum_env.study.audit.study import audit, simplify
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_JUDGED, NOT_SIMULATED, OUTSIDE
 from pendulum_env.study.lists.methods import unfit
 

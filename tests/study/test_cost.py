@@ -20,6 +20,7 @@ import integrators
 from integrators import MethodError
 from integrators.steps.estimates import has_estimates, order_of_estimate
 from pendulum_env.common.provenance import OutputError
+from pendulum_env.common.results import write
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import interpreted
 from pendulum_env.engine.machine import NOWHERE, UNSEEN, Machine, fitting
@@ -29,7 +30,6 @@ from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.cost import draw
 from pendulum_env.study.cost import runs as cost_runs
 from pendulum_env.study.cost import study as cost_plan
-from pendulum_env.study.cost import write
 from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto
 from pendulum_env.study.cost.runs import SPARSE, Setting
 from pendulum_env.study.cost.study import RECORDS, cost
@@ -570,16 +570,21 @@ def test_bad_input_gives_one_clear_error(arguments, error, message):
 # --- files ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def rough() -> CostStudy:
     """Return a study with a step at which forward Euler diverges: at omega0 h = 3 it multiplies the energy by 10."""
     return cost("textbook", ["forward_euler", "rk4"], steps=[1.0, 0.01], duration=10.0, repeats=1, backend="python")
 
 
-def test_diverged_runs_are_in_the_table_only(rough, tmp_path: Path):
+@pytest.fixture(scope="module")
+def rough_files(rough, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return write(rough, tmp_path_factory.mktemp("rough"))
+
+
+def test_diverged_runs_are_in_the_table_only(rough, rough_files):
     lost = [p for p in rough.points if p.stop_reason]
     assert [(p.method, p.stop_reason) for p in lost] == [("forward_euler", "diverged"), ("rk4", "diverged")]
-    *_, table = write(rough, tmp_path)
+    *_, table = rough_files
     lines = table.read_text().splitlines()
     head = [line for line in lines if line.startswith("# ")]
     assert {"Software", "Scene", "Machine", "Versions", "Reference"} <= {line[2:].split(":")[0] for line in head}
@@ -592,8 +597,8 @@ def test_diverged_runs_are_in_the_table_only(rough, tmp_path: Path):
     assert kept <= set(drawn)
 
 
-def test_the_picture_knows_where_it_comes_from(rough, tmp_path):
-    picture, *_ = write(rough, tmp_path)
+def test_the_picture_knows_where_it_comes_from(rough_files):
+    picture, *_ = rough_files
     with Image.open(picture) as image:
         assert "lab-pendulum" in image.info["Software"]
         assert "textbook" in image.info["Scene"]

@@ -22,9 +22,8 @@ import pendulum_env
 from pendulum_env import SCENES, controllers
 from pendulum_env.cli.demo import WIDTH
 from pendulum_env.physics import exact
-from pendulum_env.study.demo import tour
-from pendulum_env.study.demo.swing import DT, HELD, NEAR, SIZE, Swung, draw, pictures, swung_up
-from pendulum_env.study.demo.tour import Chapter, demo
+from pendulum_env.study import demo as tour
+from pendulum_env.study.demo import DT, HELD, NEAR, SIZE, Chapter, Swung, demo, draw, pictures, swung_up
 
 NAMES = ("exercise", "accuracy", "effects", "recording", "swinging")
 
@@ -129,7 +128,7 @@ def test_the_figure_shows_angle_torque_and_ledger_over_time(run: Swung) -> None:
 def test_a_swing_that_never_settles_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     short_one = swung_up(longest=1.0, backend="python")
     assert math.isinf(short_one.settled)
-    monkeypatch.setattr("pendulum_env.study.demo.swing.swung_up", lambda **_: short_one)
+    monkeypatch.setattr("pendulum_env.study.demo.swung_up", lambda **_: short_one)
     with pytest.raises(pendulum_env.SceneError, match="did not swing the bob up within 1 s"):
         tour.swinging(tmp_path, silent, "python", film=False)
 

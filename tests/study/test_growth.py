@@ -12,6 +12,7 @@ from stored import stored
 import integrators
 from integrators import MethodError
 from pendulum_env import growth
+from pendulum_env.common.results import write
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
@@ -21,9 +22,8 @@ from pendulum_env.plots.growth import draw as draw_growth
 from pendulum_env.plots.style import distinct
 from pendulum_env.study import PLAIN
 from pendulum_env.study.cost.points import CostPoint, CostStudy
-from pendulum_env.study.growth import write
-from pendulum_env.study.growth.laws import EPSILON, KINDS, Law, law_of, rounding_of
-from pendulum_env.study.growth.study import ROWS, Growth
+from pendulum_env.study.growth import ROWS, Growth
+from pendulum_env.study.growth_laws import EPSILON, KINDS, Law, law_of, rounding_of
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.long_runs import Pair, cut_at_turns, followers, long_truth
 from pendulum_env.truth.reference import StudyError, reference
@@ -375,7 +375,7 @@ def test_the_figure_has_every_method_and_a_colour_for_each_law(few):
 def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, run_here):
     """Run `cost --growth`, and check what it writes and prints after the first study."""
     asked = {}
-    monkeypatch.setattr("pendulum_env.study.growth.study.growth", lambda *given, **more: asked.update(more) or few)
+    monkeypatch.setattr("pendulum_env.study.growth.growth", lambda *given, **more: asked.update(more) or few)
     monkeypatch.setattr("pendulum_env.study.cost.study.cost", lambda *_, **__: many(3))
     code, printed, _ = run_here("cost", "--scene", "vacuum", "-i", "rk4", "--growth", "200", "-o", ".")
     assert code == 0

@@ -12,8 +12,8 @@ from command_line import Here, table
 from scipy.integrate import solve_ivp
 
 from pendulum_env import SCENES, Scene, SceneError, basins, rollout, section
+from pendulum_env.common.results import write
 from pendulum_env.physics.effects import LinearDrag, PeriodicTorque, SmallAngleGravity
-from pendulum_env.study.section import write
 
 PERIOD = 3.0 * math.pi
 """Period of the drive of the scene chaotic [s]."""

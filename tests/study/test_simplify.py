@@ -10,13 +10,13 @@ from PIL import Image
 from scipy.integrate import solve_ivp
 
 from pendulum_env.cli.console import print_table, print_text
+from pendulum_env.common.results import write
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects import BearingFriction, Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.audit import draw
-from pendulum_env.study.audit.simplification import simplify
-from pendulum_env.study.audit.study import audit, write
+from pendulum_env.study.audit.study import audit, simplify
 from pendulum_env.study.audit.verdicts import NOT_JUDGED, Audit, AuditRow
 
 # --- simplified scenes ----------------------------------------------------------------------------------------------

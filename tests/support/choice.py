@@ -3,8 +3,8 @@
 Quick tests take the plain methods in every case; of the others, about every twelfth in each test that needs no scene,
 so that each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases;
 in scenes that are not FAMILIAR only rk4. Choices follow from names, so that a new entry changes no other entry's.
-Where whole combinations are many, tests take enough of them to hold pairs of values; where slow tests leave pairs out,
-``LAB_PENDULUM_GRID=full`` takes them all.
+Where whole combinations are many, tests take enough of them to hold pairs of values, in which methods of one kind count
+as one; ``LAB_PENDULUM_GRID=full`` takes each method for a kind of its own.
 """
 
 from __future__ import annotations
@@ -78,13 +78,12 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
 
 def names_in(params: Any, registry: Mapping[str, Any]) -> set[str]:
     """Names of a registry among a test's parameters, in tuples too, and of methods that stand there themselves."""
-    if isinstance(params, Mapping):
-        return set().union(*(names_in(value, registry) for value in params.values()))
-    if isinstance(params, tuple):
-        return set().union(*(names_in(value, registry) for value in params))
+    if isinstance(params, str):  # most are, of tens of thousands
+        return {params} if params in registry else set()
     if isinstance(params, integrators.Method):
         return names_in(params.name, registry)
-    return {params} if isinstance(params, str) and params in registry else set()
+    inner = params if isinstance(params, tuple) else params.values() if isinstance(params, Mapping) else ()
+    return set().union(*(names_in(value, registry) for value in inner))
 
 
 def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, **options: Any) -> Rollout:
@@ -99,17 +98,17 @@ def rolled(scene: str | Scene, *, integrator: str, dt: float, duration: float, *
 def kind(name: str) -> str:
     """Return the first method whose program is written like this one's: of the same class, with the same needs.
 
-    It is the method itself for those of EVERYWHERE, and for all if grids are to be FULL.
+    It is the method itself if grids are to be FULL.
     """
     def written(method: integrators.Method) -> Any:
-        return type(method), method.implicit, method.needs, method.name if FULL or method.name in EVERYWHERE else ""
+        return type(method), method.implicit, method.needs, method.name if FULL else ""
 
     wanted = written(integrators.METHODS[name])
     return next(each for each, method in integrators.METHODS.items() if written(method) == wanted)
 
 
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
-    """Combinations that hold every pair of values; of scenes and methods, every scene with every kind of method.
+    """Combinations that hold every pair of values and every method; in pairs, methods of one kind are one value.
 
     The first two axes are scenes and methods that fit them. Combinations of each method are chosen for the most pairs
     that were not there before.
@@ -119,8 +118,8 @@ def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     for method in axes[1]:
         places = [scene for scene in axes[0] if (scene, method) in FITS]
         rows = [(scene, method, *rest) for scene in places for rest in product(*axes[2:])]
-        held = [_pairs_of(row) for row in rows]
-        wanted = {pair for own in held for pair in own if (1, method) in pair or (1, kind(method)) in pair}
+        held = [pairs_of(row) for row in rows]
+        wanted = {pair for own in held for pair in own if (1, kind(method)) in pair or method in pair}
         ranks = [_rank(own, wanted, seen, i) for i, own in enumerate(held)]
         heapify(ranks)
         while wanted - seen:
@@ -138,16 +137,20 @@ def _rank(own: set[Any], wanted: set[Any], seen: set[Any], place: int) -> tuple[
     return -len(new & wanted), -len(new), place
 
 
-def _pairs_of(row: tuple[Any, ...]) -> set[tuple[tuple[int, Any], tuple[int, Any]]]:
-    scene, method = (0, row[0]), (1, row[1])
-    return set(combinations(enumerate(row), 2)) - {(scene, method)} | {(scene, (1, kind(row[1]))), (method, method)}
+def pairs_of(row: tuple[Any, ...]) -> set[tuple[Any, ...]]:
+    """Pairs of values of a combination, with its method as its kind, and the method itself."""
+    scene, method, *rest = row
+    return {*combinations(enumerate((scene, kind(method), *rest)), 2), (method,)}
 
 
 def check_pairs(found: Sequence[tuple[Any, ...]], axes: Sequence[Sequence[Any]]) -> None:
-    """AssertionError unless every pair of values that fit is there, of scenes and methods every kind of method."""
+    """AssertionError unless every method is there and every pair of values that fit, where a method counts as its kind.
+    """
     assert {method for _, method, *_ in found} == set(axes[1])
+    alike = [(scene, kind(method), *rest) for scene, method, *rest in found]
     wanted = {(scene, kind(method)) for scene, method in product(*axes[:2]) if (scene, method) in FITS}
-    assert {(scene, kind(method)) for scene, method, *_ in found} == wanted
-    for (i, first), (j, second) in combinations(enumerate(axes), 2):
+    assert {(scene, method) for scene, method, *_ in alike} == wanted
+    values = [axes[0], {kind(method) for method in axes[1]}, *axes[2:]]
+    for (i, first), (j, second) in combinations(enumerate(values), 2):
         if (i, j) != (0, 1):
-            assert {(row[i], row[j]) for row in found} == set(product(first, second))
+            assert {(row[i], row[j]) for row in alike} == set(product(first, second))

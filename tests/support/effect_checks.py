@@ -9,7 +9,7 @@ from typing import Any
 
 import mpmath
 
-from pendulum_env.engine.watch import numbers
+from pendulum_env.engine.equations import flow_numbers
 from pendulum_env.physics import elementary
 from pendulum_env.physics.scene import Scene
 
@@ -43,7 +43,7 @@ def bound(function: Callable[..., float], scene: Scene, side: float = 1.0) -> Ca
             "time": time, "angle": angle, "tilt": angle, "half_sine": mpmath.sin(mpmath.mpf(angle) / 2),
             "side": mpmath.mpf(side), "velocity": velocity, "slip": velocity,
             "speed": abs(velocity) if speed is None else speed, "control": control, "duration": duration,
-            "spread": spread, **numbers(scene), **scene.coefficients,
+            "spread": spread, **flow_numbers(scene), **scene.coefficients,
         }
         return exact(*(mpmath.mpf(known[name]) for name in wanted))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from readme_code import ROOT
 
-from pendulum_env.hard_cases.catalogue import GROUPS
+from pendulum_env.hard_cases.run import GROUPS
 
 FOLDER = ROOT / "pendulum_env" / "hard_cases"
 FILES = ("case.py", *sorted(f"{group.__name__.rpartition('.')[2]}.py" for group in GROUPS))

@@ -1,7 +1,7 @@
 """Largest Lyapunov exponents of the chaotic driven pendulum, by two methods that share no code, with their errors.
 
 ``python tests/support/exponents.py`` prints them, in about half an hour on one core. The pendulum is that of
-:mod:`pendulum_env.truth.chaos`. Nothing of the package is called.
+:mod:`pendulum_env.hard_cases.chaos`. Nothing of the package is called.
 
 Both methods follow independent motions from random starts, and begin to measure after SETTLE periods of the drive. The
 exponent is the mean over the motions, and its standard error is their standard deviation over the root of their number,

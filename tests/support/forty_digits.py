@@ -31,10 +31,10 @@ from integrators.method import NEEDS
 from pendulum_env.engine.machine import offers
 from pendulum_env.engine.starts import ENOUGH
 from pendulum_env.hard_cases import chaos, fast_drive, resonance, switching
-from pendulum_env.hard_cases.catalogue import MOTIONS
+from pendulum_env.hard_cases.chaos import DOUBLINGS
 from pendulum_env.hard_cases.extremes import PUSHES
 from pendulum_env.hard_cases.predicted import FILE, TRUTHS, Motion
-from pendulum_env.truth.chaos import DOUBLINGS
+from pendulum_env.hard_cases.run import MOTIONS
 
 try:  # ten times as fast
     import gmpy2 as numbers_of

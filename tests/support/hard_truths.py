@@ -13,11 +13,11 @@ import numpy as np
 
 from pendulum_env.hard_cases import chaos, extremes, fast_drive, non_smooth, resonance, switching
 from pendulum_env.hard_cases.case import EARTH
+from pendulum_env.hard_cases.chaos import DOUBLINGS
 from pendulum_env.hard_cases.predicted import Motion
 from pendulum_env.physics import exact
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.truth.answer import Array
-from pendulum_env.truth.chaos import DOUBLINGS
 from pendulum_env.truth.pieces import SceneEquation, dormand_prince, path
 from pendulum_env.truth.reference import reference
 

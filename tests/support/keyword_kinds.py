@@ -204,11 +204,11 @@ def outcome(call: Callable[[], object]) -> Exception | None:
     return None
 
 
-def check_refusal(error: Exception | None, *words: str) -> None:
+def check_refusal(error: Exception | None, *words: str, what: str = "it") -> None:
     """AssertionError unless it is an error of the package's own, of one line with these words."""
-    assert error is not None, "it was taken"
+    assert error is not None, f"{what} was taken"
     said = str(error)
-    assert type(error).__module__.split(".")[0] in ("pendulum_env", "integrators"), repr(error)
+    assert type(error).__module__.split(".")[0] in ("pendulum_env", "integrators"), f"{what}: {error!r}"
     assert "\n" not in said
     assert 10 < len(said) < LONGEST
     assert all(word in said for word in words), said

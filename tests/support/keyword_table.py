@@ -33,7 +33,7 @@ from pendulum_env.physics.damping import build_scene, parse_damping, parse_setti
 from pendulum_env.physics.medium import MEDIA, Medium
 from pendulum_env.physics.presets import find_scene
 from pendulum_env.study import compare
-from pendulum_env.study.demo.tour import demo
+from pendulum_env.study.demo import demo
 from pendulum_env.study.stability import stability
 
 ROOMS: Mapping[str, ModuleType] = {

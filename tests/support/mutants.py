@@ -19,7 +19,7 @@ from forty_digits import fits
 from integrators import METHODS, Method
 from pendulum_env.engine.machine import offers
 from pendulum_env.hard_cases.case import Case
-from pendulum_env.hard_cases.catalogue import CASES, MOTIONS
+from pendulum_env.hard_cases.run import CASES, MOTIONS
 
 RELATIVES = {
     "heun": "forward_euler", "kutta3": "heun", "rk4": "kutta3", "dopri5": "rk4", "verner6": "dopri5",

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from integrators import RungeKutta
 from integrators.method import exact
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.envs.settings import settings_table
 from pendulum_env.study.lists.tables import TABLES
 

@@ -13,11 +13,10 @@ from normal_posterior import normal_posterior
 import integrators
 from pendulum_env import SCENES, Recording, basins, compare, cost, growth, measure, rollout, section, stress, sweep
 from pendulum_env.auto.calibrate import Choice
-from pendulum_env.auto.ranking import Ranking
+from pendulum_env.auto.choice import Ranking
 from pendulum_env.auto.search import Candidate
 from pendulum_env.envs.transfer import Difference, Transfer
 from pendulum_env.lab import DrivenFit, DrivenLog, Fit, GateSheet, Measurement
-from pendulum_env.lab.accelerations import Mount
 from pendulum_env.lab.driven.problem import DrivenSolution
 from pendulum_env.lab.driven.result import DrivenPrediction
 from pendulum_env.lab.driven.windows import Window, Windows
@@ -27,6 +26,7 @@ from pendulum_env.lab.fitting.model import Model
 from pendulum_env.lab.fitting.remedies import Remedy
 from pendulum_env.lab.fitting.result import FitComparison
 from pendulum_env.lab.fitting.shooting import FitSolution
+from pendulum_env.lab.inertial import Mount
 from pendulum_env.study.audit.verdicts import Audit, AuditRow, Simplification, Simplified
 from pendulum_env.study.stability import stability
 

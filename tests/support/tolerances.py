@@ -14,8 +14,7 @@ import numpy as np
 
 from integrators import METHODS, Method
 from pendulum_env.hard_cases.case import ACCURATE, LOOSE, STABLE, Bound, Case, Finding
-from pendulum_env.hard_cases.catalogue import CASES
-from pendulum_env.hard_cases.matrix import MatrixEntry
+from pendulum_env.hard_cases.run import CASES, MatrixEntry
 
 SOME = ("forward_euler", "backward_euler", "velocity_verlet", "heun", "ab3", "rk4", "bdf4", "kahan_li8", "dop853",
         "exact")

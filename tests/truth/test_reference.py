@@ -7,13 +7,13 @@ import mpmath
 import numpy as np
 import pytest
 
+from pendulum_env.auto.probes import CHECK
 from pendulum_env.physics import exact
 from pendulum_env.physics.effects import CoulombFriction, Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError
 from pendulum_env.truth.pieces import doubled, extrapolated, problem_of
-from pendulum_env.truth.probes import CHECK
 from pendulum_env.truth.reference import StudyError, reference
 
 VACUUM = SCENES["vacuum"]

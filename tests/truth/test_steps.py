@@ -25,13 +25,14 @@ from integrators import METHODS, Method
 from integrators.steps.terms import Notation
 from integrators.steps.unroll import unroll
 from pendulum_env import Scene, rollout
+from pendulum_env.auto import probes
+from pendulum_env.auto.probes import Probe, ProbeMotions
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.effects import Gravity, LinearDrag, QuadraticDrag, SmallAngleGravity
-from pendulum_env.truth import long_runs, probes
+from pendulum_env.truth import long_runs
 from pendulum_env.truth import reference as module
 from pendulum_env.truth.answer import Truth
 from pendulum_env.truth.long_runs import Pair
-from pendulum_env.truth.probes import Probe, ProbeMotions
 from pendulum_env.truth.reference import reference, true_motion
 
 

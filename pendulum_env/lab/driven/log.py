@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pendulum_env.common.results import one_line
 from pendulum_env.common.saved import Savable
-from pendulum_env.common.shown import one_line
 from pendulum_env.lab.checked import FloatArray, RecordingError, check_origin, file_name, known, one_number
 from pendulum_env.lab.columns import described, place_of
 from pendulum_env.lab.containers import text_of

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, columns_of
+from pendulum_env.common.results import Column, Columns, columns_of, one_line
 from pendulum_env.common.saved import Savable
-from pendulum_env.common.shown import one_line
 from pendulum_env.common.texts import LONGEST, listed
 from pendulum_env.lab.checked import RecordingError, one_number
 from pendulum_env.lab.driven.log import DRIVES, DrivenLog

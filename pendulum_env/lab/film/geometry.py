@@ -94,7 +94,7 @@ def _columns(time: FloatArray, angle: FloatArray, omega: float) -> FloatArray:
 
 def _windows(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float
              ) -> list[tuple[FloatArray, FloatArray, float]]:
-    """Return the coefficients of :func:`_columns`, their covariance, and how far the lesser side is seen, by windows."""
+    """Return by windows: coefficients of :func:`_columns`, their covariance, how far the lesser side is seen [rad]."""
     span = _WINDOW * math.tau / omega
     found = []
     for begin in np.arange(float(time[0]), float(time[-1]), span):
@@ -113,11 +113,10 @@ def middle_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: flo
 
     Unlike the middle of turning points, it is the same where one side is hidden.
     """
-    windows = _windows(time, angle, error, omega)
-    windows = [(c, v) for c, v, _ in windows if 0.0 < v[0, 0] < math.inf]
-    if not windows:
+    found = [(c[0], v[0, 0]) for c, v, _ in _windows(time, angle, error, omega) if 0.0 < v[0, 0] < math.inf]
+    if not found:
         return None
-    values, variances = (np.array(side) for side in ([c[0] for c, _ in windows], [v[0, 0] for _, v in windows]))
+    values, variances = np.array(found).T
     away = np.abs(values - np.median(values))
     near = away <= 5.0 * np.maximum(np.sqrt(np.maximum(variances, np.median(variances))), np.median(away))
     return float(np.average(values[near], weights=1.0 / variances[near]))

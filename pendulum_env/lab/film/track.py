@@ -12,15 +12,14 @@ from typing import Any
 import numpy as np
 
 from pendulum_env.common.progress import Progress, part_of, with_bar
-from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.common.tables import Table
-from pendulum_env.lab.checked import FloatArray, RecordingError, file_name, numbers, one_number
+from pendulum_env.common.results import Plotted, one_line
+from pendulum_env.common.texts import Table
+from pendulum_env.lab.checked import Drop, FloatArray, RecordingError, file_name, numbers, one_number, spans
 from pendulum_env.lab.film.finding import CLEAR, FAINTEST, Sample, Swing, basis, gains, moved, sampled, spots_of, swings
 from pendulum_env.lab.film.frames import CHANNELS, Film, Picture
 from pendulum_env.lab.film.geometry import alone, angles_of, bent_of, blurred, calibrated, middle_of, rest_of
 from pendulum_env.lab.film.position import LARGE, Bob, Place, background_of
 from pendulum_env.lab.measures import Measurement
-from pendulum_env.lab.parts import Drop, spans
 from pendulum_env.lab.recording import Filmed, Recording
 from pendulum_env.physics.units import shown
 

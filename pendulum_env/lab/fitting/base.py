@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.common.results import Column, Columns, Result
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.grade import Grade
 from pendulum_env.lab.fitting.intervals import Interval, student_quantile

@@ -11,21 +11,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, telling_of
-from pendulum_env.common.warn import warn
-from pendulum_env.lab.checked import side
+from pendulum_env.lab.checked import Drop, side
 from pendulum_env.lab.fitting.candidates import AUTO, Names, models_of, program
 from pendulum_env.lab.fitting.grade import EXCESS, as_fault, of_swings
 from pendulum_env.lab.fitting.model import GRAVITY, LENGTH, SCALE, Model
 from pendulum_env.lab.fitting.priors import priors_of
 from pendulum_env.lab.fitting.remedies import JUMP, OUTLIERS, SUBTRACTED, Remedy, remedies_of, repaired
 from pendulum_env.lab.fitting.result import Fit, FitComparison
-from pendulum_env.lab.fitting.robust import calmed, pulled, released
-from pendulum_env.lab.fitting.shooting import FitSolution, solve_all
+from pendulum_env.lab.fitting.shooting import FitSolution, calmed, pulled, released, solve_all
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.measures import doubt_of_length
 from pendulum_env.lab.noise import scatter_level
-from pendulum_env.lab.parts import Drop
 from pendulum_env.lab.recording import Recording, RecordingError, part_of
 from pendulum_env.lab.sheet import apparatus
 from pendulum_env.physics.body import Body
@@ -84,7 +82,7 @@ def fit(
         above: share of the first amplitude, such as 0.05 or "5%", below which swings are left out.
         drop: times of the recording [s] between which readings are left out: "12.5:13.1", (12.5, 13.1), or several.
         robust: True lets readings that are far off count less, by the soft L1 loss. Their weights follow from the model
-            with the most dampings, after jumps are subtracted; see :mod:`pendulum_env.lab.fitting.robust`.
+            with the most dampings, after jumps are subtracted; see :mod:`pendulum_env.lab.fitting.shooting`.
         jumps: True subtracts jumps of the sensor's zero that explain a misfit and lower the Bayesian information
             criterion by 10 or more, with a note on each in the recording of the fit; False leaves them in.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.saved import Savable
-from pendulum_env.common.warn import warn
 from pendulum_env.lab.checked import RecordingError
 from pendulum_env.lab.fitting.errors import Errors
 from pendulum_env.lab.fitting.grade import Grade

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.checks import warn
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
-from pendulum_env.common.shown import Plotted, one_line
-from pendulum_env.common.tables import Table
-from pendulum_env.common.warn import warn
+from pendulum_env.common.results import Plotted, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.lab.checked import RecordingError
-from pendulum_env.lab.fitting.density import LogDensity
 from pendulum_env.lab.fitting.intervals import (
     MOST_DRAWS,
     Fitted,
@@ -30,7 +29,7 @@ from pendulum_env.lab.fitting.intervals import (
     scatter_of,
 )
 from pendulum_env.lab.fitting.model import ZERO, unit_of
-from pendulum_env.lab.fitting.priors import Prior, priors_of
+from pendulum_env.lab.fitting.priors import LogDensity, Prior, priors_of
 from pendulum_env.lab.fitting.statistics import split_r
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.physics.units import SceneError, file_path, one_of, whole_number

@@ -20,9 +20,9 @@ from pendulum_env.lab.fitting.model import SCALE, SENSOR, START, Model
 from pendulum_env.lab.fitting.shooting import FitSolution, refit, solution_at, solve
 from pendulum_env.lab.fitting.start import Measured
 from pendulum_env.lab.fitting.statistics import bic, correlation_time
+from pendulum_env.lab.inertial import integrated
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.noise import scatter_level
-from pendulum_env.lab.rates import integrated
 from pendulum_env.lab.recording import Recording, in_words, with_readings
 from pendulum_env.physics import exact
 

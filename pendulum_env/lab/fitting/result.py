@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.progress import Progress
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
-from pendulum_env.common.texts import clean
+from pendulum_env.common.results import Column, Columns, columns_of, one_line
+from pendulum_env.common.texts import Table, clean
 from pendulum_env.lab.checked import RecordingError, side
 from pendulum_env.lab.fitting.base import FitResult
 from pendulum_env.lab.fitting.candidates import shapes
@@ -344,7 +342,7 @@ class Fit(FitResult):
 
         The log likelihood is that of the fit, ``-n/2 ln(sum of squares)``: normal errors of the readings, with their
         standard deviation sigma integrated out with the prior 1/sigma. It is wider where the standard errors allow for
-        slow changes of the residuals or rounding; see :class:`pendulum_env.lab.fitting.density.LogDensity`. Start and
+        slow changes of the residuals or rounding; see :class:`pendulum_env.lab.fitting.priors.LogDensity`. Start and
         zero are sampled with the other parameters. The walkers start around the fit.
 
         Args:

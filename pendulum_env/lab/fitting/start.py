@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import check_half_turn
 from pendulum_env.lab.fitting.model import ANGLE, DISTANCE, GRAVITY, LENGTH, SCALE, SENSOR, TILT, VELOCITY, ZERO, Model
-from pendulum_env.lab.losses import NEXT
-from pendulum_env.lab.measures import crossings
+from pendulum_env.lab.measures import NEXT, crossings
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.turning import CLEAR, TurningPoints, turning_points
 from pendulum_env.physics import exact

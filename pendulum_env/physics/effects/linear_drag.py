@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
-from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind, lossy
 from pendulum_env.physics.elementary import exp
 from pendulum_env.physics.flow import boundary_layer, keulegan_carpenter, reynolds_number
 from pendulum_env.physics.surroundings import Surroundings

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind
-from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Kind, lossy
 from pendulum_env.physics.elementary import exp, log, sqrt
 from pendulum_env.physics.flow import CLIFT_GAUVIN_LIMIT, STOKES_LIMIT, reynolds_number, sphere_drag_coefficient
 from pendulum_env.physics.surroundings import Surroundings

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from pendulum_env.physics.effects.effect import Effect, Kind
-from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.effects.effect import Effect, Kind, lossy
 from pendulum_env.physics.elementary import sqrt
 from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, si

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from pendulum_env.physics.drag_laws import LAWS, DragLaw
-from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Function, Kind
-from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.effects.effect import BOBS_DRAG, Effect, Function, Kind, lossy
 from pendulum_env.physics.flow import bottom_speed, reynolds_number, swing_loss
 from pendulum_env.physics.surroundings import Surroundings
 from pendulum_env.physics.units import SceneError, choice

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from pendulum_env.common.many import applied
-from pendulum_env.physics.effects.effect import Effect, Kind
-from pendulum_env.physics.effects.predictions import lossy
+from pendulum_env.physics.effects.effect import Effect, Kind, lossy
 from pendulum_env.physics.elementary import power
 from pendulum_env.physics.flow import bottom_speed, swing_loss
 from pendulum_env.physics.surroundings import Surroundings

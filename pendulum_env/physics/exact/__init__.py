@@ -12,11 +12,11 @@ from pendulum_env.physics.exact.damped import (
     coulomb_turning_points_linear,
     damped_amplitude,
     drag_only,
+    euler_energy_factor,
+    linear,
     quadratic_turning_point,
 )
-from pendulum_env.physics.exact.flight import flight
-from pendulum_env.physics.exact.oscillator import euler_energy_factor, linear
-from pendulum_env.physics.exact.pendulum import pendulum, period, period_rotation, small_amplitude_series
+from pendulum_env.physics.exact.pendulum import flight, pendulum, period, period_rotation, small_amplitude_series
 
 __all__ = [
     "coulomb_turning_points",

@@ -10,8 +10,8 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from pendulum_env.common.checks import float_array
 from pendulum_env.physics import units
-from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.units import SceneError, shown, whole_number
 
 FloatArray = NDArray[np.float64]

@@ -1,8 +1,6 @@
 """Audit of a scene: which of its physical effects (drag, buoyancy and others) matter at a wanted accuracy."""
 
-from pendulum_env.common.results import write
-from pendulum_env.study.audit.simplification import simplify
-from pendulum_env.study.audit.study import audit
+from pendulum_env.study.audit.study import audit, simplify
 from pendulum_env.study.audit.verdicts import Audit, AuditRow, Simplification
 
-__all__ = ["Audit", "AuditRow", "Simplification", "audit", "simplify", "write"]
+__all__ = ["Audit", "AuditRow", "Simplification", "audit", "simplify"]

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.physics.effects import Effect
-from pendulum_env.physics.effects.predictions import OSCILLATIONS
+from pendulum_env.physics.effects.effect import OSCILLATIONS
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.audit.cases import AuditCase
-from pendulum_env.study.audit.swing import METHOD, Swing
+from pendulum_env.study.audit.cases import METHOD, AuditCase, Swing
 from pendulum_env.study.audit.verdicts import CALLED_FOR, NEGLIGIBLE, NOT_JUDGED, NOT_SIMULATED, OUTSIDE, AuditRow
 
 Array = NDArray[np.float64]

@@ -10,14 +10,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of
+from pendulum_env.common.results import Columns, Result, columns_of, html_of, one_line
 from pendulum_env.common.saved import save
-from pendulum_env.common.shown import html_of, one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.texts import Table
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.scene import Scene
-from pendulum_env.study.audit.cases import cases
-from pendulum_env.study.audit.swing import METHOD
+from pendulum_env.study.audit.cases import METHOD, cases
 
 CALLED_FOR, NEGLIGIBLE, OUTSIDE = "matters", "negligible", "outside its validity"
 """Verdicts on effects that were simulated with and without."""
@@ -260,7 +258,7 @@ class Simplified(NamedTuple):
         return html_of(self)
 
     def plot(self, kind: str | None = None) -> Any:
-        """Draw the report's figure; see :meth:`pendulum_env.common.shown.Plotted.plot`."""
+        """Draw the report's figure; see :meth:`pendulum_env.common.results.Plotted.plot`."""
         return self.report.plot(kind)
 
     def save(self, path: str | Path) -> Path:

@@ -13,9 +13,8 @@ import numpy as np
 from integrators import Method
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, Result
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Column, Columns, Result, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.rollout import Rollout
 from pendulum_env.engine.rollout import run as run_of
 from pendulum_env.engine.spec import RunSpec, scene_and_shared

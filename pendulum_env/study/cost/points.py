@@ -11,9 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import number
 from pendulum_env.study import PLAIN

@@ -20,10 +20,8 @@ from typing import Any
 
 from pendulum_env.common.progress import Progress, telling_of
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
-from pendulum_env.common.results import Columns, Result, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
-from pendulum_env.common.texts import clean
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table, clean
 from pendulum_env.common.version import sources
 from pendulum_env.physics.units import SceneError, boolean, file_path, function, one_of, several, shown, whole_number
 from pendulum_env.study.sweep.journal import Journal, WrittenResults, plain, text_of

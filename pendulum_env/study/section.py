@@ -17,12 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 import integrators
 from integrators import Method
-from pendulum_env.common.checks import one_of, shown
+from pendulum_env.common.checks import float_array, one_of, shown
 from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, Result
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Column, Columns, Result, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.kernels import Backend, interpreted
 from pendulum_env.engine.motion import EVENTS, drive_rate, event_function
@@ -30,10 +29,11 @@ from pendulum_env.engine.settings import SceneLike
 from pendulum_env.engine.spec import RunSpec, scene_and_shared
 from pendulum_env.engine.starts import usual_start
 from pendulum_env.engine.threads import MOST_THREADS, cores
-from pendulum_env.physics.arrays import float_array
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
+
+__all__ = ["Section", "section"]
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from integrators import Method
 from pendulum_env.common.progress import Progress, part_of, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Columns, Result, columns_of
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Columns, Result, columns_of, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.machine import ANGLE, INDEX, TURNS, TWO_PI, UNSEEN, VELOCITY, Machine, fitting
 from pendulum_env.engine.runs import RecordSchedule, recorded
@@ -27,9 +26,11 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, function, naming_keywords, number
 from pendulum_env.study.cost.points import FLOOR
 from pendulum_env.study.cost.runs import SAMPLES, energy_scale, evaluations_per_step
-from pendulum_env.study.growth.laws import Law, law_of
+from pendulum_env.study.growth_laws import Law, law_of
 from pendulum_env.truth.long_runs import LongTruth, long_truth, on, refuse_gusts
 from pendulum_env.truth.reference import StudyError
+
+__all__ = ["Growth", "GrowthLine", "growth"]
 
 Array = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ class GrowthLine:
         energy_error: largest |energy residual| in the period before each of the study's times, in units of
             :func:`pendulum_env.study.cost.runs.energy_scale`; nan after a run ended.
         floor: angle errors up to this are not reliable [rad]: ten times the error of the reference solution.
-        angle, energy: laws by which the two errors grow, see :func:`pendulum_env.study.growth.laws.law_of`.
+        angle, energy: laws by which the two errors grow, see :func:`pendulum_env.study.growth_laws.law_of`.
         stop_reason: why the run ended early, else "".
     """
 

@@ -14,9 +14,8 @@ from integrators import Method
 from pendulum_env.common.checks import shown
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import provenance
-from pendulum_env.common.results import Column, Columns, Result
-from pendulum_env.common.shown import one_line
-from pendulum_env.common.tables import Table
+from pendulum_env.common.results import Column, Columns, Result, one_line
+from pendulum_env.common.texts import Table
 from pendulum_env.engine.kernels import Backend
 from pendulum_env.engine.motion import drive_rate
 from pendulum_env.engine.settings import SceneLike
@@ -25,7 +24,7 @@ from pendulum_env.engine.threads import MOST_THREADS, cores
 from pendulum_env.physics.damping import Damping
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, naming_keywords, number, whole_number
-from pendulum_env.study.section.study import (
+from pendulum_env.study.section import (
     ANGLE,
     MOST,
     REPEATS,
@@ -37,6 +36,8 @@ from pendulum_env.study.section.study import (
     state_points,
     wrapped,
 )
+
+__all__ = ["Basins", "basins"]
 
 Array = NDArray[np.float64]
 
