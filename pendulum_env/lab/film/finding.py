@@ -27,6 +27,7 @@ _KEPT = 48  # frames that are kept at full size
 _SLOWEST, _FASTEST = 0.1, 6.0  # frequencies of a pendulum [Hz]
 _ONE_SIGMA = {0.3: 0.3853, 0.1: 0.1257}  # quantiles of the size of normal errors
 _VOTES = 7  # of 16 parts of the picture, which agree that the camera moved
+_SOME = 5000  # pixels that show the brightness of a picture
 _SPOTS = 24  # the largest spots of a frame
 _LEAST = 12  # spots of a path
 _LOST = 8  # frames for which a thing may be hidden on its path
@@ -170,8 +171,9 @@ def _shift(base: NDArray[np.float32], flat: list[NDArray[np.float32]]) -> float:
 
 def gains(pictures: NDArray[np.uint8], background: NDArray[np.floating]) -> FloatArray:
     """Return the brightness of each picture relative to the background: the median of the ratios of their pixels."""
-    part = np.maximum(background[::3, ::3], 1.0)
-    return np.array([np.median(one[::3, ::3] / part) for one in pictures])
+    by = max(1, round(math.sqrt(background.size / _SOME)))
+    part = np.maximum(background[::by, ::by], 1.0)
+    return np.array([np.median(one[::by, ::by] / part) for one in pictures])
 
 
 class Spots(NamedTuple):
@@ -301,17 +303,21 @@ def frequency(times: FloatArray, place: FloatArray) -> tuple[float, float]:
     if not total > 0.0 or least >= most:
         return 0.0, 0.0
 
-    def left(f: float) -> float:
-        table = basis(times - times.mean(), math.tau * f)
-        rest = own - table @ np.linalg.lstsq(table, own, rcond=None)[0]
-        return float(rest @ rest)
+    t = (times - times.mean()) / span
+
+    def left(f: FloatArray) -> FloatArray:
+        phase = math.tau * f[:, None] * span * t
+        c, s = np.cos(phase), np.sin(phase)
+        table = np.stack([np.ones_like(c), c, s, t * c, t * s], axis=1)
+        right = table @ own
+        normal = table @ table.transpose(0, 2, 1) + 1e-9 * len(t) * np.eye(5)
+        return np.asarray(total - np.sum(right * np.linalg.solve(normal, right[..., None])[..., 0], axis=1))
 
     grid = np.arange(least, most, 0.2 / span)
-    table = [left(float(f)) for f in grid]
-    best = float(grid[int(np.argmin(table))])
+    best = float(grid[int(np.argmin(left(grid)))])
     fine = np.linspace(max(best - 0.2 / span, least), best + 0.2 / span, 17)
-    rest = [left(float(f)) for f in fine]
-    return math.tau * float(fine[int(np.argmin(rest))]), 1.0 - min(rest) / total
+    rest = left(fine)
+    return math.tau * float(fine[int(np.argmin(rest))]), 1.0 - max(float(rest.min()), 0.0) / total
 
 
 def swings(sample: Sample) -> list[Swing]:

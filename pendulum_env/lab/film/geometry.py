@@ -49,7 +49,8 @@ def angles_of(name: str, x: FloatArray, y: FloatArray, covariance: FloatArray, p
                                  f"pixels at a radius of {circle.radius:.4g}); give pivot=(x, y), in pixels from the "
                                  "top left")
         pivot, rms = (circle.x, circle.y), circle.rms
-        error = circle.error * _together(x - circle.x, y - circle.y, circle.radius)
+        angle, away = np.arctan2(x - circle.x, y - circle.y), np.hypot(x - circle.x, y - circle.y)
+        error = circle.error * _together(angle, away - circle.radius)
         radius = Measurement(circle.radius, error, "pixels")
     else:
         away = np.hypot(x - pivot[0], y - pivot[1])
@@ -61,13 +62,12 @@ def angles_of(name: str, x: FloatArray, y: FloatArray, covariance: FloatArray, p
     return Angles(np.unwrap(angle), error, pivot, radius, rms)
 
 
-def _together(x: FloatArray, y: FloatArray, radius: float) -> float:
-    """Return by how much the distances from a circle's centre are less certain together than each for itself.
+def _together(angle: FloatArray, away: FloatArray) -> float:
+    """Return by how much readings that are ``away`` are less certain together than each for itself.
 
     Readings at the same place share what the wall and the compression do to them. Their means in 24 parts of the arc
     scatter more than independent readings would.
     """
-    angle, away = np.arctan2(x, y), np.hypot(x, y) - radius
     parts = np.digitize(angle, np.quantile(angle, np.linspace(0.0, 1.0, 25)[1:-1]))
     means = np.array([away[parts == part].mean() for part in np.unique(parts)])
     each = float(away.var()) / (len(away) / max(len(means), 1))
@@ -141,14 +141,15 @@ class Bent(NamedTuple):
         return math.hypot(0.5 * self.square * self.amplitude**2, 0.25 * self.cube * self.amplitude**3) / 1.96
 
 
-def bent_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float) -> Bent | None:
+def bent_of(time: FloatArray, angle: FloatArray, error: FloatArray, rest: FloatArray, omega: float) -> Bent | None:
     """Return how a camera that looks at an angle, or a lens, bends the swing; None if it does not show.
 
     A free pendulum's second harmonic is 0 and its third ``-A³/192 - ...``, exactly by the nome q of its elliptic
     functions (Jacobi 1829), in phase with the first; friction makes harmonics out of phase. What else is there, in
-    phase, comes from the picture.
+    phase, comes from the picture. ``rest``: what a smooth swing leaves of the angles, as of :func:`rest_of`.
     """
-    rows = []
+    rows, known = [], np.isfinite(rest)
+    together = _together(angle[known], rest[known])
     for c, v, seen in _windows(time, angle, error, omega):
         first = complex(c[1], -c[2])
         size = abs(first)
@@ -166,7 +167,7 @@ def bent_of(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float
     for column in (0, 2):
         weight = table[:, column + 1] ** -2
         values.append(float(np.average(table[:, column], weights=weight)))
-        sigmas.append(float(weight.sum() ** -0.5))
+        sigmas.append(together * float(weight.sum() ** -0.5))
     shows = [abs(value) > max(_SURE * sigma, least) and sigma < 0.6 * least
              for value, sigma, least in zip(values, sigmas, _BENDS, strict=True)]
     if not any(shows):

@@ -22,6 +22,7 @@ from pendulum_env.lab.film.frames import Picture, packages
 
 Image = NDArray[np.float32]
 _UNKNOWN = 60.0  # error of a background that was never seen [grey levels]
+_RIM = 3  # pixels around what is opaque in which a bob's rim ends
 _STEPS = 8  # Gauss-Newton steps at most
 
 
@@ -97,7 +98,7 @@ class Bob:
                 found = self.place(picture, (places[k, 0], places[k, 1]), angles[k], 0.0)
                 if found is not None and np.hypot(found.x - places[k, 0], found.y - places[k, 1]) < self.radius:
                     places[k] = found.x, found.y
-            if turn == 0:
+            if turn < 2:  # the first may hold a part of a shadow
                 shift = self._middle()
                 turned = np.stack([np.cos(angles) * shift[0] + np.sin(angles) * shift[1],
                                    -np.sin(angles) * shift[0] + np.cos(angles) * shift[1]], axis=1)
@@ -137,10 +138,25 @@ class Bob:
         slope = (together + prior * (1.0 - first)) / (spread + prior)
         opacity = np.clip(1.0 - slope, 0.0, 1.0)
         edge = np.clip(self.half + 0.5 - np.maximum(np.abs(across), np.abs(along)), 0.0, 1.0)
-        opacity = np.where(opacity < 0.04, 0.0, opacity) * edge
+        opacity = np.where((opacity < 0.04) | ~self._own(opacity), 0.0, opacity) * edge
         self.opacity = opacity.astype(np.float32)
         self.light = np.where(opacity > 0.0, np.median(looks - (1.0 - opacity) * walls, axis=0), 0.0).astype(np.float32)
         self._blurred = {}
+
+    def _own(self, opacity: FloatArray) -> NDArray[np.bool_]:
+        """Return where the opacity is the bob's and its rod's: what is opaque in one piece with its middle, and a rim.
+
+        A shadow beside it and what passed by would draw the bob towards them, differently in each picture.
+        """
+        cv = self.cv
+        solid = cv.erode((opacity > 0.5).astype(np.uint8), cv.getStructuringElement(cv.MORPH_CROSS, (3, 3)))
+        labels = cv.connectedComponents(solid)[1]
+        h = np.arange(-self.half, self.half + 1)
+        near = labels[(labels > 0) & (np.hypot(h[:, None], h) < 0.6 * self.radius)]
+        if not len(near):
+            return np.ones(opacity.shape, dtype=bool)
+        piece = (labels == np.bincount(near).argmax()).astype(np.uint8)
+        return np.asarray(cv.dilate(piece, cv.getStructuringElement(cv.MORPH_ELLIPSE, (2 * _RIM + 1,) * 2)) > 0)
 
     def _at(self, picture: Image, x: Image, y: Image) -> Image:
         """Return a picture's values at places within it, interpolated."""

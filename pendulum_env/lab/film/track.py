@@ -470,7 +470,7 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
         error, factor = calibrated(angles.error, rest)
     roll, how = _vertical(film.name, time[keep], angles.angle, error, chosen.omega)
     radius, tilted = blurred(angles.radius, angles.angle - roll, float(streaks[keep].max())), ""
-    bent = bent_of(time[keep], angles.angle - roll, error, chosen.omega)
+    bent = bent_of(time[keep], angles.angle - roll, error, rest, chosen.omega)
     if bent is not None:
         tilted = (f"tilt: the swing looks bent, by {math.degrees(bent.error):.1g} degrees: the camera looks at it at "
                   f"an angle, or its lens bends the picture; all angles may be off by {100.0 * bent.scale:.0f} %; put "
