@@ -26,7 +26,8 @@ from pendulum_env.physics.units import shown
 _FINDING = 0.4  # of the progress bar
 _LEAST = 0.3  # least share of the frames that are read
 _FEW = 12  # readings
-_MOVES = 0.3  # pixels per frame, from which a repeated picture is told from a bob that turns back
+_REPEATED = 0.3  # of the change that the bob's motion makes: a picture that changes less is the one before
+_MOVES = 0.5  # pixels per frame, from which a repeated picture is told from a bob that turns back
 _BENT = 0.02  # cube of the angle, from which a picture is too bent
 _SHAKEN = 0.7  # pixels: a camera that moves further is refused
 
@@ -368,6 +369,8 @@ class _Reading:
         self.rows: list[tuple[float, Place, float] | None] = []
         self.repeated = 0
         self._last: Picture | None = None
+        wall = float(np.median(bob.background.picture))
+        self._change = float(np.abs(np.diff(bob.light - wall * bob.opacity, axis=1)).sum()) / (2 * bob.half) ** 2
 
     def all(self, tell: Progress) -> bool:
         """Read all frames; return False if interrupted by Ctrl-C."""
@@ -414,7 +417,8 @@ class _Reading:
         if last is None or not part.size or moves < _MOVES:
             return False
         before = last[top : top + 2 * half, left : left + 2 * half]
-        return float(np.abs(part.astype(np.int16) - before).mean()) < 0.15 * self.bob.noise
+        expected = self._change * min(moves, self.bob.radius)  # grey levels, by which the pixels change
+        return float(np.abs(part.astype(np.int16) - before).mean()) < _REPEATED * expected
 
     def _searched(self, picture: Picture, near: FloatArray) -> tuple[float, float] | None:
         """Return the place of the spot that is nearest to where the bob is expected; None if there is none alike."""
