@@ -2,7 +2,8 @@
 
 1. *Background*: the median of frames spread over the first part of the film (at most 600 frames, made smaller).
 2. *Spots*: connected pixels that differ from it by more than noise and by more than they usually do. A spot's place is
-   the middle of the widest disc in it (distance transform, Borgefors 1986), so that a rod or a wire does not move it.
+   the middle of the widest disc in it (distance transform, Borgefors 1986), so that a rod or a wire does not move it,
+   and of a wide spot what differs by half as much as its most, so that a shadow that touches the bob does not, either.
 3. *Paths*: spots linked from frame to frame, each to the nearest place that its velocity predicts.
 4. *Swings*: paths whose place is c + (a + a' t) cos(w t) + (b + b' t) sin(w t), with harmonics for the arc's height.
    The frequency is scanned. Each swing then takes all spots that are where it predicts the bob, also behind gaps.
@@ -20,23 +21,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pendulum_env.lab.checked import FloatArray, RecordingError
-from pendulum_env.lab.film.frames import Film, Picture, packages
+from pendulum_env.lab.film.frames import Film, Picture, packages, smaller
 
-_FRAMES, _PIXELS, _RATE = 600, 200_000, 32.0  # at most so many frames of so many pixels, about so many per second
+_FRAMES, _PIXELS, _RATE = 600, 260_000, 32.0  # at most so many frames of so many pixels, about so many per second
 _KEPT = 48  # frames that are kept at full size
 _SLOWEST, _FASTEST = 0.1, 6.0  # frequencies of a pendulum [Hz]
 _ONE_SIGMA = {0.3: 0.3853, 0.1: 0.1257}  # quantiles of the size of normal errors
 _VOTES = 7  # of 16 parts of the picture, which agree that the camera moved
 _SOME = 5000  # pixels that show the brightness of a picture
 _SPOTS = 24  # the largest spots of a frame
+_THICK, _SOLID = 3.0, 0.45  # half width from which a spot may have a shadow [pixels], and the share that is none
 _LEAST = 12  # spots of a path
 _LOST = 8  # frames for which a thing may be hidden on its path
 _LONG = 6.0  # half widths: the ends of longer spots, such as bare rods, are places of their own
-_HIDING = 6.0  # half widths of the bob: with a shorter way, it hides its background most of the time
+_HIDING = 6.0  # half widths of what swings: with a shorter way, it may hide its background most of the time
 _MOVES = 4.0  # pixels: what moves less is no swing
 _ALIKE = 0.2  # of its size, by which width and contrast of one thing may differ from path to path
 _BEGINS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # shares of a path that are tried without
 _WHOLE = 0.01  # of its variance that a swing may leave for nothing to be tried
+_PERIODS = 3.0  # of a swing, from which more make it no surer
 _EXPLAINED = 0.85  # least share of a path's variance that a swing explains
 
 
@@ -52,7 +55,7 @@ class Sample(NamedTuple):
 
     times: FloatArray
     small: NDArray[np.uint8]
-    scale: float
+    scale: int
     kept: list[int]
     full: list[Picture]
 
@@ -99,10 +102,9 @@ class Swing:
 
 def sampled(film: Film, tell: Callable[[float, str], None]) -> Sample:
     """Return the first part of a film, small."""
-    cv = packages()[1]
-    width, height = film.size
-    scale = max(1.0, math.sqrt(width * height / _PIXELS))
-    size = (round(width / scale), round(height / scale))
+    scale = 1
+    while film.size[0] * film.size[1] > _PIXELS * scale**2:
+        scale *= 2
     every = max(1, round(1.0 / (film.step * _RATE)))
     expected = min(film.count // every, _FRAMES)
     apart = max(1, expected // _KEPT)
@@ -119,12 +121,12 @@ def sampled(film: Film, tell: Callable[[float, str], None]) -> Sample:
             kept.append(len(small))
             full.append(picture.copy())
         times.append(time)
-        small.append(cv.resize(picture, size, interpolation=cv.INTER_AREA) if scale > 1.0 else picture.copy())
+        small.append(smaller(picture, scale) if scale > 1 else picture.copy())
         if not len(small) % 20:
             tell(len(small) / max(expected, len(small)), "finding the bob")
     if len(small) < _LEAST:
         raise RecordingError(f"{film.name}: expected a film of at least {_LEAST} frames, found {len(small)}")
-    return Sample(np.array(times), np.array(small), width / size[0], kept, full)
+    return Sample(np.array(times), np.array(small), scale, kept, full)
 
 
 def moved(sample: Sample) -> float:
@@ -194,7 +196,6 @@ def spots_of(difference: NDArray[np.float32], level: NDArray[np.float32] | float
     count, labels, stats, _ = cv.connectedComponentsWithStats(mask, connectivity=8)
     if count < 2:
         return []
-    inside = cv.distanceTransform(cv.copyMakeBorder(mask, 1, 1, 1, 1, cv.BORDER_CONSTANT), cv.DIST_L2, 5)[1:-1, 1:-1]
     found: list[tuple[float, ...]] = []
     order = np.argsort(stats[1:, cv.CC_STAT_AREA])[::-1][:_SPOTS] + 1
     for label in order.tolist():
@@ -202,9 +203,14 @@ def spots_of(difference: NDArray[np.float32], level: NDArray[np.float32] | float
         if area < 4:
             break
         box = (slice(top, top + along), slice(left, left + across))
-        own = labels[box] == label
-        depth = np.where(own, inside[box], 0.0)
+        own, size = labels[box] == label, np.abs(difference[box])
+        depth = _depth(own)
         most = float(depth.max())
+        if most > _THICK:
+            solid = own & (size > _SOLID * float(size[own].max()))
+            deep = _depth(solid)
+            if deep.max() > 0.5 * most:
+                own, depth, most = solid, deep, float(deep.max())
         weight = np.where(depth >= 0.7 * most, depth, 0.0)
         total = float(weight.sum())
         rows, columns = np.nonzero(weight)
@@ -215,6 +221,13 @@ def spots_of(difference: NDArray[np.float32], level: NDArray[np.float32] | float
         if math.hypot(np.ptp(rows), np.ptp(columns)) > _LONG * most > _LONG * 2.0:
             found += [(left + a, top + b, most, mean) for a, b in _ends(rows, columns, x, y)]
     return found
+
+
+def _depth(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return how far inside a mask its pixels are [pixels]."""
+    cv = packages()[1]
+    wide = cv.copyMakeBorder(mask.astype(np.uint8), 1, 1, 1, 1, cv.BORDER_CONSTANT)
+    return np.asarray(cv.distanceTransform(wide, cv.DIST_L2, 5)[1:-1, 1:-1], dtype=np.float32)
 
 
 def _ends(rows: NDArray[np.intp], columns: NDArray[np.intp], x: float, y: float) -> list[tuple[float, float]]:
@@ -353,6 +366,7 @@ def _swings(sample: Sample, share: float) -> list[Swing]:
         reach = float(np.hypot(np.ptp(x), np.ptp(y)))
         if share < 0.15 or sure < 0.2:
             continue
+        sure *= min(float(np.ptp(times[spots.frame[path]])) * omega / (math.tau * _PERIODS), 1.0)
         found.append(Swing(times[spots.frame[path]], x, y, omega, scale * width, contrast, share,
                            share * sure * contrast * math.sqrt(scale * width) * reach**0.25))
     return found

@@ -16,7 +16,7 @@ from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import Table
 from pendulum_env.lab.checked import Drop, FloatArray, RecordingError, file_name, numbers, one_number, spans
 from pendulum_env.lab.film.finding import CLEAR, FAINTEST, Sample, Swing, basis, gains, moved, sampled, spots_of, swings
-from pendulum_env.lab.film.frames import CHANNELS, Film, Picture
+from pendulum_env.lab.film.frames import CHANNELS, Film, Picture, smaller
 from pendulum_env.lab.film.geometry import alone, angles_of, bent_of, blurred, calibrated, middle_of, rest_of
 from pendulum_env.lab.film.position import LARGE, Bob, Place, background_of
 from pendulum_env.lab.measures import Measurement
@@ -197,9 +197,9 @@ def follow(
     size = None if length is None else one_number(length, "length", above=0.0, unit="m")
     film, sample, found = _found(name, rate, until, part_of(tell, 0.0, _FINDING))
     chosen = _chosen(film, found, where["bob"])
-    film.shrink = max(1, int(chosen.width / LARGE))
-    near = shrunk(where["pivot"], film.shrink)
-    read = _Reading(film, *_learned(film, sample, chosen.shrunk(film.shrink), near))
+    shrink = max(1, int(chosen.width / LARGE))
+    near = shrunk(where["pivot"], shrink)
+    read = _Reading(film, shrink, *_learned(film, sample, chosen.shrunk(shrink), near, shrink))
     complete = read.all(part_of(tell, _FINDING, 1.0))
     return _result(film, read, chosen, found, where["pivot"], size, dropped, complete,
                    sample.full[len(sample.full) // 2], rate)
@@ -323,8 +323,9 @@ def _rough_pivot(swing: Swing) -> tuple[float, float]:
     return circle.x, circle.y
 
 
-def _learned(film: Film, sample: Sample, swing: Swing, pivot: tuple[float, float] | None) -> tuple[Bob, Guess]:
-    """Return the bob as it looks, and where it is expected."""
+def _learned(film: Film, sample: Sample, swing: Swing, pivot: tuple[float, float] | None, shrink: int
+             ) -> tuple[Bob, Guess]:
+    """Return the bob as it looks in pictures made smaller by a number, as the swing is, and where it is expected."""
     guess = Guess(swing, _rough_pivot(swing) if pivot is None else pivot)
     times = sample.times[sample.kept]
     places = np.array([guess.at(t) for t in times])
@@ -332,10 +333,10 @@ def _learned(film: Film, sample: Sample, swing: Swing, pivot: tuple[float, float
     angles = np.array([guess.angle(x, y) for x, y in places])
     small = np.median(sample.small[:: max(1, len(sample.small) // 60)], axis=0).astype(np.float32)
     gain = gains(sample.small[sample.kept], small)
-    full = [film.smaller(one) for one in sample.full]
+    full = [smaller(one, shrink) for one in sample.full]
     noise = _noise(full)
     margin = math.ceil(1.35 * swing.width + 8.0 + 0.5 * speeds.max() * film.step)
-    width, height = (side // film.shrink for side in film.size)
+    width, height = (side // shrink for side in film.size)
     box = (max(int(swing.x.min()) - margin, 0), max(int(swing.y.min()) - margin, 0),
            min(int(swing.x.max()) + margin + 1, width), min(int(swing.y.max()) + margin + 1, height))
     gx, gy = np.meshgrid(np.arange(box[0], box[2]), np.arange(box[1], box[3]))
@@ -361,15 +362,19 @@ def _noise(pictures: list[Picture]) -> float:
 
 
 class _Reading:
-    """The readings of a film as they grow: times, places, covariances, shares seen, misfits and streaks."""
+    """The readings of a film as they grow: times, places, covariances, shares seen, misfits and streaks.
 
-    def __init__(self, film: Film, bob: Bob, guess: Guess) -> None:
-        self.film, self.bob, self.guess = film, bob, guess
+    Places are those in pictures made smaller by ``shrink``.
+    """
+
+    def __init__(self, film: Film, shrink: int, bob: Bob, guess: Guess) -> None:
+        self.film, self.shrink, self.bob, self.guess = film, shrink, bob, guess
         self.stamps: list[float] = []
         self.rows: list[tuple[float, Place, float] | None] = []
         self.repeated = 0
         self._last: Picture | None = None
         wall = float(np.median(bob.background.picture))
+        self._picture = np.zeros((film.size[1] // shrink, film.size[0] // shrink), np.uint8)
         self._change = float(np.abs(np.diff(bob.light - wall * bob.opacity, axis=1)).sum()) / (2 * bob.half) ** 2
 
     def all(self, tell: Progress) -> bool:
@@ -377,7 +382,7 @@ class _Reading:
         expected, film, guess = self.film.count, self.film, self.guess
         try:
             for frame in film.frames():
-                fit = self._one(frame.picture, frame.time)
+                fit = self._one(self._smaller(frame.picture), frame.time)
                 self.stamps.append(frame.time)
                 self.rows.append(None if fit is None else (frame.time, *fit))
                 if fit is not None and 0.85 < fit[0].seen < 1.2:
@@ -389,6 +394,16 @@ class _Reading:
                 raise
             return False
         return True
+
+    def _smaller(self, picture: Picture) -> Picture:
+        """Return a picture made smaller where the bob may be; elsewhere it is black."""
+        if self.shrink == 1:
+            return picture
+        bg, by = self.bob.background, self.shrink
+        height, width = bg.picture.shape
+        part = picture[bg.top * by : (bg.top + height) * by, bg.left * by : (bg.left + width) * by]
+        self._picture[bg.top : bg.top + height, bg.left : bg.left + width] = smaller(part, by)
+        return self._picture
 
     def _one(self, picture: Picture, time: float) -> tuple[Place, float] | None:
         """Return the bob's place in a picture and its streak; None where it is not found."""
@@ -413,7 +428,7 @@ class _Reading:
         half = self.bob.half
         left, top = max(round(near[0]) - half, 0), max(round(near[1]) - half, 0)
         part, last = picture[top : top + 2 * half, left : left + 2 * half], self._last
-        self._last = picture.copy()
+        self._last = picture if self.shrink == 1 else picture.copy()
         if last is None or not part.size or moves < _MOVES:
             return False
         before = last[top : top + 2 * half, left : left + 2 * half]
@@ -449,7 +464,7 @@ def _result(film: Film, read: _Reading, chosen: Swing, found: list[Swing], pivot
     left_out = {"without the bob in full": frames - len(kept) - read.repeated,
                 "in which nothing moves": read.repeated}
     time = np.array([row[0] for row in kept])
-    places, by = [row[1] for row in kept], film.shrink
+    places, by = [row[1] for row in kept], read.shrink
     x, y = (by * (np.array(side) + 0.5) - 0.5 for side in ([one.x for one in places], [one.y for one in places]))
     covariance = by * by * np.array([one.covariance for one in places])
     seen, misfit = np.array([one.seen for one in places]), np.array([one.misfit for one in places])
