@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -29,6 +30,7 @@ from pendulum_env.exercise.given import Given
 from pendulum_env.exercise.values import values, with_error
 from pendulum_env.exercise.worked import Worked, work_out
 from pendulum_env.lab import Recording, measure
+from pendulum_env.lab.recording import Filmed
 
 pytest.importorskip("jinja2")
 
@@ -153,6 +155,18 @@ def test_omega_of_a_recording_is_right_within_its_error(number: int, low: float,
     assert abs(np.mean(pulls)) < 4.0 / math.sqrt(number)
     assert np.abs(pulls).max() < 4.0
     assert measure(swing, n=6).small_period == given.omega.period
+
+
+def test_the_report_says_how_a_recording_was_filmed() -> None:
+    swing, _ = recorded_swing(np.random.default_rng(3), 1.0)
+    filmed = Filmed(frames=400, readings=377, rate=29.97, streak=6.4, off=0.31, roll=math.radians(-2.25))
+    film = replace(swing, error=np.full(len(swing.time), math.radians(0.012)), filmed=filmed)
+    pages = [" ".join(html.unescape(rendered(work_out(Given.of(recording=one)), False)).split())
+             for one in (film, swing)]
+    for said in ("found in 377 of 400 frames (94.2 %), 30.0 each second", "error of 0.012°", "turned by 2.25°",
+                 "to 0.31 pixels", "a streak of up to 6.4 pixels"):
+        assert said in pages[0]
+    assert "is a film" not in pages[1]
 
 
 @pytest.mark.parametrize("degrees", [30.0, -30.0])

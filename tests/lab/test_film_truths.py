@@ -3,6 +3,7 @@ the period, and refusals. The drawing shares nothing with the package; see suppo
 
 from __future__ import annotations
 
+import math
 import subprocess
 from pathlib import Path
 
@@ -33,7 +34,8 @@ def faults(marks: Marks, film: Film, said: float) -> list[str]:
         found.append(f"share {marks.share:.3f}")
     if marks.share - marks.found > 0.005 or marks.stray:
         found.append(f"{marks.share - marks.found:.3f} of the frames read elsewhere, {marks.stray} at other times")
-    if not 0.9 <= marks.held <= 0.99:
+    tilted = film.yaw or film.pitch  # the claimed error holds the largest bend of the angles, which few of them have
+    if not 0.9 <= marks.held <= (1.0 if tilted else 0.99):
         found.append(f"intervals hold in {marks.held:.3f}")
     if not abs(marks.scale - 1.0) <= 3.0 * said + 1e-3:
         found.append(f"scale off by {marks.scale - 1.0:.1e}, claimed {said:.1e}")
@@ -92,6 +94,28 @@ def test_every_drawn_film_is_tracked_or_refused(film: Film, tmp_path: Path) -> N
 def test_films_of_the_same_kinds_with_other_numbers(film: Film, tmp_path: Path) -> None:
     """The tracker was tuned on the films above; these have other amplitudes, places, noise, periods, damping."""
     judge(other(film, 1), tmp_path)
+
+
+@pytest.mark.slow
+def test_of_three_pendulums_side_by_side_the_chosen_one_is_followed(tmp_path: Path) -> None:
+    """Our own film of three Euler methods, whose bobs trail fading lines: the amplitude of the symplectic method stays,
+    those of the others grow and shrink, by the analysis of the linear equation as ``exp(± omega² h t / 2)``.
+    """
+    from pendulum_env.engine.spec import RunSpec
+    from pendulum_env.films.record import record
+
+    step, seconds, first = 0.01, 6.0, 0.35
+    machines = [RunSpec.of("exercise", f"{kind}_euler").machine() for kind in ("forward", "symplectic", "backward")]
+    path, _ = record(machines, tmp_path / "eulers.mp4", angle=first, duration=seconds, dt=step, fps=50, size=300,
+                     panels=["apparatus"])
+    for k, sign in enumerate((1.0, 0.0, -1.0)):
+        found = track(path, bob=(150.0 + 300.0 * k, 321.0))
+        assert found.radius is not None
+        assert found.radius.value == pytest.approx(131.0, rel=0.015)
+        late = np.abs(found.angle[found.time > seconds - 1.2]).max()
+        omega2 = 9.81 / 0.353
+        grown = math.exp(0.5 * sign * omega2 * step * (seconds - 0.6))
+        assert late / first == pytest.approx(grown, rel=0.12), k
 
 
 def test_a_drawn_film_shows_its_truth(tmp_path: Path) -> None:

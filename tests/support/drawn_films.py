@@ -39,7 +39,7 @@ class Film:
     sentence: str
     size: tuple[int, int] = (480, 360)
     fps: float = 30.0
-    seconds: float = 11.0
+    seconds: float = 7.0
     pivot: tuple[float, float] = (240.0, 40.0)  # px, where the camera looks straight
     radius: float = 240.0  # px
     length: float = 0.65  # m
@@ -124,17 +124,18 @@ FILMS = (
     Film("crf_30", "Strong compression, a patterned wall.", pattern=12.0, crf=30),
     Film("crf_38", "The strongest compression, a patterned wall.", pattern=12.0, crf=38),
     Film("shadow", "The bob's shadow on the wall swings with it.", shadow=0.45),
+    Film("touching", "A large bob's shadow, which touches it.", shadow=0.3, bob=52.0, pattern=6.0),
     Film("mirror", "A shiny table shows the bob upside down.", mirror=True, radius=190.0),
     Film("patterned", "A wall of strong pattern, darker and brighter than the bob.", pattern=30.0,
          colour=(128.0, 128.0, 128.0)),
     Film("colour", "A red bob as bright as the wall.", colour=(165.0, 100.0, 190.0), light=168.0,
          thread_colour=(160.0, 128.0, 128.0)),
     Film("clouds", "The daylight changes slowly by a third.", drift=0.33, pattern=12.0),
-    Film("hand", "A hand pulls the bob aside and lets go.", hand=2.5, seconds=13.0),
+    Film("hand", "A hand pulls the bob aside and lets go.", hand=2.0, seconds=9.0),
     Film("blur", "An exposure in which the bob moves by its diameter.", bob=16.0, exposure=0.033, amplitude=25.0,
          radius=250.0),
     Film("half_blur", "An exposure in which the bob moves by half its diameter, at 60 frames a second.", bob=24.0,
-         exposure=0.0155, amplitude=32.0, fps=60.0),
+         exposure=0.0155, amplitude=32.0, fps=60.0, seconds=5.0),
     Film("yaw", "A camera 15 degrees to the side.", yaw=15.0, amplitude=30.0),
     Film("pitch", "A camera 15 degrees above.", pitch=15.0, amplitude=30.0),
     Film("roll", "A camera turned by 6 degrees.", roll=6.0),
@@ -148,17 +149,17 @@ FILMS = (
     Film("bare_rod", "A rod as dark as its bob, which is hardly wider.", thread=12.0, thread_colour=DARK, bob=18.0),
     Film("flicker_30", "A lamp of 100 Hz, seen at 30 frames a second, row by row.", flicker=0.12, readout=0.008),
     Film("flicker_60", "A lamp of 100 Hz, seen at 60 frames a second, row by row.", flicker=0.12, fps=60.0,
-         readout=0.008),
+         seconds=5.0, readout=0.008),
     Film("stand", "A post of 30 px before the bob.", stand=30.0),
     Film("pivot_outside", "The pivot is 200 px above the picture.", pivot=(240.0, -200.0), radius=480.0, amplitude=16.0,
          length=1.2),
     Film("turned", "Filmed upright: the file's flag turns the picture by 90 degrees.", size=(360, 480), turned=90,
          pivot=(180.0, 50.0), radius=340.0, amplitude=20.0),
-    Film("slow_motion", "240 frames a second, in a file that states 30.", fps=240.0, stated=30.0, seconds=5.0,
-         exposure=0.002, options={"rate": 240.0}),
-    Film("behind", "Somebody walks by behind the pendulum.", walker="behind"),
-    Film("before", "Somebody walks by before the pendulum.", walker="before"),
-    Film("wide", "Swings of 75 degrees.", amplitude=75.0, radius=170.0, pivot=(240.0, 130.0), fps=60.0),
+    Film("slow_motion", "120 frames a second, in a file that states 30.", fps=120.0, stated=30.0, seconds=4.0,
+         exposure=0.002, options={"rate": 120.0}),
+    Film("behind", "Somebody walks by behind the pendulum.", walker="behind", seconds=8.0),
+    Film("before", "Somebody walks by before the pendulum.", walker="before", seconds=8.0),
+    Film("wide", "Swings of 75 degrees.", amplitude=75.0, radius=170.0, pivot=(240.0, 130.0), fps=60.0, seconds=5.0),
     Film("narrow", "Swings of 3 degrees, with the pivot given.", amplitude=3.0, radius=300.0, pivot=(240.0, 30.0),
          options={"pivot": (240.0, 30.0)}),
     Film("lens", "A wide-angle lens that draws the corners in by 12 %.", lens=0.12, amplitude=40.0, refusal="lens"),
@@ -439,7 +440,7 @@ def encode(path: Path, frames: Iterator[NDArray[np.uint8]], time: Array, film: F
     plain = path.with_suffix(".upright.mp4") if film.turned else path
     with av.open(str(plain), "w") as box:
         stream = box.add_stream("libx264", rate=Fraction(round(film.stated or film.fps)),
-                                options={"crf": str(film.crf), "preset": "veryfast"})
+                                options={"crf": str(film.crf), "preset": "superfast"})
         width, height = film.size if film.turned != 90 else film.size[::-1]
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.time_base = Fraction(1, 90000)

@@ -30,7 +30,8 @@ _ONE_SIGMA = {0.3: 0.3853, 0.1: 0.1257}  # quantiles of the size of normal error
 _VOTES = 7  # of 16 parts of the picture, which agree that the camera moved
 _SOME = 5000  # pixels that show the brightness of a picture
 _SPOTS = 24  # the largest spots of a frame
-_THICK, _SOLID = 3.0, 0.45  # half width from which a spot may have a shadow [pixels], and the share that is none
+_THICK = 3.0  # half width from which a spot may have a shadow [pixels]
+_SOLID, _WHOLE_DISC = 0.45, 0.75  # shares of its difference and of its width that its part without the shadow has
 _LEAST = 12  # spots of a path
 _LOST = 8  # frames for which a thing may be hidden on its path
 _LONG = 6.0  # half widths: the ends of longer spots, such as bare rods, are places of their own
@@ -137,7 +138,7 @@ def moved(sample: Sample) -> float:
     """
     cv = packages()[1]
     flat = [one.astype(np.float32) - cv.GaussianBlur(one.astype(np.float32), (0, 0), 6.0)
-            for one in sample.small[:: max(1, len(sample.small) // 20)]]
+            for one in sample.small[:: max(1, len(sample.small) // 12)]]
     found = [_shift(base, flat) for base in flat[len(flat) // 6 :: max(1, len(flat) // 3)][:3]]
     return float(np.median(found)) * sample.scale  # against three, as somebody may walk by in one
 
@@ -209,7 +210,7 @@ def spots_of(difference: NDArray[np.float32], level: NDArray[np.float32] | float
         if most > _THICK:
             solid = own & (size > _SOLID * float(size[own].max()))
             deep = _depth(solid)
-            if deep.max() > 0.5 * most:
+            if deep.max() > _WHOLE_DISC * most:
                 own, depth, most = solid, deep, float(deep.max())
         weight = np.where(depth >= 0.7 * most, depth, 0.0)
         total = float(weight.sum())
