@@ -329,9 +329,11 @@ def frequency(times: FloatArray, place: FloatArray) -> tuple[float, float]:
 
     grid = np.arange(least, most, 0.2 / span)
     best = float(grid[int(np.argmin(left(grid)))])
-    fine = np.linspace(max(best - 0.2 / span, least), best + 0.2 / span, 17)
-    rest = left(fine)
-    return math.tau * float(fine[int(np.argmin(rest))]), 1.0 - max(float(rest.min()), 0.0) / total
+    for size in (0.2 / span, 0.025 / span):
+        fine = np.linspace(max(best - size, least), best + size, 17)
+        rest = left(fine)
+        best = float(fine[int(np.argmin(rest))])
+    return math.tau * best, 1.0 - max(float(rest.min()), 0.0) / total
 
 
 def swings(sample: Sample) -> list[Swing]:

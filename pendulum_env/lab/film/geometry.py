@@ -84,15 +84,16 @@ def blurred(radius: Measurement, angle: FloatArray, streak: float) -> Measuremen
 
 
 def _columns(time: FloatArray, angle: FloatArray, omega: float) -> FloatArray:
-    """Return the columns of harmonics 1 to 3 with a changing first, as of :func:`basis`; of few readings, harmonic 1.
+    """Return the columns of harmonics 1 to 3 whose first changes as a square of time; of few readings, harmonic 1.
 
-    Wide swings have 7 harmonics, of which the third changes, and the first twice.
+    Wide swings have 7 harmonics, of which the third changes, too.
     """
     if len(time) <= 24:
         return basis(time, omega)
-    if len(time) <= 48 or np.ptp(angle) < _WIDE:
+    if len(time) <= 48:
         return basis(time, omega, 3)
-    return np.hstack([basis(time, omega, 7), time[:, None] * basis(time, omega, 3)[:, [3, 4, 7, 8]]])
+    table = basis(time, omega, 3 if np.ptp(angle) < _WIDE else 7)
+    return np.hstack([table, time[:, None] * table[:, [3, 4] if np.ptp(angle) < _WIDE else [3, 4, 7, 8]]])
 
 
 def _windows(time: FloatArray, angle: FloatArray, error: FloatArray, omega: float
@@ -227,7 +228,7 @@ def calibrated(error: FloatArray, rest: FloatArray) -> tuple[FloatArray, float]:
     left = np.abs(rest[np.isfinite(rest)])
     if len(left) < 12:
         return error, 1.0
-    factor = max(float(np.quantile(left, 0.95)) / 1.96, 0.5)
+    factor = max(float(np.quantile(left, 0.95)) / 1.96, 0.3)
     return error * factor, factor
 
 

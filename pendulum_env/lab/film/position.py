@@ -107,13 +107,15 @@ class Bob:
         return places
 
     def _middle(self) -> tuple[float, float]:
-        """Return the middle of the opacity in the bob's frame."""
+        """Return the middle of the opacity in the bob's frame, around the widest disc in it: without its rod."""
         h = np.arange(-self.half, self.half + 1)
-        weight = np.where(self.opacity > 0.3, self.opacity, 0.0)
+        depth = self.cv.distanceTransform((self.opacity > 0.5).astype(np.uint8), self.cv.DIST_L2, 5)
+        inner = np.where(depth >= 0.7 * depth.max(), depth, 0.0)
+        x, y = (float(inner.sum(axis=axis) @ h) / max(float(inner.sum()), 1e-9) for axis in (0, 1))
+        disc = np.hypot(h - x, h[:, None] - y) < float(depth.max()) + 1.5
+        weight = np.where(disc & (self.opacity > 0.3), self.opacity, 0.0)
         total = float(weight.sum())
-        if not total:
-            return 0.0, 0.0
-        return float(weight.sum(axis=0) @ h) / total, float(weight.sum(axis=1) @ h) / total
+        return (float(weight.sum(axis=0) @ h) / total, float(weight.sum(axis=1) @ h) / total) if total else (0.0, 0.0)
 
     def _average(self, pictures: list[Picture], gain: FloatArray, places: FloatArray, angles: FloatArray) -> None:
         """Learn opacity and light from pictures whose places are known."""
