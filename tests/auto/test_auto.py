@@ -7,7 +7,9 @@ import inspect
 import json
 import math
 import pickle
+import random
 import warnings
+from itertools import pairwise
 
 import gymnasium as gym
 import numpy as np
@@ -20,8 +22,9 @@ import integrators
 from pendulum_env import ENV_ID, SCENES, cli, rollout
 from pendulum_env.auto import choice as module
 from pendulum_env.auto import costs
+from pendulum_env.auto.calibrate import _limits as limits
 from pendulum_env.auto.choice import STEPS, AccuracyError, Choice, choose
-from pendulum_env.auto.probes import probes
+from pendulum_env.auto.probes import RANDOM, probes
 from pendulum_env.engine.each import Each
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.units import SceneError
@@ -162,6 +165,8 @@ def test_a_vector_keeps_it_in_all_its_environments_with_torques():
     assert vector.integrator.choice.steps == count
     corners = Each("lab", "scene", None, {"length": lengths}, 3).corners()
     assert [scene.body.length for scene in corners] == [0.3, 0.42]
+    inner = Each("lab", "scene", None, {"length": [0.35, 0.3, 0.42]}, 3).corners()
+    assert [scene.body.length for scene in inner] == [0.35, 0.3, 0.42]
     shares = torques("bang-bang", np.random.default_rng(3), count - 1)
     start = (0.4, -0.2)
     vector.reset(options={"angle": start[0], "velocity": start[1]})
@@ -177,6 +182,15 @@ def test_probes_are_plain_ones_and_random_ones_the_most_sensitive_first():
     growths = [probe.growth for probe in found.chosen]
     assert growths == sorted(growths, reverse=True)
     assert len(growths) > 1
+
+
+def test_a_held_torque_begins_at_once_and_changes_about_every_fortieth_step():
+    """Of 20 000 steps one in twenty draws a side anew, half of them the other: 500, within three times its root."""
+    source, torques = random.Random(5), [0.0]
+    for _ in range(20_000):
+        torques.append(RANDOM["held"](source, 0.0, torques[-1]))
+    assert set(torques[1:]) == {-1.0, 1.0}
+    assert sum(one != other for one, other in pairwise(torques[1:])) == pytest.approx(500, abs=67)
 
 
 # --- what is not promised -------------------------------------------------------------------------------------------
@@ -197,6 +211,16 @@ def test_chaos_has_a_horizon_and_keeps_the_accuracy_up_to_it():
     env.reset()
     angles = [env.step(np.zeros(1, dtype=np.float32))[4]["angle"] for _ in marks[1:]]
     assert max(abs(np.array(angles) - run.y[0, 1:])) <= 1e-6
+
+
+@pytest.mark.parametrize(("horizon", "share", "said"), [
+    (200.0, 0.0, []), (200.0, 0.5, ["In 50 % of the test episodes"]),
+    (80.0, 0.5, ["up to 80 s of an episode's 200 s"]),
+])
+def test_a_horizon_is_said_or_the_share_of_sensitive_episodes_but_not_both(horizon, share, said):
+    sentences = limits(SCENES["chaotic"], 1e-6, horizon, 200.0, 1e4, share)
+    assert [any(words in sentence for sentence in sentences) for words in said] == [True] * len(said)
+    assert len(sentences) == len(said)
 
 
 @pytest.mark.parametrize(("name", "said"), [("sticky_bearing", "dry friction"), ("windy", "in the same gusts")])

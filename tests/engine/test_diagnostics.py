@@ -40,7 +40,6 @@ from pendulum_env.physics.effects import (
     Wind,
     WireDrag,
 )
-from pendulum_env.physics.exact import flight
 from pendulum_env.physics.flow import keulegan_carpenter, quality_factor, regime_of_damping
 from pendulum_env.physics.medium import Medium, air, water
 
@@ -622,11 +621,3 @@ def test_a_run_says_where_a_slack_wire_would_catch_the_bob(share: float) -> None
 def test_other_runs_have_no_flight() -> None:
     whole = rollout(WIRE, angle=0.1, velocity=0.0, dt=1e-3, duration=0.1, backend="python")
     assert (whole.flight, whole.ending) == (None, "")
-    assert flight(1.0, 9.81, 0.3, 0.0) is None, "the wire is taut"
-    assert flight(1.0, 0.0, 3.0, 0.0) is None, "nothing pulls the bob"
-    with pytest.raises(SceneError, match="flight overflows"):
-        flight(1.0, 9.81, 0.3, 1e300)
-    dropped = flight(1.0, 9.81, 3.0, 0.0)
-    assert dropped is not None, "from rest near the top the bob falls through the circle"
-    assert dropped.angle == pytest.approx(math.asin(math.sin(3.0)))
-    assert dropped.time == pytest.approx(math.sqrt(2.0 * 2.0 * math.cos(dropped.angle) / 9.81))

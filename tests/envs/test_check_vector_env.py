@@ -338,6 +338,19 @@ def _fresh(kind: Any, num_envs: int) -> Any:
     return env
 
 
+class StepsForgottenInPickles(Right):
+    """Forgets the steps since its reset, but keeps the reset: pickled directly after it, it goes on as the original."""
+
+    stepped = False
+
+    def step(self, actions: Any) -> Any:
+        self.stepped = True
+        return super().step(actions)
+
+    def __reduce__(self) -> Any:
+        return (_fresh, (type(self), self.num_envs)) if self.stepped else super().__reduce__()
+
+
 class ClosedOnce(Right):
     def close(self, **given: Any) -> None:
         if self.closed:
@@ -421,6 +434,7 @@ BROKEN: dict[Any, tuple[tuple[str, str], str]] = {
     MaskIgnored: (("Disabled", "reset_mask"), "which it leaves out: wanted the observation"),
     MaskWithoutEffect: (("Disabled", "reset_mask"), "wanted first observations of new episodes, got those of the"),
     MaskOfInfosForAll: (("Disabled", "reset_mask"), "infos['_place']: wanted True at most in"),
+    StepsForgottenInPickles: (("contract", "pickling"), "a pickled copy goes on as the original: step 1 after"),
     ForgottenInPickles: (("contract", "pickling"), "a pickled copy goes on as the original: step 1 after pickling"),
     ClosedOnce: (("contract", "closing"), "wanted no error in the second close(), got RuntimeError: It is closed"),
     ModeIgnored: (("SameStep", "attributes"), "wanted AutoresetMode.SAME_STEP in metadata['autoreset_mode'], as given"),

@@ -15,6 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pendulum_env.physics import exact
+from pendulum_env.physics.units import SceneError
 
 PI = math.pi
 SEPARATRIX_SPEED = 2.0 * math.cos(0.5)
@@ -448,6 +449,17 @@ BAD: dict[str, Callable[[], Any]] = {
 def test_bad_arguments_are_refused(message: str) -> None:
     with pytest.raises(ValueError, match=f"^{message}"):
         BAD[message]()
+
+
+def test_a_bob_falls_off_a_slack_wire_until_it_is_taut_again() -> None:
+    assert exact.flight(1.0, 9.81, 0.3, 0.0) is None, "the wire is taut"
+    assert exact.flight(1.0, 0.0, 3.0, 0.0) is None, "nothing pulls the bob"
+    with pytest.raises(SceneError, match="flight overflows"):
+        exact.flight(1.0, 9.81, 0.3, 1e300)
+    dropped = exact.flight(1.0, 9.81, 3.0, 0.0)
+    assert dropped is not None, "from rest near the top the bob falls through the circle"
+    assert dropped.angle == pytest.approx(math.asin(math.sin(3.0)))
+    assert dropped.time == pytest.approx(math.sqrt(2.0 * 2.0 * math.cos(dropped.angle) / 9.81))
 
 
 def test_importing_exact_does_not_import_scipy() -> None:

@@ -16,6 +16,7 @@ from choice import turn_of
 from figure_texts import dashes_of, left_title
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
+from matplotlib.text import Text
 
 import integrators
 from pendulum_env import plots
@@ -24,10 +25,12 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics import exact
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.plots import series, style
-from pendulum_env.plots.titles import fitted
+from pendulum_env.plots.section import poincare
+from pendulum_env.plots.titles import fitted, page
 from pendulum_env.plots.titles import width as width_of
 from pendulum_env.render import METHOD_COLOURS
 from pendulum_env.study.compare import Truth
+from pendulum_env.study.section import section
 
 SHEET = ("forward_euler", "backward_euler", "symplectic_euler", "velocity_verlet", "rk4")
 NINE = (*SHEET, "symplectic_euler_position_first", "conformal_symplectic_euler", "midpoint", "heun")
@@ -438,3 +441,23 @@ def test_a_text_that_is_as_wide_as_its_room_stays_in_one_line(text):
     assert fitted(text, 9.0, room) == text
     assert fitted(f"{text} · four", 9.0, room) == f"{text}\nfour"
     assert "\n" in fitted(text, 9.0, room - 0.01)
+
+
+def test_a_page_has_the_title_and_the_note_that_it_was_given() -> None:
+    for title, note in (("Motion", "rk4"), ("Motion", ""), ("", "rk4"), ("", "")):
+        with page((4.0, 3.0), None, title, note) as drawing:
+            drawing.subplots()
+        found = [text.get_text() for text in drawing.findobj(Text) if text.axes is None and text.get_text()]
+        assert sorted(found) == sorted(filter(None, (title, note)))
+
+
+@pytest.mark.parametrize(("event", "across", "up"), [
+    ("period", "angle [rad]", "velocity [rad/s]"),
+    ("bottom", "phase of the drive [rad]", "velocity [rad/s]"),
+    ("turning", "phase of the drive [rad]", "angle [rad]"),
+])
+def test_a_section_names_what_its_points_are(event: str, across: str, up: str) -> None:
+    """Velocities at turning points are 0, and so are angles at the bottom: neither is drawn."""
+    points = section("chaotic", points=4, transient=0, steps=40, event=event, backend="python")
+    axes = poincare(points)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (across, up)
