@@ -24,8 +24,12 @@ which is up to an eighth of a film of 8 s."""
 EARLY = {"faint": 1e-3, "colour": 1e-3}
 """Largest shift of the time [s]; elsewhere that of a rolling shutter, or 0.3 ms. Compression leaves a part of a bob
 that hardly differs from the wall where it was a frame of 33 ms before."""
-KNOWN: dict[str, str] = {}
-"""Films at which the tracker falls short, with the reason; a film that no longer does must leave the table."""
+KNOWN: dict[tuple[str, int], str] = {
+    ("patterned", 0): "a bob of the wall's mean brightness: what the wall does to its places is smooth along the arc",
+    ("flicker_30", 0): "the slow beat of lamp and frames moves places smoothly, as harmonics do: errors claim three quarters",
+    ("narrow", 1): "near the ends of so short a way, the bob moves too little for a new picture to be told from the last",
+}
+"""Name and seed of films at which the tracker falls short, with the reason; one that no longer does must leave."""
 
 
 def faults(marks: Marks, film: Film, said: float) -> list[str]:
@@ -71,30 +75,30 @@ def shortcomings(film: Film, folder: Path) -> list[str]:
     return faults(marks, film, recording.radius.error / recording.radius.value if "pivot" not in film.options else 0.01)
 
 
-def judge(film: Film, folder: Path) -> None:
-    wrong = shortcomings(film, folder)
-    if film.name in KNOWN:
-        assert wrong, f"{film.name} is tracked well now: delete it from KNOWN"
-        pytest.xfail(f"{KNOWN[film.name]} ({'; '.join(wrong)})")
+def judge(name: str, seed: int, folder: Path) -> None:
+    wrong = shortcomings(other(NAMES[name], seed), folder)
+    if (name, seed) in KNOWN:
+        assert wrong, f"{name} is tracked well now: delete it from KNOWN"
+        pytest.xfail(f"{KNOWN[name, seed]} ({'; '.join(wrong)})")
     assert not wrong
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_a_drawn_film_is_tracked_within_its_claimed_errors(name: str, tmp_path: Path) -> None:
-    judge(NAMES[name], tmp_path)
+    judge(name, 0, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("film", [film for film in FILMS if film.name not in QUICK], ids=lambda film: film.name)
 def test_every_drawn_film_is_tracked_or_refused(film: Film, tmp_path: Path) -> None:
-    judge(film, tmp_path)
+    judge(film.name, 0, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("film", FILMS, ids=lambda film: film.name)
 def test_films_of_the_same_kinds_with_other_numbers(film: Film, tmp_path: Path) -> None:
     """The tracker was tuned on the films above; these have other amplitudes, places, noise, periods, damping."""
-    judge(other(film, 1), tmp_path)
+    judge(film.name, 1, tmp_path)
 
 
 @pytest.mark.slow
