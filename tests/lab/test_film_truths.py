@@ -26,8 +26,8 @@ EARLY = {"faint": 1e-3, "colour": 1e-3}
 that hardly differs from the wall where it was a frame of 33 ms before."""
 KNOWN: dict[tuple[str, int], str] = {
     ("patterned", 0): "a bob of the wall's mean brightness: what the wall does to its places is smooth along the arc",
-    ("flicker_30", 0): "the slow beat of lamp and frames moves places smoothly, as harmonics do: errors claim three quarters",
-    ("narrow", 1): "near the ends of so short a way, the bob moves too little for a new picture to be told from the last",
+    ("flicker_30", 0): "the beat of lamp and frames moves places smoothly, as harmonics do: errors claim 3/4 of them",
+    ("narrow", 1): "at the ends of so short a way, new pictures are like the last",
 }
 """Name and seed of films at which the tracker falls short, with the reason; one that no longer does must leave."""
 
