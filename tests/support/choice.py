@@ -111,23 +111,32 @@ def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     """Combinations that hold every pair of values and every method; in pairs, methods of one kind are one value.
 
     The first two axes are scenes and methods that fit them. Combinations of each method are chosen for the most pairs
-    that were not there before.
+    that were not there before; then those of one method in each scene, for pairs of other values that are still missing.
     """
+    fits = {scene: [method for method in axes[1] if (scene, method) in FITS] for scene in axes[0]}
     found: list[tuple[Any, ...]] = []
     seen: set[Any] = set()
     for method in axes[1]:
-        places = [scene for scene in axes[0] if (scene, method) in FITS]
+        places = [scene for scene in axes[0] if method in fits[scene]]
         rows = [(scene, method, *rest) for scene in places for rest in product(*axes[2:])]
-        held = [pairs_of(row) for row in rows]
-        wanted = {pair for own in held for pair in own if (1, kind(method)) in pair or method in pair}
-        ranks = [_rank(own, wanted, seen, i) for i, own in enumerate(held)]
-        heapify(ranks)
-        while wanted - seen:
-            best = ranks[0][-1]
-            rank = _rank(held[best], wanted, seen, best)
-            if rank == heapreplace(ranks, rank):  # ranks only fall, so it is still the first
-                seen |= held[best]
-                found.append(rows[best])
+        found += _covering(rows, seen, {(1, kind(method)), method})
+    rows = [(scene, method, *rest) for scene in axes[0] for method in fits[scene][:1] for rest in product(*axes[2:])]
+    return found + _covering(rows, seen)
+
+
+def _covering(rows: Sequence[tuple[Any, ...]], seen: set[Any], of: set[Any] | None = None) -> list[tuple[Any, ...]]:
+    """Return rows that hold every pair that the rows hold, or those with a value of some; their pairs become seen."""
+    held = [pairs_of(row) for row in rows]
+    wanted = {pair for own in held for pair in own if of is None or not of.isdisjoint(pair)}
+    ranks = [_rank(own, wanted, seen, i) for i, own in enumerate(held)]
+    heapify(ranks)
+    found = []
+    while wanted - seen:
+        best = ranks[0][-1]
+        rank = _rank(held[best], wanted, seen, best)
+        if rank == heapreplace(ranks, rank):  # ranks only fall, so it is still the first
+            seen |= held[best]
+            found.append(rows[best])
     return found
 
 
