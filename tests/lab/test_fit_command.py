@@ -194,6 +194,7 @@ def test_no_verdict_follows_a_fit_that_is_not_usable(
         assert words not in printed, words
 
 
+@pytest.mark.slow
 def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
     asked: list[dict[str, Any]], run_here: Here
 ) -> None:

@@ -246,7 +246,7 @@ def swinging(n: int = 1200, cycles: float = 40.0) -> tuple[Any, Any]:
     return np.stack([*wave, np.ones(n), wave[1] * phase, wave[0] * phase], axis=1), phase
 
 
-@pytest.mark.parametrize("cycles", [2.0, 6.0, 40.0])
+@pytest.mark.parametrize("cycles", [2.0, 6.0, pytest.param(40.0, marks=pytest.mark.slow)])
 def test_noise_alone_has_the_errors_of_least_squares(cycles: float) -> None:
     """Of 200 drawn fits, 95 % intervals hold the truth, 0, in 91 to 99 % (1.5 % is one standard deviation), and the
     pulls have an rms of 1 within 15 %."""

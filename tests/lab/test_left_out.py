@@ -88,6 +88,7 @@ def spoilt(seed: int, share: float = 0.03, run: int = 0, seconds: float = 20.0) 
     return Recording(time, seen, "spoilt")
 
 
+@pytest.mark.slow
 def test_a_robust_fit_is_that_of_scipy_with_soft_l1() -> None:
     """Compare with scipy's soft L1 loss, with the corner and model of the fit, and scipy's own solver."""
     recording = spoilt(1, run=12)

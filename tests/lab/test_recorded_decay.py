@@ -121,6 +121,7 @@ def test_the_length_with_an_honest_uncertainty() -> None:
     assert abs(against(filmed(), {"length": (0.65 + STEEL, 0.01)})["length"]) < 1.0
 
 
+@pytest.mark.slow
 def test_the_drag_is_ten_times_a_steel_balls() -> None:
     """C_d times the cross-section is 1.7e-3 m² with dry friction in the model, but 1.7e-4 m² for a steel ball. So the
     bob is not a steel ball, or the string and its holder had drag too; the recording cannot show which."""

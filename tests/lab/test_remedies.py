@@ -59,7 +59,7 @@ def check(found: Fit, name: str, size: float, errors: float = 3.0) -> None:
 # --- each fault is named with its size -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scale", [0.71, 1.06, 2.6])
+@pytest.mark.parametrize("scale", [1.06, *(pytest.param(scale, marks=pytest.mark.slow) for scale in (0.71, 2.6))])
 def test_a_wrong_scale_is_named(scale: float) -> None:
     found = fitted(TIME, scale * SWING)
     check(found, "scale", scale)
@@ -68,8 +68,9 @@ def test_a_wrong_scale_is_named(scale: float) -> None:
     assert (again.remedies, again.grade.word) == ((), "usable")
 
 
-@pytest.mark.parametrize(("scale", "option"), [(math.pi / 180.0, "--unit rad"), (0.5 / math.pi, "--scale 6.28319"),
-                                               (1.0 / 360.0, "--scale 360")])
+@pytest.mark.parametrize(("scale", "option"), [
+    (math.pi / 180.0, "--unit rad"), pytest.param(0.5 / math.pi, "--scale 6.28319", marks=pytest.mark.slow),
+    pytest.param(1.0 / 360.0, "--scale 360", marks=pytest.mark.slow)])
 def test_a_mistaken_unit_is_named(scale: float, option: str) -> None:
     found = fitted(TIME, scale * SWING, noise=scale * NOISE)
     check(found, "unit", scale)
@@ -77,6 +78,7 @@ def test_a_mistaken_unit_is_named(scale: float, option: str) -> None:
     assert found.comparison is None
 
 
+@pytest.mark.slow
 def test_angular_velocities_that_are_read_as_angles_are_named() -> None:
     found = fitted(TIME, motion(TIME, 37.0, rate=True) / 2.0, noise=0.3)
     assert found.remedies[0].name == "scale"  # of half the velocities, nothing else is known
@@ -109,7 +111,7 @@ def test_a_drift_of_the_zero_is_named(size: float) -> None:
     check(fitted(TIME, SWING + math.radians(size) * TIME / TIME[-1]), "drift", size)
 
 
-@pytest.mark.parametrize("stretch", [-0.004, 0.04])
+@pytest.mark.parametrize("stretch", [-0.004, pytest.param(0.04, marks=pytest.mark.slow)])
 def test_a_drift_of_the_period_is_named(stretch: float) -> None:
     """The period is proportional to the square root of the length; its change is relative to its mean."""
     last = math.sqrt(1.0 + stretch)
@@ -156,6 +158,7 @@ def test_a_second_swing_that_stays_is_named() -> None:
     assert found.remedies[0].option == ""
 
 
+@pytest.mark.slow
 def test_rates_are_tried_only_if_a_scale_explains_some_of_the_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A second swing does not look like a wrong scale; rates that are taken for angles do."""
     tried = []
@@ -194,6 +197,7 @@ def test_a_damping_that_is_missing_is_named(one: str) -> None:
 # --- two faults, and none --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_faults_are_named_one_after_the_other() -> None:
     seen = SWING + math.radians(0.9) * TIME / TIME[-1]
     seen[700] -= math.radians(12.0)
@@ -215,6 +219,7 @@ def test_faults_that_the_recording_does_not_tell_apart_are_both_named() -> None:
     assert found.grade.remedies[1].endswith("; the recording does not tell which.")
 
 
+@pytest.mark.slow
 def test_a_fault_says_nothing_about_damping() -> None:
     found = fitted(TIME, 1.5 * SWING, effects=["linear", "quadratic"])
     assert found.comparison is not None
@@ -272,7 +277,7 @@ def test_a_robust_fit_subtracts_the_jump_that_is_there() -> None:
     assert abs(found.parameters["zero"].value) < 4.0 * found.parameters["zero"].error
 
 
-@pytest.mark.parametrize("seed", [1004, 1009])
+@pytest.mark.parametrize("seed", [1004, pytest.param(1009, marks=pytest.mark.slow)])
 def test_steps_in_noise_that_wanders_are_not_subtracted(seed: int) -> None:
     """Noise of the correlation 0.9 between neighbours is fitted better with steps, which leave most of it."""
     time, source = np.arange(0.0, 30.0, 0.02), np.random.default_rng(seed).standard_normal(1550)
