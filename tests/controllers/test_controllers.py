@@ -312,7 +312,7 @@ def test_the_cost_is_what_is_paid() -> None:
 
 
 @pytest.mark.parametrize(("name", "lag"), [
-    ("lab", 0.0), ("moon", 0.0), pytest.param("lab", 0.1, marks=pytest.mark.slow)])
+    ("lab", 0.0), *(pytest.param(*more, marks=pytest.mark.slow) for more in (("moon", 0.0), ("lab", 0.1)))])
 def test_within_its_level_each_regulator_comes_nearer_in_every_step(name: str, lag: float) -> None:
     """The cost falls in every step, from starts between those tried in the design, by dop853 in the scene."""
     scene = SCENES[name].replace(lag=lag) if lag else SCENES[name]

@@ -85,6 +85,7 @@ def test_van_der_pol_at_5() -> None:
         assert ours.evaluations < 1.2 * peer.nfev  # dense output in every step, where SciPy leaves out some
 
 
+@pytest.mark.slow
 def test_a_driven_pendulum_with_a_pulse_after_100_s() -> None:
     """Damped, driven at rest only by a pulse of 0.1 s; without max_step both programs miss it."""
     def slope(t: float, y: Any) -> Any:

@@ -407,6 +407,7 @@ def test_real_recordings_can_be_compared_with(recordings):
 # --- files ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_files_carry_the_data_and_where_they_come_from(exercise, tmp_path):
     from PIL import Image
 
@@ -488,6 +489,7 @@ def test_a_run_that_is_over_at_once_has_no_reference_solution():
     assert "rk4: The wire goes slack at 0 s" in found.text
 
 
+@pytest.mark.slow
 def test_a_ring_is_not_called_a_spiral():
     """In 5 s the amplitude falls by 10 % with gamma = 0.04/s, and to a third with 0.48/s."""
     short, long = (portrait(compare("exercise_large", "rk4", dt=0.04, duration=5.0, gamma=gamma))
@@ -515,6 +517,7 @@ def test_the_text_of_a_start_at_rest_has_no_reynolds_number():
     assert "Reynolds" not in compare(SCENES["exercise_large"].replace(viscosity=0.0), "rk4", duration=0.1).text
 
 
+@pytest.mark.slow
 def test_the_film_shows_all_runs_at_true_speed(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", lambda panels, **_: seen.append(panels))

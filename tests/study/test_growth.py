@@ -372,6 +372,7 @@ def test_the_figure_has_every_method_and_a_colour_for_each_law(few):
     assert error_growth(few, "energy").get_xscale() == "log"
 
 
+@pytest.mark.slow
 def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, run_here):
     """Run `cost --growth`, and check what it writes and prints after the first study."""
     asked = {}
