@@ -43,7 +43,7 @@ def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_compare_does_the_exercise(tmp_path: Path, run_here: Here) -> None:
     code, printed, said = run_here(
         "compare", "--scene", "exercise", "--damping", "none", "--integrators", "forward_euler,symplectic_euler",
-        "--dt", "0.01", "--duration", "0.5", "--out", "results")
+        "--dt", "0.01", "--duration", "0.1", "--out", "results")
     assert code == 0, said
     assert "forward_euler" in printed
     written = {path.name for path in (tmp_path / "results").iterdir()}
@@ -70,6 +70,7 @@ def test_compare_takes_a_scene_file_and_numbers_of_damping(
     assert not (tmp_path / "x" / "comparison.mp4").exists()
 
 
+@pytest.mark.slow
 def test_compare_lays_a_recording_over_the_curves(
     tmp_path: Path, run_here: Here, recordings: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,6 +83,7 @@ def test_compare_lays_a_recording_over_the_curves(
     assert (tmp_path / "x" / "angle.png").exists()
 
 
+@pytest.mark.slow
 def test_cost_effects_record_and_list(tmp_path: Path, run_here: Here) -> None:
     code, printed, said = run_here("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration",
                                    "2", "--repeats", "1", "--growth", "2", "--out", "c")
@@ -232,6 +234,7 @@ def test_what_no_check_foresaw_ends_with_one_sentence(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
 def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
     film = tmp_path / "film.mp4"
@@ -392,8 +395,9 @@ def test_the_version_has_a_digest_of_the_sources(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
 @pytest.mark.parametrize(("typed", "shown"), [
-    ("lab-pendulum se", "section"), ("lab-pendulum code --scene exercise_l", "exercise_large"),
-    ("lab-pendulum cost -i rk4,dop8", "rk4,dop853"), ("lab-pendulum web --o", "--out")])
+    ("lab-pendulum cost -i rk4,dop8", "rk4,dop853"), *(pytest.param(*more, marks=pytest.mark.slow) for more in (
+        ("lab-pendulum se", "section"), ("lab-pendulum code --scene exercise_l", "exercise_large"),
+        ("lab-pendulum web --o", "--out")))])
 def test_a_shell_completes_commands_options_scenes_and_methods(typed: str, shown: str) -> None:
     words = typed.split()
     environment = {"_LAB_PENDULUM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(words) - 1)}
@@ -410,7 +414,8 @@ def test_the_completion_of_a_shell_is_printed() -> None:
 
 
 @pytest.mark.parametrize("words", [
-    "measure", "compare --duration 0.2 -i rk4 --no-film", "record --duration 0.1 --size 64", "code", "list",
+    "measure", pytest.param("compare --duration 0.2 -i rk4 --no-film", marks=pytest.mark.slow),
+    "record --duration 0.1 --size 64", "code", "list",
     "web --scene vacuum -i rk4"])
 def test_success_is_silent_on_stderr(words: str, run_here: Here) -> None:
     code, printed, told = run_here(*words.split())

@@ -260,7 +260,7 @@ VALUES = st.recursive(st.one_of(SCALARS, ARRAYS), lambda inner: st.one_of(
 
 
 @given(VALUES)
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_nested_values_come_back_bit_by_bit(tmp_path_factory: pytest.TempPathFactory, value: Any) -> None:
     path = tmp_path_factory.getbasetemp() / "nested.zip"
     Transfer(value, np.zeros(2), ()).save(path)

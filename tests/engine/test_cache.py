@@ -86,6 +86,7 @@ print(numba.njit(lambda numbers: numpy.sort(numbers).mean())(numpy.arange(3.0)))
 """
 
 
+@pytest.mark.slow
 def test_a_warm_start_loads_no_compiler(tmp_path: Path) -> None:
     """And what a user compiles afterwards finds all of numba's implementations."""
     said = [subprocess.run([sys.executable, "-c", COMPILER], env={**os.environ, "LAB_PENDULUM_CACHE": str(tmp_path)},
@@ -312,7 +313,8 @@ def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, st
 
 
 @posix
-@pytest.mark.parametrize("mode", [0o777, 0o775, 0o722, 0o702, 0o1777])
+@pytest.mark.parametrize("mode", [
+    0o777, *(pytest.param(mode, marks=pytest.mark.slow) for mode in (0o775, 0o722, 0o702, 0o1777))])
 def test_a_folder_that_others_can_write_to_is_not_used(
     mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:

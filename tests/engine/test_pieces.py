@@ -317,7 +317,7 @@ def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
-        time.sleep(1.0)
+        time.sleep(0.3)
         assert process.poll() is None
         sent = time.perf_counter()
         process.send_signal(signal.SIGINT)

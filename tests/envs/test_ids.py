@@ -149,8 +149,8 @@ def test_our_checker_passes(name: str) -> None:
     assert not report.failed
 
 
-@pytest.mark.parametrize("name", [
-    name if name == "LabPendulum-v0" else pytest.param(name, marks=pytest.mark.slow) for name in TRUE])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TRUE)
 @INFINITE
 def test_episodes_are_filmed(name: str, tmp_path: Path) -> None:
     options = {**QUICK, "render_mode": "rgb_array", "render_size": 60, "max_episode_steps": 4}

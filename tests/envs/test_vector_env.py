@@ -544,8 +544,9 @@ def test_bad_actions_change_nothing(case: str) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("options", [{}, {"num_threads": 2, "copy": False}, {"diagnostics": ("energy", "error")},
-                                     {"substeps": 100}, {"substeps": 3000}])
+@pytest.mark.parametrize("options", [
+    {}, {"substeps": 3000}, *(pytest.param(more, marks=pytest.mark.slow) for more in (
+        {"num_threads": 2, "copy": False}, {"diagnostics": ("energy", "error")}, {"substeps": 100}))])
 def test_a_compiled_program_refuses_actions_that_are_not_finite(value: float, options: dict[str, Any]) -> None:
     """The first action and the last are looked at, in the last of three blocks, and no environment moves."""
     env, other = (vector(600, **{"integrator": "symplectic_euler", "num_threads": 1, **options}) for _ in range(2))

@@ -209,6 +209,7 @@ def test_an_own_step_runs_beside_the_three_methods() -> None:
     assert [row.quantity for row in values(worked)].count("largest energy over its start, own_step") == 2
 
 
+@pytest.mark.slow
 def test_an_own_step_is_named_by_what_it_does() -> None:
     worked = work_out(Given.of(), step="theta, omega = theta + dt*omega, omega + dt*acceleration(theta, omega)")
     assert "Your step gives the same numbers as the method <code>forward_euler</code>" in rendered(worked, False)

@@ -210,7 +210,7 @@ def test_a_gif_shows_a_change_of_one_pixel_at_any_place(tmp_path, y, x):
     assert parts[1][0][y, x].tolist() == [255, 255, 255]
 
 
-@pytest.mark.parametrize("ending", [".mp4", ".gif"])
+@pytest.mark.parametrize("ending", [".mp4", pytest.param(".gif", marks=pytest.mark.slow)])
 def test_a_film_in_the_making_holds_few_frames(tmp_path, ending):
     alive = []
 
@@ -371,7 +371,7 @@ def test_between_states_nothing_overshoots_and_all_is_finite():
 
 
 @pytest.mark.usefixtures("interpreted")
-@pytest.mark.parametrize(("theme", "dt"), [("dark", 0.02), ("light", 0.5)])
+@pytest.mark.parametrize(("theme", "dt"), [pytest.param("dark", 0.02, marks=pytest.mark.slow), ("light", 0.5)])
 def test_a_films_frames_are_the_environments(tmp_path, monkeypatch, theme, dt):
     """At control steps, frames of a film and of an environment are equal in every pixel, also after more than 10 s."""
     taken = []
@@ -454,6 +454,7 @@ def test_what_cannot_be_filmed_is_refused_before_anything_runs(tmp_path, monkeyp
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("interpreted")
 def test_the_command_films_scenes_and_methods_side_by_side(tmp_path):
     words = ["record", "--scene", "exercise_large,vacuum", "-i", "forward_euler", "--integrators", "rk4",

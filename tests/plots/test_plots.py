@@ -119,7 +119,8 @@ def test_a_method_has_one_colour_whatever_else_is_drawn():
         assert {name: seen[name] for name in drawn} == {name: tones[name] for name in drawn}
 
 
-@pytest.mark.parametrize("draw", [DRAWN[0], *(pytest.param(draw, marks=pytest.mark.slow) for draw in DRAWN[1:])])
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", DRAWN)
 def test_methods_of_one_colour_have_dashes_or_marks_of_their_own_whatever_else_is_drawn(draw):
     """A method that is alone is solid; beside another method, it looks as it does among all."""
     def marked(drawn):
@@ -360,6 +361,7 @@ def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(tmp_path):
     assert done.stdout.split() == ["True", "False", "False"]
 
 
+@pytest.mark.slow
 def test_a_style_of_the_users_leaves_figures_as_they_are(sheet, tmp_path):
     def pictures(name):
         drawn = plots.angle({"rk4": sheet["rk4"]}).figure

@@ -160,6 +160,7 @@ def false_claims(entries: Mapping[str, tuple[Any, type | None]]) -> dict[str, se
     return found
 
 
+@pytest.mark.slow
 def test_errors_that_are_named_can_be_raised() -> None:
     assert false_claims(ENTRIES) == {}
 

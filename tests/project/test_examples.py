@@ -25,7 +25,9 @@ def test_examples_are_short_and_check_themselves() -> None:
     assert [name for name, source in sources.items() if "assert " not in source or source.count("\n") >= 65] == []
 
 
-@pytest.mark.parametrize("path", [path for path in ALONE if path.stem not in MANY], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [
+    pytest.param(path, marks=pytest.mark.slow if path.stem == "04_record_a_video" else ()) for path in ALONE
+    if path.stem not in MANY], ids=lambda path: path.stem)
 @pytest.mark.usefixtures("interpreted")
 def test_example_interpreted(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -170,7 +170,7 @@ def test_a_ball_covers_its_area(radius: float) -> None:
 
 def test_nothing_outside_an_image_is_painted() -> None:
     """Compiled loops do not check indices: the image is a part of a larger one here."""
-    for seed in range(300):
+    for seed in range(100):
         around = np.full((HIGH + 40, WIDE + 40, 3), 7, np.uint8)
         inside = around[20:-20, 20:-20]
         inside[...] = paper(seed)
