@@ -1,10 +1,10 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
-Quick tests take the plain methods in every case; of the others, about one in twenty-four in each test that needs no scene,
-so that each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the cases;
-in scenes that are not FAMILIAR only rk4. Choices follow from names, so that a new entry changes no other entry's.
-Where whole combinations are many, tests take enough of them to hold pairs of values, in which methods of one kind count
-as one; ``LAB_PENDULUM_GRID=full`` takes each method for a kind of its own.
+Quick tests take the plain methods in every case; of the others, one in twenty-four or so in each test that needs no
+scene, so that each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the
+cases; in scenes that are not FAMILIAR only rk4. Choices follow from names, so that a new entry changes no other
+entry's. Where whole combinations are many, tests take enough of them to hold pairs of values, in which methods of one
+kind count as one; ``LAB_PENDULUM_GRID=full`` takes each method for a kind of its own.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     """Combinations that hold every pair of values and every method; in pairs, methods of one kind are one value.
 
     The first two axes are scenes and methods that fit them. Combinations of each method are chosen for the most pairs
-    that were not there before; then those of one method in each scene, for pairs of other values that are still missing.
+    that were not there before; then those of one method in each scene, for pairs of other values that still lack.
     """
     fits = {scene: [method for method in axes[1] if (scene, method) in FITS] for scene in axes[0]}
     found: list[tuple[Any, ...]] = []
