@@ -314,6 +314,7 @@ def lines() -> list[str]:
     return ["Time (ms),Angle (deg)\n", *(f"{1e3 * t:.1f},{a:.4f}\n" for t, a in zip(SWUNG, angles, strict=True))]
 
 
+@pytest.mark.slow
 def test_the_virtual_sensors_run_fits_its_scene(bench_clock: BenchClock, tmp_path: Path) -> None:
     scene = true_scene()
     recording = acquire("virtual", 40.0, scene=scene, angle=0.6, out=tmp_path / "swing.csv")

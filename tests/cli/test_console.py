@@ -165,6 +165,7 @@ def test_every_command_has_a_short_run_and_every_encoding_a_command() -> None:
     assert {chosen(ENCODINGS, name) for name in SHORT} == set(ENCODINGS)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
 @pytest.mark.parametrize("closed", [">&-", pytest.param("<&- >&- 2>&-", marks=pytest.mark.slow)])
 def test_closed_streams_are_no_error(closed: str, tmp_path: Path) -> None:

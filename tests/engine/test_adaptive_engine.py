@@ -272,6 +272,7 @@ def test_batches_with_other_options(change: dict[str, Any]) -> None:
     check_alone(case, angle=AMPLITUDES)
 
 
+@pytest.mark.slow
 def test_threads_blocks_and_files_do_not_touch_a_bit(tmp_path: Path) -> None:
     angles = np.random.default_rng(1).permutation(np.linspace(0.02, 3.12, 700))
     case = {**LAB, "integrator": "dopri5", "rtol": 1e-5, "backend": "compiled", "duration": 0.9}

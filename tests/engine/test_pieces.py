@@ -305,10 +305,9 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGINT cannot be sent to one process")
-@pytest.mark.parametrize("job", [
-    job if job == "run" else pytest.param(job, marks=pytest.mark.slow) for job in JOBS
-])
+@pytest.mark.parametrize("job", JOBS)
 def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     file = tmp_path / "runs.npy"

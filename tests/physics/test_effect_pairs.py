@@ -126,6 +126,7 @@ def test_every_pair_of_effects(method, gravity, suspension):
 HELD = ("rk4", "velocity_verlet", "backward_euler")
 
 
+@pytest.mark.slow
 def test_a_stuck_bob_stays_stuck_bit_for_bit():
     """A bob held by dry friction does not creep, and makes no heat and no work, beside any other effect.
 

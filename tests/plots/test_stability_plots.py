@@ -94,6 +94,7 @@ def test_curves_of_oscillation_are_the_analysis_and_end_at_the_limit() -> None:
     assert not overlaps(made)
 
 
+@pytest.mark.slow
 def test_the_exact_method_has_one_map() -> None:
     """The map of the exact motion is its own, and no second one."""
     drawn = figures.damped([METHODS["rk4"], METHODS["exact"]])
@@ -117,6 +118,7 @@ def test_maps_are_the_growth_and_mark_where_it_is_unstable() -> None:
     assert not overlaps(made)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, *(pytest.param(count, marks=pytest.mark.slow) for count in (2, 12, 23))])
 def test_any_number_of_methods(count: int) -> None:
     names = [METHODS[name] for name in stored("methods")]

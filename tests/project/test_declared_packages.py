@@ -45,6 +45,7 @@ def test_every_imported_package_is_declared_and_every_declared_one_is_used() -> 
     assert packages == DECLARED - {"moviepy"}  # imported by Gymnasium's RecordVideo, which films episodes
 
 
+@pytest.mark.slow
 def test_functions_that_are_chosen_by_type_name_one_type_each() -> None:
     """Python 3.10, the oldest that is declared, cannot import a module in which ``register`` reads ``a | b``."""
     found = []

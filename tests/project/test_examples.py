@@ -63,6 +63,7 @@ def check(path: Path, printed: str, folder: Path) -> None:
         assert drawn == {"angle.png", "velocity.png", "phase.png", "energy.png", "energy_residual.png"}
 
 
+@pytest.mark.slow
 def test_what_is_missing_for_training_is_said_in_one_sentence(tmp_path: Path) -> None:
     path = next(path for path in EXAMPLES if path.stem in FOREIGN)
     (tmp_path / "torch.py").write_text("raise ModuleNotFoundError('No module named torch', name='torch')")

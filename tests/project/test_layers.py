@@ -209,6 +209,7 @@ def private(name: str) -> bool:
     return name.startswith("_") and not name.startswith("__") and not name.endswith("_") and name not in OF_TUPLES
 
 
+@pytest.mark.slow
 def test_nothing_reaches_for_another_modules_underscore() -> None:
     used = {(module, name) for module in modules() for name in private_uses(tree_of(module))}
     assert used - OTHERS_PRIVATE.keys() == set()

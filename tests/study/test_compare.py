@@ -395,6 +395,7 @@ def test_a_turning_point_at_a_reading_is_there_once():
     assert found.angle[0] == pytest.approx(-0.4, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_real_recordings_can_be_compared_with(recordings):
     for name, length, first in (("video_decay_65cm.txt", 0.65, -39.0), ("encoder_short_rod_45deg.txt", 0.09, -64.0)):
         recording = Recording.read(recordings / name)

@@ -401,6 +401,7 @@ def test_an_interrupted_study_keeps_what_it_has(tmp_path):
     assert "# Complete: false" in write(found, tmp_path)[-1].read_text()
 
 
+@pytest.mark.slow
 def test_a_study_interrupted_at_once_can_still_be_written(tmp_path):
     def impatient(fraction: float, what: str) -> None:
         raise KeyboardInterrupt

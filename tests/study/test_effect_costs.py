@@ -24,6 +24,7 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> Any:
     sys.modules.pop("effects"), sys.modules.pop("machine")
 
 
+@pytest.mark.slow
 def test_it_runs(benchmark: Any) -> None:
     """Time a step or two, interpreted: the table has a number where the method fits the effect, and none elsewhere."""
     rows = benchmark.pairs()

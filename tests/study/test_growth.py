@@ -290,6 +290,7 @@ def test_one_step_for_all():
     assert [line.evaluations * 0.05 / found.period for line in found.lines] == pytest.approx([4.0, 2.0])
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_keeps_what_it_has(tmp_path):
     told: list[float] = []
 
