@@ -278,6 +278,7 @@ def test_in_wind_each_way_needs_a_speed_of_its_own() -> None:
         assert direction * controller(seen_at(0.5, 1.01 * speed))[0] < -0.01
 
 
+@pytest.mark.slow
 def test_what_a_lagging_motor_still_gives_is_reckoned_with() -> None:
     controller = made(LAB.replace(lag=0.1))
     needed = float(np.interp(0.5, controller.model.angles, controller.model.rising))

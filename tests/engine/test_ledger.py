@@ -161,6 +161,7 @@ def test_the_ledger_adds_up() -> None:
     assert Ledger(1000.0, 0.0, 0.0, 0.0, 1.0).absurd(1.0)
 
 
+@pytest.mark.slow
 def test_strong_quadratic_drag_costs_rk4_an_order() -> None:
     """Check that rk4 has order 3 with strong quadratic drag, whose second derivative jumps at v = 0."""
     scene = with_damping(SCENES["vacuum"], {"quadratic": {"c": 1.0}})

@@ -227,6 +227,7 @@ def test_functions_of_math_and_numpy_are_known(formula: str, load: Loader) -> No
     np.testing.assert_allclose(found, [ELEMENTARY[formula](one) for one in x.tolist()], rtol=4e-16)
 
 
+@pytest.mark.slow
 def test_functions_of_math_and_numpy_have_the_same_bits_compiled(load: Loader) -> None:
     own = load("import math, math as m, numpy as np\nfrom math import sqrt\ndef own(x): return "
                f"{' + '.join(f'({formula})' for formula in ELEMENTARY)}\n").own

@@ -193,6 +193,7 @@ def test_a_clipped_motion_has_no_reference() -> None:
         reference(SCENES["gymnasium"], 3.0, 6.0, [1.0])
 
 
+@pytest.mark.slow
 def test_the_controller_swings_pendulum_v1_up() -> None:
     """Check that it earns as much as good agents in Pendulum-v1: above -400 in every episode."""
     vector = gym.make_vec(TWIN, num_envs=20, diagnostics=())

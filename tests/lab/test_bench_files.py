@@ -152,6 +152,7 @@ def test_the_distance_of_an_accelerometer_is_known(tmp_path: Path) -> None:
         Recording.read(written("rotary sensor", tmp_path)[0], sensor=0.3)
 
 
+@pytest.mark.slow
 def test_axes_without_a_name_are_read_by_choice(tmp_path: Path) -> None:
     path, truth = written("nameless axes", tmp_path)
     found = fit(Recording.read(path, columns="time=2,rate=4"), "linear", mass=1.0).parameters

@@ -163,6 +163,7 @@ def test_the_shared_photogate_that_starts_blocked_gives_its_period() -> None:
         measure_gate(FAULTS / "period_against_length.csv")
 
 
+@pytest.mark.slow
 @real
 def test_the_shared_bench_without_viscous_friction_has_a_scene() -> None:
     found = fit_driven(DrivenLog.read(FAULTS / "driven_without_viscous_friction.csv"), inertia=0.18)
@@ -253,6 +254,7 @@ def test_a_gate_is_read_whichever_state_is_first(amplitude: float, first: int, w
     assert abs(sheet.small_period.value - period(swing)) < 4.0 * sheet.small_period.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("header", [
     "Counter,Time (s),GateState", *(pytest.param(one, marks=pytest.mark.slow) for one in ("Time (s),Gate State", ""))])
 def test_readings_of_a_gate_may_begin_blocked(header: str, tmp_path: Path) -> None:
@@ -640,6 +642,7 @@ def test_benches_without_viscous_friction_have_files(
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"scene.json", "bench.json", "parameters.csv"}
 
 
+@pytest.mark.slow
 def test_a_bench_without_viscous_friction_is_at_its_bound() -> None:
     truth = drawn(2, "torque", viscous=0.0)
     log = recorded(truth, 2, "torque")

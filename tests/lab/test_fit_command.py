@@ -275,6 +275,7 @@ def motion(comparison: Any) -> tuple[Any, Any]:
     return run.time, run.angle
 
 
+@pytest.mark.slow
 def test_another_scene_starts_where_the_recording_turns() -> None:
     scene = TRUE.replace(run={"angle": START, "velocity": 0.0, "duration": 4.0})
     other = compare(scene, "rk4", recording=virtual())
@@ -352,6 +353,7 @@ def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     assert np.abs(readings[:, 1]).max() == pytest.approx(2.0 * math.sqrt(98.1) * math.sin(START / 2.0), rel=0.06)
 
 
+@pytest.mark.slow
 def test_no_two_models_have_the_same_line(found: Fit) -> None:
     """Colours begin again with the sixth model after the best one; then dash patterns differ."""
     drawn = figure.recorded(replace(found, comparison=FitComparison.of((found,) * 12)))

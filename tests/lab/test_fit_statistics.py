@@ -173,6 +173,7 @@ def test_the_error_of_a_reading_is_that_of_the_noise_alone() -> None:
     assert math.isnan(statistics.reading_error(time[:4], misfit[:4]))
 
 
+@pytest.mark.slow
 def test_p_of_noise_is_uniform() -> None:
     """For 2000 fits of a mean to 300 independent readings, the share of p below a limit is right within three standard
     errors."""

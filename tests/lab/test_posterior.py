@@ -174,6 +174,7 @@ def test_a_normal_prior_counts_as_another_reading() -> None:
     assert own.error == pytest.approx(error / math.sqrt(5.0), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_range_that_excludes_the_fit_holds_for_all_walkers() -> None:
     value = float(harmonic().values[0])
     found = harmonic().posterior(steps=400, priors={"angle": (value + 0.002, value + 0.004)})

@@ -389,6 +389,7 @@ def test_saved_figures_carry_their_facts(sheet, tmp_path):
     assert plots.save(figure, drawing, facts).read_bytes() == first
 
 
+@pytest.mark.slow
 def test_a_figure_is_laid_out_once_and_drawn_once_for_each_file(sheet, tmp_path, monkeypatch):
     """The PNG is that of Matplotlib, which lays out for every file; the figure keeps its layout and its resolution."""
     figure = plots.angle(sheet).figure

@@ -69,6 +69,7 @@ def test_text_is_folded(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed.endswith("\n\nshort\n")
 
 
+@pytest.mark.slow
 def test_cost_of_a_scene_that_is_driven_from_rest() -> None:
     found = cost("driven", ["rk4"], duration=1.0, repeats=1, backend="python")
     assert found.points[-1].angle_error < 1e-6
