@@ -343,7 +343,8 @@ def test_help_in_three_ways(run_here: Here) -> None:
     assert all(name in whole[1] for name in (*cli.COMMANDS, "--install-completion", "--debug"))
 
 
-@pytest.mark.parametrize(("words", "own"), [("--help", 0), ("--version", 0), ("list", 1)])
+@pytest.mark.parametrize(("words", "own"), [
+    ("list", 1), *(pytest.param(words, 0, marks=pytest.mark.slow) for words in ("--help", "--version"))])
 def test_a_short_answer_waits_for_no_import(words: str, own: int) -> None:
     """Beyond what Gymnasium and typer import, help imports no command, and a list nothing that computes or draws."""
     done = subprocess.run([sys.executable, "-c", f"""
@@ -487,7 +488,8 @@ def numbers(cells: Iterable[Any]) -> list[Any]:
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("name", JSON)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=pytest.mark.slow if name == "section --basins 5" else ()) for name in JSON])
 def test_json_is_all_that_is_printed_and_has_the_numbers_of_the_files(
     name: str, tmp_path: Path, run_here: Here
 ) -> None:

@@ -429,7 +429,7 @@ def test_wrappers_that_rescale_are_refused(wrapped: Any, kind: str) -> None:
         swing_up(wrapped(gym.make("LabPendulum-v0", backend="python")))
 
 
-@pytest.mark.parametrize("bound", [20.0, np.inf])
+@pytest.mark.parametrize("bound", [20.0, pytest.param(np.inf, marks=pytest.mark.slow)])
 def test_a_bound_of_the_velocity_is_no_wrapper(bound: float) -> None:
     """Check that the controller takes environments with their own bound, and still refuses rescaled ones."""
     options = {"velocity_bound": bound, "backend": "python"}

@@ -108,7 +108,8 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 
 
 @pytest.mark.parametrize("pattern", ["kernel_*.py", "kernel_*.nbc"])
-@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("damage", [
+    pytest.param(one, marks=() if one in ("one bit", "one byte short") else pytest.mark.slow) for one in DAMAGE])
 def test_a_damaged_file_is_made_anew(damage: str, pattern: str, warm: Path, start: Start) -> None:
     path = only(warm, pattern)
     whole = path.read_bytes()
@@ -146,7 +147,8 @@ OTHERS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 
 
 @pytest.mark.filterwarnings("ignore:A program's arithmetic could not be written")  # that of whole numbers
-@pytest.mark.parametrize("other", [*OTHERS, "program", "signature"])
+@pytest.mark.parametrize("other", ["package", *(
+    pytest.param(other, marks=pytest.mark.slow) for other in (*OTHERS, "program", "signature") if other != "package")])
 def test_machine_code_of_something_else_is_not_taken(other: str, warm: Path, start: Start) -> None:
     """Each file is whole, but of another version, processor, program or signature, and copied over the right one."""
     path = only(warm, "kernel_*.nbc")

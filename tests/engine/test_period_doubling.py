@@ -63,6 +63,7 @@ def test_the_first_doubling_is_near_1_066() -> None:
     assert 0.5 * (low + high) == pytest.approx(1.066, abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [0.9, 1.07, 1.15, 1.5])
 def test_the_lyapunov_exponents_sum_to_minus_one_over_q(strength: float) -> None:
     """Check that the Lyapunov exponents sum to -1/q: the flow shrinks areas by exp(-t/q)."""

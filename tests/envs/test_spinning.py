@@ -98,8 +98,9 @@ def test_copies_and_pickles_start_threads_of_their_own() -> None:
     assert members() == 3
 
 
-@pytest.mark.parametrize("given", [lambda action: action.astype(np.float64) * 0.99, lambda action: action.tolist(),
-                                   lambda action: np.repeat(action, 2, axis=1)[:, 1:]])
+@pytest.mark.parametrize("given", [
+    lambda action: np.repeat(action, 2, axis=1)[:, 1:], *(pytest.param(given, marks=pytest.mark.slow) for given in (
+        lambda action: action.astype(np.float64) * 0.99, lambda action: action.tolist()))])
 def test_actions_of_any_kind_are_those_of_one_thread(given: Any) -> None:
     one, env = vector(1), stepped(vector(2))
     for action in ACTIONS:

@@ -264,7 +264,8 @@ def warnings_of(run):
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize(("scene", "integrator", "words", "keywords"), [
     ("exercise_large", "rk4", "goes slack", {"slack": "warn", "angle": 2.0, "duration": 1.0}),
-    ("lab", "gauss4", "Newton's method found no solution", {"dt": 50.0, "duration": 50.0, "angle": 3.0}),
+    pytest.param("lab", "gauss4", "Newton's method found no solution", {"dt": 50.0, "duration": 50.0, "angle": 3.0},
+                 marks=pytest.mark.slow),
     ("kapitza", "rk4", "of the phase of vertical_drive", {"dt": 0.02, "duration": 1.0}),
     ("lab", "forward_euler", "are too long", {"dt": 0.2, "duration": 1.0}),
     ("lab", "rk4", "formulas do not hold", {"angle": 0.02, "duration": 1.0}),

@@ -397,7 +397,7 @@ CONTRACT: tuple[Callable[[Method], None], ...] = (
 
 def is_long(check: Callable[[Method], None], method: Method) -> bool:
     """Whether steps in many digits take a second: of high order, or with equations to be solved."""
-    return (check is check_order and (method.order >= 8 or (method.implicit and method.order > 2))) or (
+    return (check is check_order and (method.order >= 8 or (method.implicit and method.order > 1))) or (
         check is check_limits and method.order > 8)
 
 

@@ -87,7 +87,8 @@ REMEDIES = {
 
 @real
 @pytest.mark.filterwarnings("ignore:The ", "ignore:One reading")
-@pytest.mark.parametrize("name", REMEDIES)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=() if name == "one_outlier" else pytest.mark.slow) for name in REMEDIES])
 def test_a_shared_file_with_a_fault_names_the_remedy(name: str) -> None:
     kind, size, sentence = REMEDIES[name]
     found = fit(Recording.read(FAULTS / f"{name}.csv"), "linear+quadratic")

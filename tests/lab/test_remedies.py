@@ -87,7 +87,7 @@ def test_angular_velocities_that_are_read_as_angles_are_named() -> None:
     assert found.remedies[0].number.value == pytest.approx(0.3, rel=0.1)
 
 
-@pytest.mark.parametrize(("size", "at"), [(0.3, 14.3), (-2.2, 21.0)])
+@pytest.mark.parametrize(("size", "at"), [(0.3, 14.3), pytest.param(-2.2, 21.0, marks=pytest.mark.slow)])
 def test_a_jump_is_subtracted_and_said(size: float, at: float) -> None:
     moved = SWING + math.radians(size) * (at < TIME)
     found, plain = fitted(TIME, moved), fitted(TIME, SWING)
@@ -106,7 +106,7 @@ def test_a_jump_is_subtracted_and_said(size: float, at: float) -> None:
     assert left.remedies[0].option == f"--until {round(left.remedies[0].at, 2):g}"
 
 
-@pytest.mark.parametrize("size", [0.4, -3.0])
+@pytest.mark.parametrize("size", [0.4, pytest.param(-3.0, marks=pytest.mark.slow)])
 def test_a_drift_of_the_zero_is_named(size: float) -> None:
     check(fitted(TIME, SWING + math.radians(size) * TIME / TIME[-1]), "drift", size)
 
@@ -118,7 +118,7 @@ def test_a_drift_of_the_period_is_named(stretch: float) -> None:
     check(fitted(TIME, motion(TIME, 37.0, stretch=stretch)), "period", 200.0 * (last - 1.0) / (last + 1.0), 4.0)
 
 
-@pytest.mark.parametrize(("size", "options"), [(2.0, {}), (-25.0, {})])
+@pytest.mark.parametrize(("size", "options"), [(2.0, {}), pytest.param(-25.0, {}, marks=pytest.mark.slow)])
 def test_an_outlier_is_named(size: float, options: dict[str, Any]) -> None:
     seen = SWING.copy()
     seen[455] += math.radians(size)
@@ -140,7 +140,7 @@ def test_many_outliers_are_counted() -> None:
     assert found.remedies[0].option == "--robust"
 
 
-@pytest.mark.parametrize("size", [1.2, 3.0])
+@pytest.mark.parametrize("size", [1.2, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_second_swing_that_fades_is_named(size: float) -> None:
     wave = math.radians(size) * np.exp(-1.1 * TIME) * np.cos(math.tau * 5.3 * TIME + 0.4)
     found = fitted(TIME, SWING + wave)
@@ -169,7 +169,7 @@ def test_rates_are_tried_only_if_a_scale_explains_some_of_the_misfit(monkeypatch
     assert tried
 
 
-@pytest.mark.parametrize("share", [0.97, 1.04])
+@pytest.mark.parametrize("share", [0.97, pytest.param(1.04, marks=pytest.mark.slow)])
 def test_a_push_is_named(share: float) -> None:
     """At 15 s the bob swings on as from another amplitude: the velocity is multiplied at once."""
     first = motion(TIME[TIME < 15.0], 37.0)
@@ -188,7 +188,7 @@ def test_a_push_is_named(share: float) -> None:
     assert found.remedies[0].option.startswith("--until 1")
 
 
-@pytest.mark.parametrize("one", ["linear", "coulomb"])
+@pytest.mark.parametrize("one", ["coulomb", pytest.param("linear", marks=pytest.mark.slow)])
 def test_a_damping_that_is_missing_is_named(one: str) -> None:
     found = fitted(TIME, motion(TIME, 60.0), effects=one)
     assert (found.remedies[0].name, found.remedies[0].option) == ("damping", "--effects auto")

@@ -147,7 +147,7 @@ def test_two_runs_of_one_method_share_its_colour_and_differ_in_dashes():
     assert first.mark != second.mark
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow), 9])
+@pytest.mark.parametrize("count", [9, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
 @pytest.mark.parametrize("draw", DRAWN)
 def test_one_method_stands_in_the_title_and_more_in_a_legend_that_fits(draw, count):
     names = NINE[:count]

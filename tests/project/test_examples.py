@@ -25,8 +25,12 @@ def test_examples_are_short_and_check_themselves() -> None:
     assert [name for name, source in sources.items() if "assert " not in source or source.count("\n") >= 65] == []
 
 
+LONGER = ("04_", "05_", "06_")
+"""Examples of a second: a film, what accuracy costs, which effects matter."""
+
+
 @pytest.mark.parametrize("path", [
-    pytest.param(path, marks=pytest.mark.slow if path.stem == "04_record_a_video" else ()) for path in ALONE
+    pytest.param(path, marks=pytest.mark.slow if path.stem.startswith(LONGER) else ()) for path in ALONE
     if path.stem not in MANY], ids=lambda path: path.stem)
 @pytest.mark.usefixtures("interpreted")
 def test_example_interpreted(

@@ -169,7 +169,8 @@ def test_holding_upright_fulfils_the_sparse_task() -> None:
 # --- length and rate --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("dt", "steps"), [(0.02, 500), (0.002, 5000), (0.05, 200)])
+@pytest.mark.parametrize(("dt", "steps"), [
+    (0.02, 500), (0.05, 200), pytest.param(0.002, 5000, marks=pytest.mark.slow)])
 def test_an_episode_of_a_duration_has_its_steps(dt: float, steps: int) -> None:
     env = gym.make("LabPendulum-v0", dt=dt, duration=10.0, max_episode_steps=-1, backend="python", diagnostics=())
     vector = gym.make_vec("LabPendulum-v0", num_envs=1, dt=dt, duration=10.0, max_episode_steps=-1, backend="python",
