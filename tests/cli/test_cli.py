@@ -407,6 +407,7 @@ def test_a_shell_completes_commands_options_scenes_and_methods(typed: str, shown
     assert done.stdout.split() == [shown], done.stderr
 
 
+@pytest.mark.slow
 def test_the_completion_of_a_shell_is_printed() -> None:
     undetected = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
     done = subprocess.run([sys.executable, "-m", "pendulum_env", "--show-completion", "bash"], text=True,

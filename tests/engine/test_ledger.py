@@ -146,6 +146,7 @@ def test_heat_never_falls_in_still_air(method: str) -> None:
         assert np.min(np.diff(heat)) >= 0.0
 
 
+@pytest.mark.slow
 def test_numerical_growth_is_never_booked_as_heat_or_work() -> None:
     """Check that forward Euler's energy growth in an undriven scene is in the residual, not in work or heat."""
     r = rollout("exercise", integrator="forward_euler")

@@ -53,6 +53,7 @@ def test_chaos_is_where_it_was_published(strength: float) -> None:
     assert np.max(apart) > 1e6 * apart[0]
 
 
+@pytest.mark.slow
 def test_the_first_doubling_is_near_1_066() -> None:
     """Check by bisection that the first period doubling is near g = 1.066; close to it the motion settles slowly."""
     low, high = 1.06, 1.07

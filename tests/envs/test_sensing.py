@@ -306,6 +306,7 @@ def test_saved_states_resume_in_the_middle_of_a_queue(case: str) -> None:
                                      ).get_state())
 
 
+@pytest.mark.slow
 def test_a_state_with_arrays_in_the_order_of_fortran_resumes() -> None:
     """As a file of another program may hold them: the compiled step reads the restored arrays themselves."""
     env = gym.make_vec("LabPendulum-v0", 300, vectorization_mode="vector_entry_point", action_delay=0.02,

@@ -69,7 +69,7 @@ def _alone() -> None:
 
 
 @pytest.mark.parametrize("options", [
-    {}, {"substeps": 50}, {"autoreset_mode": "SameStep"},
+    {}, {"substeps": 50}, pytest.param({"autoreset_mode": "SameStep"}, marks=pytest.mark.slow),
     pytest.param({"length": np.linspace(0.2, 0.5, SIZE)}, marks=pytest.mark.slow),
     pytest.param({"slack": "warn", "scene": "exercise"}, marks=pytest.mark.slow)])
 def test_a_spinning_pool_has_the_bits_of_one_thread(options: dict[str, Any]) -> None:

@@ -138,6 +138,7 @@ def recorded_swing(rng: np.random.Generator, sign: float) -> tuple[Recording, fl
     return Recording(time, run.y[0] + noise * rng.standard_normal(len(time)), "simulated by SciPy"), omega
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "low", "high"), [(4, 0.3, 1.7), pytest.param(200, 0.9, 1.1,
                                                                                    marks=pytest.mark.slow)])
 def test_omega_of_a_recording_is_right_within_its_error(number: int, low: float, high: float) -> None:
@@ -247,6 +248,7 @@ def test_no_answer_stands_in_the_page_without_the_key(worked: Worked) -> None:
     assert blank.count("<i></i>") == sum(boxes) >= 4 * questions
 
 
+@pytest.mark.slow
 def test_the_page_says_that_the_recording_is_simulated_and_needs_nothing_else(worked: Worked) -> None:
     for key in (True, False):
         page = rendered(worked, key, 'Ada "L" <b>')

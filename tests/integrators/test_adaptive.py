@@ -211,6 +211,7 @@ def test_at_rest_and_on_straight_lines_steps_grow_to_the_end():
     assert found.steps < 12
 
 
+@pytest.mark.slow
 def test_mpmath_numbers_keep_tolerances_beyond_double_precision():
     with mpmath.workdps(40):
         one = mpmath.mpf(1)

@@ -97,6 +97,7 @@ def test_importing_the_twin_changes_no_setting_of_jax(with_jax: Path) -> None:
     assert run(with_jax, "-c", code).stdout == "float32\n"
 
 
+@pytest.mark.slow
 def test_the_package_does_not_import_jax() -> None:
     code = ("import sys, pendulum_env\npendulum_env.SCENES, pendulum_env.rollout, pendulum_env.LabPendulumEnv\n"
             "print([name for name in sys.modules if name.partition('.')[0] in ('jax', 'jaxlib')])")

@@ -151,6 +151,7 @@ def test_a_second_swing_that_fades_is_named(size: float) -> None:
     assert found.remedies[0].option == f"--read release={until:g}"
 
 
+@pytest.mark.slow
 def test_a_second_swing_that_stays_is_named() -> None:
     wave = math.radians(0.5) * np.cos(1.4 * math.sqrt(GRAVITY / 0.62) * TIME)
     found = fitted(TIME, SWING + wave)
@@ -211,6 +212,7 @@ def test_two_faults_are_named_one_after_the_other() -> None:
     assert second == pytest.approx(-2.5, abs=0.05)
 
 
+@pytest.mark.slow
 def test_faults_that_the_recording_does_not_tell_apart_are_both_named() -> None:
     """At 20 degrees, a scale that is wrong by 5 % and a period that drifts shift the phase alike."""
     found = fitted(TIME, 1.05 * motion(TIME, 20.0))
@@ -253,6 +255,7 @@ def test_plain_recordings_have_no_fault() -> None:
     assert false <= 1
 
 
+@pytest.mark.slow
 def test_two_jumps_are_subtracted_together() -> None:
     """One step alone fits neither of them, so that one step must not decide whether there are two."""
     moved = SWING + math.radians(1.2) * (TIME > 9.0) + math.radians(-0.9) * (TIME > 21.0)
@@ -289,6 +292,7 @@ def test_steps_in_noise_that_wanders_are_not_subtracted(seed: int) -> None:
     assert fitted(time, swing + math.radians(0.1) * wander[50:], noise=0.0, effects="linear").subtracted == ()
 
 
+@pytest.mark.slow
 def test_the_error_of_the_zero_counts_the_jump_as_fitted() -> None:
     """Only the readings before a jump tell the zero: its error grows by the root of all readings over these."""
     moved = fitted(TIME, SWING + math.radians(1.5) * (0.4 * TIME[-1] < TIME))

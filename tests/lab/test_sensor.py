@@ -328,6 +328,7 @@ def test_the_shipped_recording_is_read_and_measured() -> None:
     assert first.value == pytest.approx(math.tau / small * (1 + np.mean(amplitude**2) / 16), rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["wheel", pytest.param("sdist", marks=pytest.mark.slow)])
 def test_what_is_published_carries_it(tmp_path: Path, target: str) -> None:
     builders = pytest.importorskip(f"hatchling.builders.{target}")

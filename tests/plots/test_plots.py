@@ -346,6 +346,7 @@ def test_pieces_of_curves():
     assert series.bounds(np.array([2.0, math.nan, math.inf])) == (0.0, 2.0)
 
 
+@pytest.mark.slow
 def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(tmp_path):
     code = (
         "import sys\nimport matplotlib\nbefore = matplotlib.rcParams.copy()\n"

@@ -48,6 +48,7 @@ def overlaps(figure: Figure) -> list[tuple[str, str]]:
     return [(a, b) for i, a in enumerate(names) for b in names[i + 1:] if boxes[a].overlaps(boxes[b])]
 
 
+@pytest.mark.slow
 def test_regions_are_where_the_factor_is_at_most_one() -> None:
     made = figures.regions(RK)
     assert [axes.get_title("left") for axes in made.axes] == [

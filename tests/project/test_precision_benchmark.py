@@ -146,6 +146,7 @@ def test_times_and_units(parts: Any) -> None:
     assert texts == ["2.50 s", "1.00 s", "12.3 ms", "4.26 µs", "1.00 µs", "5.00 ns"]
 
 
+@pytest.mark.slow
 def test_the_figure_shows_what_was_found(parts: Any, found: Any, tmp_path: Path) -> None:
     (problem,) = found
     own = parts.report.of(found[problem], "lab-pendulum")

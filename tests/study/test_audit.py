@@ -236,6 +236,7 @@ def test_close_to_the_top():
     assert rows["small_angle_gravity"].verdict == OUTSIDE
 
 
+@pytest.mark.slow
 def test_what_is_too_stiff_is_not_judged():
     row = asked(of(Gravity(), LinearDrag(gamma=1e6)), 0.5, 1e-3, ["linear_drag"])["linear_drag"]
     note = "the simulation diverges at every step of rk4, because the scene is too stiff"

@@ -451,6 +451,7 @@ def test_cells_after_a_runs_end_are_empty():
     assert drifts["stop"].values[1] == ""
 
 
+@pytest.mark.slow
 def test_the_film_has_the_colours_of_the_figures(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", lambda panels, **_: seen.append(panels))

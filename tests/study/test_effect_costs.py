@@ -45,6 +45,7 @@ def test_every_effect_is_in_it_alone(benchmark: Any) -> None:
         assert more == {label.split(",")[0]}
 
 
+@pytest.mark.slow
 def test_inertia_effects_run_the_same_program(benchmark: Any) -> None:
     """Check that effects on the inertia generate an identical program for every method that fits."""
     for label, (have, lack) in benchmark.pairs().items():

@@ -57,8 +57,9 @@ def test_points_of_an_attractor_follow_each_other_as_scipy_says() -> None:
 
 
 @pytest.mark.parametrize(("event", "function", "direction"), [
-    ("bottom", lambda t, y: math.sin(0.5 * y[0]), 0), ("top", lambda t, y: math.cos(0.5 * y[0]), 0),
-    ("turning", lambda t, y: y[1], -1)])
+    ("turning", lambda t, y: y[1], -1),
+    pytest.param("bottom", lambda t, y: math.sin(0.5 * y[0]), 0, marks=pytest.mark.slow),
+    pytest.param("top", lambda t, y: math.cos(0.5 * y[0]), 0, marks=pytest.mark.slow)])
 def test_passages_are_the_events_of_scipy(event: str, function: Any, direction: int) -> None:
     function.direction = direction
     true = peer((0.2, 3.0), (0.0, 4 * PERIOD), events=function)
