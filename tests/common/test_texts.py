@@ -126,7 +126,9 @@ class Texts(HTMLParser):
         self.parts[-1] += data
 
 
-@EACH
+@pytest.mark.parametrize("name", [
+    pytest.param(name, id=kind, marks=() if kind in ("not UTF-8", "mathematics", "terminal", "markup") else
+                 pytest.mark.slow) for kind, name in NAMES.items()])
 def test_cards_hold_no_markup_and_no_mathematics_of_a_name(name: str) -> None:
     page = html_of(swing(name)).partition("<img")[0]
     page.encode()
