@@ -106,7 +106,8 @@ def words_of(name: str) -> list[str]:
     return [name, *(word.replace("upright_for_a_moment", "upright for a moment") for word in SHORT[name].split())]
 
 
-@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("encoding", [
+    pytest.param(name, marks=() if name in ("gbk", "cp437") else pytest.mark.slow) for name in ENCODINGS])
 def test_output_has_the_terminals_encoding(
     encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -140,7 +140,9 @@ def test_gymnasiums_checkers_pass(name: str) -> None:
     checked.step(np.zeros(1, np.float32))
 
 
-@pytest.mark.parametrize("name", TRUE)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=() if name in ("LabPendulum-v0", "LabPendulumMotorBench-v0") else pytest.mark.slow)
+    for name in TRUE])
 @INFINITE
 def test_our_checker_passes(name: str) -> None:
     short = {"max_episode_steps": 5, "backend": "python"}

@@ -53,14 +53,10 @@ def _many_digits() -> Any:
         yield
 
 
-
-
-
-
 # --- functions of one effect against each other ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("side", [-1.0, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", having("torque"))
 def test_derivatives_are_those_of_the_torque(name: str, side: float) -> None:
     effect, scene = EFFECTS[name], scene_of(name)

@@ -483,7 +483,8 @@ def test_repeats_go_round_all_runs_in_turn():
     assert [rung.method for rung in plan.rungs] == ["rk4"] * 2 + ["bs3"] * 4
 
 
-@pytest.mark.parametrize(("repeats", "half"), [(1, 1), (2, 1), (3, 1), (5, 2)])
+@pytest.mark.parametrize(("repeats", "half"), [
+    (5, 2), *(pytest.param(repeats, 1, marks=pytest.mark.slow) for repeats in (1, 2, 3))])
 def test_long_runs_are_timed_half_as_often_and_the_figure_says_so(monkeypatch, repeats, half):
     monkeypatch.setattr(cost_plan, "LONG", 200)  # force evaluations: of rk4, 50 steps
     found = cost("vacuum", ["rk4"], steps=[0.1, 0.05, 0.025], duration=2.0, repeats=repeats, backend="python")

@@ -17,6 +17,8 @@ from itertools import combinations, product
 from typing import Any
 from zlib import crc32
 
+import pytest
+
 import integrators
 from pendulum_env import SCENES, Rollout, Scene, rollout
 from pendulum_env.engine.kernels import Backend
@@ -53,6 +55,11 @@ def turn_of(text: str, turns: int) -> int:
 def chosen(names: Iterable[str], text: str) -> str:
     """Return the name that a text chooses; a new name changes no choice but those that it gets itself."""
     return min(names, key=lambda name: crc32(f"{text} {name}".encode()))
+
+
+def familiar(scenes: Iterable[str]) -> list[Any]:
+    """Return scenes for a test of each, in which those that are not FAMILIAR are slow."""
+    return [pytest.param(name, marks=() if name in FAMILIAR else pytest.mark.slow) for name in scenes]
 
 
 def quick(methods: Iterable[str], turn: int) -> list[str]:
