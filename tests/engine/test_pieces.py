@@ -68,7 +68,8 @@ def cases() -> list[Any]:
     batches = {f"{name}, batch": {**case, "angle": ANGLES} for name, case in BOTH.items()}
     batches |= {f"{name}, adaptive batch": {**case, "angle": ANGLES} for name, case in SINGLE.items()}
     return [
-        pytest.param({**SHORT, "angle": 1.0, **case}, id=name, marks=pytest.mark.slow if "adaptive batch" in name else ())
+        pytest.param({**SHORT, "angle": 1.0, **case}, id=name,
+                     marks=pytest.mark.slow if "adaptive batch" in name else ())
         for name, case in {**single, **batches}.items()]
 
 
