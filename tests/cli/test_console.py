@@ -168,7 +168,7 @@ def test_every_command_has_a_short_run_and_every_encoding_a_command() -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
-@pytest.mark.parametrize("closed", [">&-", pytest.param("<&- >&- 2>&-", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-"])
 def test_closed_streams_are_no_error(closed: str, tmp_path: Path) -> None:
     """Nothing is printed, a warning says so where it can, and no file that is written takes a stream's place."""
     done = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-m", "pendulum_env", "measure"],

@@ -106,6 +106,7 @@ WITHOUT = {("lab/driven/windows.py", "Batch"): "its windows differ in the coeffi
 """Modules elsewhere that create one, each with its reason."""
 
 
+@pytest.mark.slow
 def test_what_runs_is_made_from_a_description() -> None:
     root = Path(pendulum_env.__file__).parent
     created = {

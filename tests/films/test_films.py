@@ -211,7 +211,7 @@ def test_a_gif_shows_a_change_of_one_pixel_at_any_place(tmp_path, y, x):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ending", [".mp4", pytest.param(".gif", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("ending", [".mp4", ".gif"])
 def test_a_film_in_the_making_holds_few_frames(tmp_path, ending):
     alive = []
 

@@ -225,6 +225,7 @@ def test_a_length_neither_told_nor_fitted_is_warned_of() -> None:
     fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05, length=0.1)
 
 
+@pytest.mark.slow
 def test_files_say_where_they_come_from(found: Fit, tmp_path: Path) -> None:
     write(found, measure(virtual(), radius=0.01), tmp_path)
     for name in ("measured", "amplitudes", "parameters", "residuals"):

@@ -329,7 +329,7 @@ def test_the_shipped_recording_is_read_and_measured() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("target", ["wheel", pytest.param("sdist", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("target", ["wheel", "sdist"])
 def test_what_is_published_carries_it(tmp_path: Path, target: str) -> None:
     builders = pytest.importorskip(f"hatchling.builders.{target}")
     root = Path(__file__).parents[2]

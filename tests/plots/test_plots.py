@@ -374,6 +374,7 @@ def test_a_style_of_the_users_leaves_figures_as_they_are(sheet, tmp_path):
         assert pictures("styled") == plain
 
 
+@pytest.mark.slow
 def test_saved_figures_carry_their_facts(sheet, tmp_path):
     from PIL import Image
 
