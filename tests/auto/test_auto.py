@@ -133,7 +133,6 @@ def promise(name, accuracies, motions):
         assert sum(kept) >= len(kept) / 2
 
 
-@pytest.mark.slow
 def test_the_promise_is_kept_in_a_damped_swing():
     motions = [(start, shares, truth(SCENES["exercise_large"], start, shares))
                for start, shares in fresh("exercise_large", STEPS, 1)]
