@@ -269,6 +269,7 @@ def test_noise_and_dropout_have_their_sizes() -> None:
     assert abs(np.corrcoef(readings[1:-1][pairs], readings[2:][pairs])[0, 1]) < 0.06
 
 
+@pytest.mark.slow
 def test_a_fit_tells_the_sensor_of_its_recording() -> None:
     time = np.arange(0.0, 20.0, 0.05)
     source, quantum, noise = np.random.default_rng(0), 0.002, 0.004

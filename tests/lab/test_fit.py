@@ -130,6 +130,7 @@ def test_a_fit_against_what_was_told() -> None:
             found.against(**wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_what_follows_and_what_slips() -> None:
     """A model whose length is off by 0.6 % is half a turn behind after 1/(2 * 0.003) periods: astray by half an
     amplitude, 30 degrees of phase, after a sixth of these."""

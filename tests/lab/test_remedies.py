@@ -280,7 +280,8 @@ def test_a_robust_fit_subtracts_the_jump_that_is_there() -> None:
     assert abs(found.parameters["zero"].value) < 4.0 * found.parameters["zero"].error
 
 
-@pytest.mark.parametrize("seed", [1004, pytest.param(1009, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1004, 1009])
 def test_steps_in_noise_that_wanders_are_not_subtracted(seed: int) -> None:
     """Noise of the correlation 0.9 between neighbours is fitted better with steps, which leave most of it."""
     time, source = np.arange(0.0, 30.0, 0.02), np.random.default_rng(seed).standard_normal(1550)

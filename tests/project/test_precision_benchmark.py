@@ -157,7 +157,8 @@ def test_the_figure_shows_what_was_found(parts: Any, found: Any, tmp_path: Path)
 # --- the truth and our own lines ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("gamma", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
+@pytest.mark.slow
+@pytest.mark.parametrize("gamma", [0.0, 0.3])
 def test_the_truth_against_20_digits(parts: Any, gamma: float) -> None:
     """mpmath's Taylor series, through the bottom."""
     mp = pytest.importorskip("mpmath")
