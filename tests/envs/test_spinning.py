@@ -50,9 +50,14 @@ def members() -> int:
 
 
 def stepped(env: Any) -> Any:
-    """The environment after enough steps for its pace to be known, so that a spinning pool takes the next one."""
-    for _ in range(3):
+    """The environment after enough steps for its pace to be known, so that a spinning pool takes the next one.
+
+    Three are enough, but for a machine that does other things meanwhile: then its steps seem too long to be shared.
+    """
+    for _ in range(200):
         env.step(ACTIONS[0])
+        if members():
+            break
     assert members()
     env.reset(seed=3)
     return env
