@@ -121,6 +121,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "both": ({"episodes": 1, "steps": 1}, "either episodes or steps"),
     "half": ({"episodes": 0.5}, "episodes must be a whole number"),
     "seed": ({"episodes": 1, "seed": -1}, "seed must be a whole number"),
+    "large seed": ({"episodes": 1, "seed": 2**63 - 2**53}, "seed must be a whole number"),
     "size": ({"episodes": 1, "num_envs": 0}, "num_envs must be a whole number"),
     "endless": ({"episodes": 1, "max_episode_steps": -1}, "max_episode_steps"),
     "keyword": ({"episodes": 1, "lenght": 1.0}, "did you mean length"),

@@ -279,10 +279,12 @@ def test_the_same_is_chosen_twice_and_read_from_the_cache(monkeypatch, tmp_path)
 
 
 @pytest.mark.parametrize("damage", [
-    lambda text: "", lambda text: "{", lambda text: text[: len(text) // 2], lambda text: "[1]",
-    lambda text: text.replace('"exact"', '"exacter"'), lambda text: text.replace('"substeps": 1', '"substeps": -1'),
-    lambda text: text.replace('"steps": 20', '"steps": 21'), lambda text: text.replace('"limits"', '"limit"'),
-    lambda text: json.dumps({**json.loads(text), "answer": None}), lambda text: "[" * 100_000,
+    lambda text: text[: len(text) // 2], lambda text: text.replace('"exact"', '"exacter"'),
+    lambda text: text.replace('"substeps": 1', '"substeps": -1'),
+    lambda text: json.dumps({**json.loads(text), "answer": None}),
+    *(pytest.param(damage, marks=pytest.mark.slow) for damage in (
+        lambda text: "", lambda text: "{", lambda text: "[1]", lambda text: text.replace('"steps": 20', '"steps": 21'),
+        lambda text: text.replace('"limits"', '"limit"'), lambda text: "[" * 100_000)),
 ])
 def test_a_damaged_file_is_ignored_and_written_anew(monkeypatch, tmp_path, damage):
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))

@@ -157,6 +157,7 @@ acquire(Steady(), 60.0, out=sys.argv[1])
 """
 
 
+@pytest.mark.slow
 def test_a_killed_run_loses_less_than_a_second(tmp_path: Path) -> None:
     path = tmp_path / "swing.txt"
     process = subprocess.Popen([sys.executable, "-c", KILLED, str(path)])

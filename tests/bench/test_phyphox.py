@@ -121,6 +121,7 @@ def test_a_gyroscope_of_a_phone_fits_the_scene_behind_it(swing: Swing, tmp_path:
     check_fit(recording, 2e-3)
 
 
+@pytest.mark.slow
 def test_an_accelerometer_of_a_phone_fits_the_scene_behind_it(swing: Swing, tmp_path: Path) -> None:
     with FalsePhone(accelerometer(swing), sensor=ACCELEROMETER, speed=60.0) as phone:
         source = Phyphox(phone.host, every=0.02)

@@ -392,7 +392,8 @@ BOARDS: dict[str, tuple[str, str, float, dict[str, Any]]] = {
 """Board -> its first line, the form of the others, their pace in the first second, and the source's settings."""
 
 
-@pytest.mark.parametrize("kind", BOARDS)
+@pytest.mark.parametrize("kind", [
+    pytest.param(kind, marks=() if kind == "an encoder's counts" else pytest.mark.slow) for kind in BOARDS])
 def test_a_recording_of_a_board_fits_the_scene_behind_it(kind: str, board: Board, tmp_path: Path) -> None:
     """Within 4 standard errors, which are 5 millionths of the length; one microsecond counter overflows on the way."""
     first, form, pace, settings = BOARDS[kind]

@@ -43,7 +43,7 @@ def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def test_compare_does_the_exercise(tmp_path: Path, run_here: Here) -> None:
     code, printed, said = run_here(
         "compare", "--scene", "exercise", "--damping", "none", "--integrators", "forward_euler,symplectic_euler",
-        "--dt", "0.01", "--duration", "0.5", "--out", "results")
+        "--dt", "0.01", "--duration", "0.1", "--out", "results")
     assert code == 0, said
     assert "forward_euler" in printed
     written = {path.name for path in (tmp_path / "results").iterdir()}
@@ -70,6 +70,7 @@ def test_compare_takes_a_scene_file_and_numbers_of_damping(
     assert not (tmp_path / "x" / "comparison.mp4").exists()
 
 
+@pytest.mark.slow
 def test_compare_lays_a_recording_over_the_curves(
     tmp_path: Path, run_here: Here, recordings: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -82,6 +83,7 @@ def test_compare_lays_a_recording_over_the_curves(
     assert (tmp_path / "x" / "angle.png").exists()
 
 
+@pytest.mark.slow
 def test_cost_effects_record_and_list(tmp_path: Path, run_here: Here) -> None:
     code, printed, said = run_here("cost", "--scene", "vacuum", "--integrators", "rk4,velocity_verlet", "--duration",
                                    "2", "--repeats", "1", "--growth", "2", "--out", "c")
@@ -232,6 +234,7 @@ def test_what_no_check_foresaw_ends_with_one_sentence(
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
 def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
     film = tmp_path / "film.mp4"
@@ -340,7 +343,8 @@ def test_help_in_three_ways(run_here: Here) -> None:
     assert all(name in whole[1] for name in (*cli.COMMANDS, "--install-completion", "--debug"))
 
 
-@pytest.mark.parametrize(("words", "own"), [("--help", 0), ("--version", 0), ("list", 1)])
+@pytest.mark.parametrize(("words", "own"), [
+    ("list", 1), *(pytest.param(words, 0, marks=pytest.mark.slow) for words in ("--help", "--version"))])
 def test_a_short_answer_waits_for_no_import(words: str, own: int) -> None:
     """Beyond what Gymnasium and typer import, help imports no command, and a list nothing that computes or draws."""
     done = subprocess.run([sys.executable, "-c", f"""
@@ -392,8 +396,9 @@ def test_the_version_has_a_digest_of_the_sources(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
 @pytest.mark.parametrize(("typed", "shown"), [
-    ("lab-pendulum se", "section"), ("lab-pendulum code --scene exercise_l", "exercise_large"),
-    ("lab-pendulum cost -i rk4,dop8", "rk4,dop853"), ("lab-pendulum web --o", "--out")])
+    ("lab-pendulum cost -i rk4,dop8", "rk4,dop853"), *(pytest.param(*more, marks=pytest.mark.slow) for more in (
+        ("lab-pendulum se", "section"), ("lab-pendulum code --scene exercise_l", "exercise_large"),
+        ("lab-pendulum web --o", "--out")))])
 def test_a_shell_completes_commands_options_scenes_and_methods(typed: str, shown: str) -> None:
     words = typed.split()
     environment = {"_LAB_PENDULUM_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(len(words) - 1)}
@@ -402,6 +407,7 @@ def test_a_shell_completes_commands_options_scenes_and_methods(typed: str, shown
     assert done.stdout.split() == [shown], done.stderr
 
 
+@pytest.mark.slow
 def test_the_completion_of_a_shell_is_printed() -> None:
     undetected = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
     done = subprocess.run([sys.executable, "-m", "pendulum_env", "--show-completion", "bash"], text=True,
@@ -410,7 +416,8 @@ def test_the_completion_of_a_shell_is_printed() -> None:
 
 
 @pytest.mark.parametrize("words", [
-    "measure", "compare --duration 0.2 -i rk4 --no-film", "record --duration 0.1 --size 64", "code", "list",
+    "measure", pytest.param("compare --duration 0.2 -i rk4 --no-film", marks=pytest.mark.slow),
+    "record --duration 0.1 --size 64", "code", "list",
     "web --scene vacuum -i rk4"])
 def test_success_is_silent_on_stderr(words: str, run_here: Here) -> None:
     code, printed, told = run_here(*words.split())
@@ -482,7 +489,8 @@ def numbers(cells: Iterable[Any]) -> list[Any]:
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("name", JSON)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=pytest.mark.slow if name == "section --basins 5" else ()) for name in JSON])
 def test_json_is_all_that_is_printed_and_has_the_numbers_of_the_files(
     name: str, tmp_path: Path, run_here: Here
 ) -> None:

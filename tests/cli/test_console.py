@@ -108,7 +108,8 @@ def words_of(name: str) -> list[str]:
     return [name, *(word.replace("upright_for_a_moment", "upright for a moment") for word in SHORT[name].split())]
 
 
-@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("encoding", [
+    pytest.param(name, marks=() if name in ("gbk", "cp437") else pytest.mark.slow) for name in ENCODINGS])
 def test_output_has_the_terminals_encoding(
     encoding: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -169,6 +170,7 @@ def test_every_command_has_a_short_run_and_every_encoding_a_command() -> None:
     assert {chosen(ENCODINGS, name) for name in SHORT} == set(ENCODINGS)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
 @pytest.mark.parametrize("closed", [">&-", "<&- >&- 2>&-"])
 def test_closed_streams_are_no_error(closed: str, tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def said(words: list[str], folder: Path, *path: Path) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("name", ["integrators.py", "integrators/__init__.py"])
+@pytest.mark.parametrize("name", ["integrators.py", pytest.param("integrators/__init__.py", marks=pytest.mark.slow)])
 def test_a_file_that_hides_the_package_is_named(name: str, way: str, tmp_path: Path) -> None:
     (tmp_path / name).parent.mkdir(exist_ok=True)
     (tmp_path / name).write_text("def step(): pass\n")

@@ -209,6 +209,7 @@ def test_unknown_tables_and_missing_libraries_are_said(monkeypatch: pytest.Monke
             getattr(some(), f"to_{name}")()
 
 
+@pytest.mark.slow
 def test_pandas_and_xarray_are_loaded_only_when_they_are_asked_for() -> None:
     code = ("import sys, pendulum_env.study.growth, pendulum_env.study.cost\n"
             "print([name for name in ('pandas', 'xarray') if name in sys.modules])")

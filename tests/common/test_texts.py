@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from matplotlib.cbook import is_math_text
 from PIL import Image
-from small_driven_fit import small_driven_fit
+from small_results import driven_by_hand
 
 from integrators import RungeKutta, html
 from pendulum_env import SCENES, Recording, plots, rollout
@@ -68,7 +68,7 @@ def test_a_text_from_outside_becomes_one_printable_line(name: str) -> None:
 
 
 def test_names_of_many_logs_fit_a_title_and_the_scene() -> None:
-    one = small_driven_fit("run.csv", "run2.csv")
+    one = driven_by_hand()
     found = replace(one, logs=tuple(replace(one.logs[0], source="a" * 91 + f"{i}.csv") for i in range(4)))
     assert len(found.source) <= 100
     assert found.source.endswith("and 3 more")
@@ -126,7 +126,9 @@ class Texts(HTMLParser):
         self.parts[-1] += data
 
 
-@EACH
+@pytest.mark.parametrize("name", [
+    pytest.param(name, id=kind, marks=() if kind in ("not UTF-8", "mathematics", "terminal", "markup") else
+                 pytest.mark.slow) for kind, name in NAMES.items()])
 def test_cards_hold_no_markup_and_no_mathematics_of_a_name(name: str) -> None:
     page = html_of(swing(name)).partition("<img")[0]
     page.encode()

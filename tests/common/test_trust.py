@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from planted import Planted, code
+from syntax_trees import nodes_of
 
 import integrators
 import pendulum_env
@@ -47,14 +48,14 @@ UNPICKLES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib", "ya
 def dangerous(path: Path) -> set[str]:
     """Return the functions in a source file that execute or unpickle text."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             names = [alias.name for alias in node.names] + [getattr(node, "module", None) or ""]
             found |= {name for name in names if name.partition(".")[0] in UNPICKLES}
         elif isinstance(node, ast.Call):
             name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
             literal = all(isinstance(each, ast.Constant) for each in node.args)
-            of_re = isinstance(node.func, ast.Attribute) and ast.unparse(node.func.value) == "re"
+            of_re = isinstance(node.func, ast.Attribute) and getattr(node.func.value, "id", "") == "re"
             found |= {name} if name in RUNS and not literal and not of_re else set()
             found |= {"allow_pickle"} if any(each.arg == "allow_pickle" and ast.unparse(each.value) != "False"
                                              for each in node.keywords) else set()

@@ -278,6 +278,7 @@ def test_in_wind_each_way_needs_a_speed_of_its_own() -> None:
         assert direction * controller(seen_at(0.5, 1.01 * speed))[0] < -0.01
 
 
+@pytest.mark.slow
 def test_what_a_lagging_motor_still_gives_is_reckoned_with() -> None:
     controller = made(LAB.replace(lag=0.1))
     needed = float(np.interp(0.5, controller.model.angles, controller.model.rising))
@@ -312,7 +313,7 @@ def test_the_cost_is_what_is_paid() -> None:
 
 
 @pytest.mark.parametrize(("name", "lag"), [
-    ("lab", 0.0), ("moon", 0.0), pytest.param("lab", 0.1, marks=pytest.mark.slow)])
+    ("lab", 0.0), *(pytest.param(*more, marks=pytest.mark.slow) for more in (("moon", 0.0), ("lab", 0.1)))])
 def test_within_its_level_each_regulator_comes_nearer_in_every_step(name: str, lag: float) -> None:
     """The cost falls in every step, from starts between those tried in the design, by dop853 in the scene."""
     scene = SCENES[name].replace(lag=lag) if lag else SCENES[name]
@@ -428,7 +429,7 @@ def test_wrappers_that_rescale_are_refused(wrapped: Any, kind: str) -> None:
         swing_up(wrapped(gym.make("LabPendulum-v0", backend="python")))
 
 
-@pytest.mark.parametrize("bound", [20.0, np.inf])
+@pytest.mark.parametrize("bound", [20.0, pytest.param(np.inf, marks=pytest.mark.slow)])
 def test_a_bound_of_the_velocity_is_no_wrapper(bound: float) -> None:
     """Check that the controller takes environments with their own bound, and still refuses rescaled ones."""
     options = {"velocity_bound": bound, "backend": "python"}

@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from choice import familiar
 from given_effects import Blow
 
 import integrators
@@ -233,7 +234,7 @@ def options_of(scene: str) -> dict[str, Any]:
             "diagnostics": ("energy", "heat_by_effect", *pull), "every": 2}
 
 
-@pytest.mark.parametrize("scene", SMOOTH)
+@pytest.mark.parametrize("scene", familiar(SMOOTH))
 @pytest.mark.parametrize("backend", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
 def test_batches_of_every_scene(scene: str, backend: str) -> None:
     check_alone({**options_of(scene), "backend": backend}, angle=AMPLITUDES)
@@ -272,6 +273,7 @@ def test_batches_with_other_options(change: dict[str, Any]) -> None:
     check_alone(case, angle=AMPLITUDES)
 
 
+@pytest.mark.slow
 def test_threads_blocks_and_files_do_not_touch_a_bit(tmp_path: Path) -> None:
     angles = np.random.default_rng(1).permutation(np.linspace(0.02, 3.12, 700))
     case = {**LAB, "integrator": "dopri5", "rtol": 1e-5, "backend": "compiled", "duration": 0.9}

@@ -86,6 +86,7 @@ print(numba.njit(lambda numbers: numpy.sort(numbers).mean())(numpy.arange(3.0)))
 """
 
 
+@pytest.mark.slow
 def test_a_warm_start_loads_no_compiler(tmp_path: Path) -> None:
     """And what a user compiles afterwards finds all of numba's implementations."""
     said = [subprocess.run([sys.executable, "-c", COMPILER], env={**os.environ, "LAB_PENDULUM_CACHE": str(tmp_path)},
@@ -107,7 +108,8 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 
 
 @pytest.mark.parametrize("pattern", ["kernel_*.py", "kernel_*.nbc"])
-@pytest.mark.parametrize("damage", DAMAGE)
+@pytest.mark.parametrize("damage", [
+    pytest.param(one, marks=() if one in ("one bit", "one byte short") else pytest.mark.slow) for one in DAMAGE])
 def test_a_damaged_file_is_made_anew(damage: str, pattern: str, warm: Path, start: Start) -> None:
     path = only(warm, pattern)
     whole = path.read_bytes()
@@ -145,7 +147,8 @@ OTHERS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 
 
 @pytest.mark.filterwarnings("ignore:A program's arithmetic could not be written")  # that of whole numbers
-@pytest.mark.parametrize("other", [*OTHERS, "program", "signature"])
+@pytest.mark.parametrize("other", ["package", *(
+    pytest.param(other, marks=pytest.mark.slow) for other in (*OTHERS, "program", "signature") if other != "package")])
 def test_machine_code_of_something_else_is_not_taken(other: str, warm: Path, start: Start) -> None:
     """Each file is whole, but of another version, processor, program or signature, and copied over the right one."""
     path = only(warm, "kernel_*.nbc")
@@ -312,7 +315,8 @@ def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, st
 
 
 @posix
-@pytest.mark.parametrize("mode", [0o777, 0o775, 0o722, 0o702, 0o1777])
+@pytest.mark.parametrize("mode", [
+    0o777, *(pytest.param(mode, marks=pytest.mark.slow) for mode in (0o775, 0o722, 0o702, 0o1777))])
 def test_a_folder_that_others_can_write_to_is_not_used(
     mode: int, planted: Path, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -44,6 +44,7 @@ def test_copies_are_results_that_the_step_was_given() -> None:
     assert dict(scheduled(STEP, results, ("h", "rate")).copies) == {"v1": "v", "a1_ago1": "a", "a2_ago1": "a2_ago"}
 
 
+@pytest.mark.slow
 def test_methods_with_long_histories_have_room_for_newer_values() -> None:
     """Forces and mean velocities are two histories; short ones, and those of environments of a task, have no room.
 

@@ -62,9 +62,8 @@ def test_a_program_does_not_know_what_was_taken_out(name: str) -> None:
             assert batch_program(without(scene, name), chosen, diagnostics, frozenset({"inertia"})).text == many
 
 
-@pytest.mark.parametrize("name", [
-    pytest.param(name, marks=() if name == "bearing_friction" else pytest.mark.slow) for name in ADDED
-])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ADDED)
 def test_what_is_absent_takes_no_instruction(name: str) -> None:
     """Check that an absent effect takes no instruction, and that a present one does, except for effects of inertia."""
     scene = with_one(name)

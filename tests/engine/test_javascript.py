@@ -36,6 +36,7 @@ PAIRS = pairs(AXES)
 """Every kind of method in every scene, and every method."""
 
 
+@pytest.mark.slow
 @needs_node
 def test_every_scene_has_the_same_bits_in_node(tmp_path: Path) -> None:
     """With one method each, rk4 where QUICK names none, 100 steps."""

@@ -208,8 +208,8 @@ def with_power(phi: float, speed: float) -> float:
 
 
 @pytest.mark.parametrize(("reward", "straight"), [
-    (with_not, True), pytest.param(with_three, True, marks=pytest.mark.slow), (with_if, False),
-    pytest.param(with_power, False, marks=pytest.mark.slow),
+    (with_not, True), pytest.param(with_three, True, marks=pytest.mark.slow),
+    pytest.param(with_if, False, marks=pytest.mark.slow), pytest.param(with_power, False, marks=pytest.mark.slow),
 ])
 def test_a_task_of_ones_own_has_the_same_bits_compiled(
         reward: Callable[..., float], straight: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -146,6 +146,7 @@ def test_heat_never_falls_in_still_air(method: str) -> None:
         assert np.min(np.diff(heat)) >= 0.0
 
 
+@pytest.mark.slow
 def test_numerical_growth_is_never_booked_as_heat_or_work() -> None:
     """Check that forward Euler's energy growth in an undriven scene is in the residual, not in work or heat."""
     r = rollout("exercise", integrator="forward_euler")
@@ -161,6 +162,7 @@ def test_the_ledger_adds_up() -> None:
     assert Ledger(1000.0, 0.0, 0.0, 0.0, 1.0).absurd(1.0)
 
 
+@pytest.mark.slow
 def test_strong_quadratic_drag_costs_rk4_an_order() -> None:
     """Check that rk4 has order 3 with strong quadratic drag, whose second derivative jumps at v = 0."""
     scene = with_damping(SCENES["vacuum"], {"quadratic": {"c": 1.0}})

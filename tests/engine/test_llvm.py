@@ -297,6 +297,7 @@ def test_a_program_that_numba_cannot_compile_either_raises_its_error() -> None:
         compiled(text)(1.0)
 
 
+@pytest.mark.slow
 def test_a_vector_with_a_reward_of_ones_own_has_the_same_rows() -> None:
     """Its program is compiled by numba as a whole: the two ways meet in the same numbers."""
     def own(phi: float, speed: float, action: float) -> float:

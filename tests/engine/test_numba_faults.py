@@ -122,6 +122,7 @@ def check_without(*names: str) -> list[str]:
     return [line[0] for line in lines]
 
 
+@pytest.mark.slow
 @posix
 def test_a_few_private_names_that_have_gone() -> None:
     names = ["numba.core.serialize:dumps", "numba.core.codegen:JITCodeLibrary._finalize_dynamic_globals"]

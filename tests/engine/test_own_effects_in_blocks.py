@@ -148,8 +148,8 @@ def test_stages_end_with_the_whole_force() -> None:
     assert "sin_block" not in text
 
 
-@pytest.mark.parametrize("form", [
-    with_lists, *(pytest.param(form, marks=pytest.mark.slow) for form in (with_a_comprehension, with_tanh))])
+@pytest.mark.slow
+@pytest.mark.parametrize("form", [with_lists, with_a_comprehension, with_tanh])
 def test_compiled_programs_with_functions_of_a_user(form: Callable[..., float]) -> None:
     """A user's functions may make lists, which needs numba's memory, and comprehensions, which need all its passes."""
     own, angle = scene_with(form, "vacuum"), np.array([-0.5, 0.3, 1.0])

@@ -53,6 +53,7 @@ def test_chaos_is_where_it_was_published(strength: float) -> None:
     assert np.max(apart) > 1e6 * apart[0]
 
 
+@pytest.mark.slow
 def test_the_first_doubling_is_near_1_066() -> None:
     """Check by bisection that the first period doubling is near g = 1.066; close to it the motion settles slowly."""
     low, high = 1.06, 1.07
@@ -63,6 +64,7 @@ def test_the_first_doubling_is_near_1_066() -> None:
     assert 0.5 * (low + high) == pytest.approx(1.066, abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [0.9, 1.07, 1.15, 1.5])
 def test_the_lyapunov_exponents_sum_to_minus_one_over_q(strength: float) -> None:
     """Check that the Lyapunov exponents sum to -1/q: the flow shrinks areas by exp(-t/q)."""

@@ -67,7 +67,10 @@ def cases() -> list[Any]:
     single = {**BOTH, **{f"{name}, adaptive": case for name, case in SINGLE.items()}}
     batches = {f"{name}, batch": {**case, "angle": ANGLES} for name, case in BOTH.items()}
     batches |= {f"{name}, adaptive batch": {**case, "angle": ANGLES} for name, case in SINGLE.items()}
-    return [pytest.param({**SHORT, "angle": 1.0, **case}, id=name) for name, case in {**single, **batches}.items()]
+    return [
+        pytest.param({**SHORT, "angle": 1.0, **case}, id=name,
+                     marks=pytest.mark.slow if "adaptive batch" in name else ())
+        for name, case in {**single, **batches}.items()]
 
 
 @pytest.mark.parametrize("case", cases())
@@ -305,10 +308,9 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGINT cannot be sent to one process")
-@pytest.mark.parametrize("job", [
-    job if job == "run" else pytest.param(job, marks=pytest.mark.slow) for job in JOBS
-])
+@pytest.mark.parametrize("job", JOBS)
 def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     file = tmp_path / "runs.npy"
@@ -317,7 +319,7 @@ def test_ctrl_c_ends_it(job: str, tmp_path: Path) -> None:
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
-        time.sleep(1.0)
+        time.sleep(0.3)
         assert process.poll() is None
         sent = time.perf_counter()
         process.send_signal(signal.SIGINT)

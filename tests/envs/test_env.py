@@ -308,6 +308,7 @@ def test_scene_as_name_dict_file_and_object(tmp_path: Path) -> None:
         assert make(scene=scene).scene == SCENES["lab"]
 
 
+@pytest.mark.slow
 def test_record_video_is_playable_and_runs_at_true_speed(tmp_path: Path) -> None:
     import imageio_ffmpeg
 

@@ -71,7 +71,8 @@ STORIES: list[dict[str, Any]] = [
 """Settings with memory, early stops, lost tasks and divergence, all with episodes that end."""
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
+@pytest.mark.parametrize("mode", ["SameStep", *(
+    pytest.param(mode, marks=pytest.mark.slow) for mode in ("NextStep", "Disabled"))])
 @pytest.mark.parametrize("options", STORIES, ids=range(len(STORIES)))
 def test_environments_of_a_vector_have_the_bits_of_single_ones(options: dict[str, Any], mode: str) -> None:
     size, steps = 3, 24

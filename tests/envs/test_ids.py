@@ -140,7 +140,9 @@ def test_gymnasiums_checkers_pass(name: str) -> None:
     checked.step(np.zeros(1, np.float32))
 
 
-@pytest.mark.parametrize("name", TRUE)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=() if name in ("LabPendulum-v0", "LabPendulumMotorBench-v0") else pytest.mark.slow)
+    for name in TRUE])
 @INFINITE
 def test_our_checker_passes(name: str) -> None:
     short = {"max_episode_steps": 5, "backend": "python"}
@@ -149,8 +151,8 @@ def test_our_checker_passes(name: str) -> None:
     assert not report.failed
 
 
-@pytest.mark.parametrize("name", [
-    name if name == "LabPendulum-v0" else pytest.param(name, marks=pytest.mark.slow) for name in TRUE])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TRUE)
 @INFINITE
 def test_episodes_are_filmed(name: str, tmp_path: Path) -> None:
     options = {**QUICK, "render_mode": "rgb_array", "render_size": 60, "max_episode_steps": 4}

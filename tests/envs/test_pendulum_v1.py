@@ -86,6 +86,7 @@ def test_pendulum_v1_itself_in_a_thousand_episodes() -> None:
     assert max(compared(1000, seed=1000)) < 1.0
 
 
+@pytest.mark.slow
 def test_with_ordinary_actions_pendulum_v1_rounds_its_torque() -> None:
     """Pendulum-v1 multiplies the torque by 3 in float32, and swings near the top magnify that: a fifth of the episodes
     part by more than 1e-6, by up to some thousandths. With the same torques in float64 none does, nor with NumPy 1,
@@ -192,6 +193,7 @@ def test_a_clipped_motion_has_no_reference() -> None:
         reference(SCENES["gymnasium"], 3.0, 6.0, [1.0])
 
 
+@pytest.mark.slow
 def test_the_controller_swings_pendulum_v1_up() -> None:
     """Check that it earns as much as good agents in Pendulum-v1: above -400 in every episode."""
     vector = gym.make_vec(TWIN, num_envs=20, diagnostics=())

@@ -145,6 +145,7 @@ def test_bounds_of_a_fit_hold() -> None:
         draws(SimpleNamespace(scatter=found), 1)
 
 
+@pytest.mark.slow
 def test_a_real_fit_and_its_bootstrap_can_be_drawn_from() -> None:
     time = np.arange(0.0, 12.0, 0.05)
     swing = np.exp(-0.05 * time) * np.cos(5.2 * time) * 0.2

@@ -269,6 +269,7 @@ def test_noise_and_dropout_have_their_sizes() -> None:
     assert abs(np.corrcoef(readings[1:-1][pairs], readings[2:][pairs])[0, 1]) < 0.06
 
 
+@pytest.mark.slow
 def test_a_fit_tells_the_sensor_of_its_recording() -> None:
     time = np.arange(0.0, 20.0, 0.05)
     source, quantum, noise = np.random.default_rng(0), 0.002, 0.004
@@ -306,6 +307,7 @@ def test_saved_states_resume_in_the_middle_of_a_queue(case: str) -> None:
                                      ).get_state())
 
 
+@pytest.mark.slow
 def test_a_state_with_arrays_in_the_order_of_fortran_resumes() -> None:
     """As a file of another program may hold them: the compiled step reads the restored arrays themselves."""
     env = gym.make_vec("LabPendulum-v0", 300, vectorization_mode="vector_entry_point", action_delay=0.02,

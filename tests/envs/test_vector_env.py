@@ -544,8 +544,10 @@ def test_bad_actions_change_nothing(case: str) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("options", [{}, {"num_threads": 2, "copy": False}, {"diagnostics": ("energy", "error")},
-                                     {"substeps": 100}, {"substeps": 3000}])
+@pytest.mark.parametrize("options", [
+    {}, *(pytest.param(more, marks=pytest.mark.slow) for more in (
+        {"num_threads": 2, "copy": False}, {"diagnostics": ("energy", "error")}, {"substeps": 100},
+        {"substeps": 3000}))])
 def test_a_compiled_program_refuses_actions_that_are_not_finite(value: float, options: dict[str, Any]) -> None:
     """The first action and the last are looked at, in the last of three blocks, and no environment moves."""
     env, other = (vector(600, **{"integrator": "symplectic_euler", "num_threads": 1, **options}) for _ in range(2))
@@ -708,6 +710,7 @@ def test_a_vector_is_used_from_one_thread_at_a_time(monkeypatch: pytest.MonkeyPa
     assert again.step(np.ones((3, 1)))[0].tobytes() == env.step(np.ones((3, 1)))[0].tobytes()
 
 
+@pytest.mark.slow
 def test_importing_the_vector_env_loads_no_compiler() -> None:
     code = "import sys, pendulum_env; pendulum_env.LabPendulumVectorEnv; print('numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

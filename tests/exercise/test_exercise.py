@@ -140,8 +140,8 @@ def recorded_swing(rng: np.random.Generator, sign: float) -> tuple[Recording, fl
     return Recording(time, run.y[0] + noise * rng.standard_normal(len(time)), "simulated by SciPy"), omega
 
 
-@pytest.mark.parametrize(("number", "low", "high"), [(4, 0.3, 1.7), pytest.param(200, 0.9, 1.1,
-                                                                                   marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "low", "high"), [(4, 0.3, 1.7), (200, 0.9, 1.1)])
 def test_omega_of_a_recording_is_right_within_its_error(number: int, low: float, high: float) -> None:
     """Released to either side in turn. The error is neither too small nor too large; and ``measure`` quotes the same
     period.
@@ -201,6 +201,7 @@ def step(theta, omega, dt, acceleration):
 """A student's step: half a step of the angle, one of the velocity, half a step of the angle."""
 
 
+@pytest.mark.slow
 def test_an_own_step_runs_beside_the_three_methods() -> None:
     worked = work_out(Given.of(), step=MINE)
     square, dt = 9.8 / 0.353, 0.01
@@ -223,6 +224,7 @@ def test_an_own_step_runs_beside_the_three_methods() -> None:
     assert [row.quantity for row in values(worked)].count("largest energy over its start, own_step") == 2
 
 
+@pytest.mark.slow
 def test_an_own_step_is_named_by_what_it_does() -> None:
     worked = work_out(Given.of(), step="theta, omega = theta + dt*omega, omega + dt*acceleration(theta, omega)")
     assert "Your step gives the same numbers as the method <code>forward_euler</code>" in rendered(worked, False)
@@ -260,6 +262,7 @@ def test_no_answer_stands_in_the_page_without_the_key(worked: Worked) -> None:
     assert blank.count("<i></i>") == sum(boxes) >= 4 * questions
 
 
+@pytest.mark.slow
 def test_the_page_says_that_the_recording_is_simulated_and_needs_nothing_else(worked: Worked) -> None:
     for key in (True, False):
         page = rendered(worked, key, 'Ada "L" <b>')

@@ -210,6 +210,7 @@ def test_a_gif_shows_a_change_of_one_pixel_at_any_place(tmp_path, y, x):
     assert parts[1][0][y, x].tolist() == [255, 255, 255]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".mp4", ".gif"])
 def test_a_film_in_the_making_holds_few_frames(tmp_path, ending):
     alive = []
@@ -263,7 +264,8 @@ def warnings_of(run):
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize(("scene", "integrator", "words", "keywords"), [
     ("exercise_large", "rk4", "goes slack", {"slack": "warn", "angle": 2.0, "duration": 1.0}),
-    ("lab", "gauss4", "Newton's method found no solution", {"dt": 50.0, "duration": 50.0, "angle": 3.0}),
+    pytest.param("lab", "gauss4", "Newton's method found no solution", {"dt": 50.0, "duration": 50.0, "angle": 3.0},
+                 marks=pytest.mark.slow),
     ("kapitza", "rk4", "of the phase of vertical_drive", {"dt": 0.02, "duration": 1.0}),
     ("lab", "forward_euler", "are too long", {"dt": 0.2, "duration": 1.0}),
     ("lab", "rk4", "formulas do not hold", {"angle": 0.02, "duration": 1.0}),
@@ -371,7 +373,7 @@ def test_between_states_nothing_overshoots_and_all_is_finite():
 
 
 @pytest.mark.usefixtures("interpreted")
-@pytest.mark.parametrize(("theme", "dt"), [("dark", 0.02), ("light", 0.5)])
+@pytest.mark.parametrize(("theme", "dt"), [pytest.param("dark", 0.02, marks=pytest.mark.slow), ("light", 0.5)])
 def test_a_films_frames_are_the_environments(tmp_path, monkeypatch, theme, dt):
     """At control steps, frames of a film and of an environment are equal in every pixel, also after more than 10 s."""
     taken = []
@@ -454,6 +456,7 @@ def test_what_cannot_be_filmed_is_refused_before_anything_runs(tmp_path, monkeyp
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("interpreted")
 def test_the_command_films_scenes_and_methods_side_by_side(tmp_path):
     words = ["record", "--scene", "exercise_large,vacuum", "-i", "forward_euler", "--integrators", "rk4",

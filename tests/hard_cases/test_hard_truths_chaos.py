@@ -133,6 +133,7 @@ def test_the_largest_exponent_as_a_mean_over_an_ensemble(strength: float, how: s
     assert found.least > 0.0
 
 
+@pytest.mark.slow
 def test_both_ways_to_an_exponent_agree_where_it_is_known() -> None:
     """At a drive of 0.9 all motions end on one orbit, whose exponents are both -1/(2q) = -0.25/s."""
     for how in exponents.METHODS:

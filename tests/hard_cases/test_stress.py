@@ -91,12 +91,16 @@ def test_some_method_fits_every_case() -> None:
     assert [case.name for case in CASES if not fitting(case.scene)] == []
 
 
-def test_every_case_is_chosen_and_every_method_runs_unless_some_are_named() -> None:
-    assert run.chosen_cases(None, None, True) == CASES
-    assert run.chosen_cases(None, None, False) == SHORT
+@pytest.mark.slow
+def test_every_method_runs_unless_some_are_named() -> None:
     found = run.stress(EASY.name)
     assert [(entry.case, entry.method) for entry in found.entries] == [(EASY, method) for method in METHODS.values()]
     assert not found.failures, found.text
+
+
+def test_every_case_is_chosen_and_the_methods_that_are_named_run() -> None:
+    assert run.chosen_cases(None, None, True) == CASES
+    assert run.chosen_cases(None, None, False) == SHORT
     pairs = [(case, METHODS[name]) for case in (EASY, FAILING) for name in ("newmark_linear", "rk4")]
     found = run.stress([FAILING.name, EASY.name], integrators=["newmark_linear", "rk4"])
     assert [(entry.case, entry.method) for entry in found.entries] == pairs
@@ -162,6 +166,7 @@ LOW = ("forward_euler", "backward_euler", "velocity_verlet", "heun")
 """Methods of order 1 and 2, whose tolerances are the largest."""
 
 
+@pytest.mark.slow
 def test_methods_of_low_order_in_cases_of_friction_and_in_some_others() -> None:
     """Their tolerances are the widest. Cases of friction take two methods, others one; slow tests take more."""
     pairs = [(case, METHODS[name]) for case in SHORT if case.group == "non-smooth"
@@ -205,7 +210,7 @@ def test_heat_of_another_way_is_refused(short: int, monkeypatch: pytest.MonkeyPa
         return replace(told, ledger=replace(told.ledger, heat=told.ledger.heat * (1.0 + short * 0.2 / 2.72)))
 
     monkeypatch.setattr(case_module, "rollout", other)
-    for name in (*LOW, "rk4", "gauss4"):
+    for name in (*LOW, "rk4"):
         found = case.tried(METHODS[name])
         assert (found.outcome, found.note) == (WRONG, "its heat is not friction times the distance"), name
 

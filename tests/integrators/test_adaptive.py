@@ -124,9 +124,9 @@ VAN_DER_POL = 1.706167732170483, -0.8928097010247975e-3
 """q and v at t = 2000 for mu = 1000 from (2, 0) (Mazzia & Magherini 2008, Test Set for IVP Solvers, problem VDPOL)."""
 
 
-@pytest.mark.parametrize(("name", "rtol", "most"), [
-    ("radau5", 1e-4, 500), ("radau5", 1e-7, 1700), pytest.param("radau5", 1e-10, 9000, marks=pytest.mark.slow),
-    ("sdirk4", 1e-4, 800), pytest.param("sdirk4", 1e-7, 9000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("name", "rtol", "most"), [pytest.param(*one, marks=pytest.mark.slow) for one in (
+    ("radau5", 1e-4, 500), ("radau5", 1e-7, 1700), ("radau5", 1e-10, 9000), ("sdirk4", 1e-4, 800),
+    ("sdirk4", 1e-7, 9000))])
 def test_stiff_van_der_pol(name: str, rtol: float, most: int) -> None:
     """The tolerance holds, in few steps where explicit methods take a million; as a number and as an array."""
     mu, errors = 1000.0, []
@@ -211,6 +211,7 @@ def test_at_rest_and_on_straight_lines_steps_grow_to_the_end():
     assert found.steps < 12
 
 
+@pytest.mark.slow
 def test_mpmath_numbers_keep_tolerances_beyond_double_precision():
     with mpmath.workdps(40):
         one = mpmath.mpf(1)

@@ -53,7 +53,8 @@ ODEFUN = {
 }
 
 
-@pytest.mark.parametrize("damped", ODEFUN)
+@pytest.mark.parametrize("damped", [
+    pytest.param(one, marks=() if one == "quadratic" else pytest.mark.slow) for one in ODEFUN])
 def test_reference_agrees_with_odefun(damped):
     with mpmath.workdps(45):
         for found, expected in zip(reference(damped), ODEFUN[damped], strict=True):

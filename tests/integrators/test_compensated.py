@@ -468,8 +468,8 @@ def test_numpys_truth_is_taken() -> None:
 
 # --- every kind of method beside its formula in 40 digits ------------------------------------------------------------
 
-ONE_OF_A_KIND = ("rk4", "gauss4", "taylor", "kahan_li6", "nystrom4", "ab4", "bdf3", "stoermer5", "generalized_alpha",
-                 "chin4a", "discrete_gradient")
+ONE_OF_A_KIND = ("rk4", "kahan_li6", "nystrom4", "ab4", "bdf3", "stoermer5", "chin4a")
+"""Of each kind whose steps are quick in 40 digits."""
 STEP, COUNT = 2.0**-5, 128
 
 

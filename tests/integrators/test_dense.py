@@ -315,7 +315,7 @@ def test_tolerances_take_the_same_steps(name):
     assert plain.rejected > 0
 
 
-@pytest.mark.parametrize("parts", [1, 2, 4])
+@pytest.mark.parametrize("parts", [1, 2, pytest.param(4, marks=pytest.mark.slow)])
 def test_curves_through_several_states_of_a_step(parts: int) -> None:
     """Exact for polynomials of degree 3n + 2; the next one shows how its second derivative at one place bounds it."""
     degree, h, t = 3 * parts + 2, Fraction(3, 7), Fraction(2, 3)
@@ -355,7 +355,8 @@ def test_dense_output_of_high_nystroem_pairs_costs_a_few_steps(name: str, most: 
         assert 1.2 * plain < dense < most * plain
 
 
-@pytest.mark.parametrize(("rtol", "start"), [(1e-4, 0.0), (1e-8, 0.0), (1e-12, 1e9), (1e-14, 0.0)])
+@pytest.mark.parametrize(("rtol", "start"), [
+    (1e-4, 0.0), (1e-12, 1e9), *(pytest.param(rtol, 0.0, marks=pytest.mark.slow) for rtol in (1e-8, 1e-14))])
 def test_quintics_meet_the_tolerance_too(rtol, start):
     """Pairs without polynomials take steps in which one quintic errs by up to a million tolerances (dprkn12)."""
     for name in ("dprkn8", "dprkn12", *(("fine5", "dprkn6", "rkn43") if rtol > 1e-9 else ())):

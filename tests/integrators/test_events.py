@@ -44,6 +44,7 @@ def test_turning_points_of_the_oscillator_to_rounding() -> None:
     assert abs(found.v_events[0]).max() < 1e-15
 
 
+@pytest.mark.slow
 def test_the_period_of_the_pendulum_is_the_elliptic_integral() -> None:
     """T = 4 K(sin²(angle/2)) (Landau & Lifshitz, Mechanics, section 11)."""
     for angle in (0.1, 1.0, 2.0, 3.0):

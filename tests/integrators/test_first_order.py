@@ -148,9 +148,15 @@ FAMILIES = {(type(method).__name__, method.implicit, has_estimates(method), meth
             for name, method in reversed(METHODS.items()) if method.first_order_form}
 
 
-@pytest.mark.parametrize("kind", [
-    pytest.param(kind, marks=pytest.mark.slow if kind in ("list", "one") else ()) for kind in KINDS if kind != "array"])
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: "-".join(map(str, family)))
+def is_simple(family: tuple[Any, ...]) -> bool:
+    """Whether a family is explicit and without estimates; others run in few kinds of numbers in quick tests."""
+    return not family[1] and not family[2]
+
+
+@pytest.mark.parametrize(("family", "kind"), [
+    pytest.param(family, kind, id="-".join(map(str, (*family, kind))), marks=() if kind in ("float", "complex") or (
+        is_simple(family) and kind in ("reused", "mpmath")) else pytest.mark.slow)
+    for family in FAMILIES for kind in KINDS if kind != "array"])
 def test_one_method_of_every_family(family: tuple[Any, ...], kind: str) -> None:
     assert faults(FAMILIES[family], kind) == []
 

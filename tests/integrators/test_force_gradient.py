@@ -122,6 +122,7 @@ def test_work_is_of_order_four_too(drive: Effect) -> None:
         assert math.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_compiled_steps_have_the_same_bits() -> None:
     scene = Scene(effects=(Gravity(), Motor(max_torque=2.0)))
     asked: dict[str, Any] = {"integrator": "chin4a", "angle": 2.0, "velocity": 1.0, "duration": 5.0, "dt": 0.05,

@@ -395,8 +395,16 @@ CONTRACT: tuple[Callable[[Method], None], ...] = (
 )
 
 
-@pytest.mark.parametrize("check", CONTRACT, ids=lambda check: check.__name__)
-@pytest.mark.parametrize("name", EVERY)
+def is_long(check: Callable[[Method], None], method: Method) -> bool:
+    """Whether steps in many digits take a second: of high order, or with equations to be solved."""
+    return (check is check_order and (method.order >= 8 or (method.implicit and method.order > 1))) or (
+        check is check_limits and method.order > 8)
+
+
+@pytest.mark.parametrize(("name", "check"), [
+    pytest.param(name, check, id=f"{name}-{check.__name__}",
+                 marks=pytest.mark.slow if is_long(check, EVERY[name]) else ())
+    for name in EVERY for check in CONTRACT])
 def test_contract(name, check):
     check(EVERY[name])
 

@@ -285,7 +285,7 @@ def test_extrapolation_meets_the_order_conditions(order: int) -> None:
     assert any(c.defect for c in conditions if c.order > order)
 
 
-@pytest.mark.parametrize("order", [10, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("order", [6, *(pytest.param(order, marks=pytest.mark.slow) for order in (10, 16))])
 def test_extrapolation_shows_its_order(order: int) -> None:
     assert observed_order(extrapolated_midpoint(order), damped="linear", digits=70) == pytest.approx(order, abs=0.1)
 

@@ -296,6 +296,7 @@ def test_the_new_angle_in_a_step_called_forward_euler_is_named() -> None:
     assert "equals symplectic_euler, not backward_euler, although it is called so" in from_step(backward_euler).summary
 
 
+@pytest.mark.slow
 def test_a_film_of_it_is_that_of_the_method_that_it_equals(tmp_path: Path) -> None:
     """Check the pictures below the line with the name, and that another method gives others."""
     found = {}

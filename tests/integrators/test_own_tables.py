@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Iterable
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
+from choice import EVERYWHERE
 
 import integrators
 import pendulum_env
@@ -122,8 +124,11 @@ def test_an_order_is_a_whole_number(name: str, order: object) -> None:
         replace(integrators.get(name), name="mine", order=order)
 
 
-def test_copies_of_all_methods_pass() -> None:
-    for method in integrators.METHODS.values():
+@pytest.mark.parametrize("names", [
+    pytest.param(EVERYWHERE, id="everywhere"),
+    pytest.param(frozenset(integrators.METHODS), id="all", marks=pytest.mark.slow)])
+def test_copies_of_methods_pass(names: Iterable[str]) -> None:
+    for method in map(integrators.get, names):
         copy = replace(method, name=f"{method.name}_copy")
         assert integrators.solving.solve.accepted(copy) is copy
 

@@ -639,6 +639,7 @@ def test_steps_shorter_than_the_rounding_of_times_have_dense_output_all_the_same
     assert [found(t)[0] for t in places] == pytest.approx(np.cos(places - start), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_slow_motions_over_long_times_are_no_fault():
     """``q'' = -1e-14 q`` over 1e11, 1591 periods: the first step was refused as too short."""
     found = solve(lambda t, q, v: -1e-14 * q, 1.0, 0.0, [0.0, 1e11], method="dop853", rtol=1e-9)

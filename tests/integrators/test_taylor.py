@@ -416,7 +416,7 @@ def test_rollouts_have_the_series_as_dense_output_too(name: str, options: dict[s
     assert run.t_events[0] == pytest.approx([half * k for k in range(1, len(run.t_events[0]) + 1)], abs=1e-10)
 
 
-@pytest.mark.parametrize("scene", ["lab", "chaotic", "kapitza"])
+@pytest.mark.parametrize("scene", ["lab", "chaotic", pytest.param("kapitza", marks=pytest.mark.slow)])
 def test_driven_and_damped_rollouts_too(scene: str) -> None:
     run = rollout(scene, integrator="taylor", duration=1.0, dense=True, rtol=1e-10, backend="python")
     truth = rollout(scene, integrator="dop853", duration=1.0, rtol=1e-12, backend="python")

@@ -97,6 +97,7 @@ def test_importing_the_twin_changes_no_setting_of_jax(with_jax: Path) -> None:
     assert run(with_jax, "-c", code).stdout == "float32\n"
 
 
+@pytest.mark.slow
 def test_the_package_does_not_import_jax() -> None:
     code = ("import sys, pendulum_env\npendulum_env.SCENES, pendulum_env.rollout, pendulum_env.LabPendulumEnv\n"
             "print([name for name in sys.modules if name.partition('.')[0] in ('jax', 'jaxlib')])")
@@ -132,6 +133,7 @@ def test_the_truth_of_gradients_is_scipys(benchmark: Any) -> None:
     assert benchmark.true_slope(3.0) == pytest.approx((found.y[0, -1], found.y[2, -1]), rel=1e-10)
 
 
+@pytest.mark.slow
 def test_the_figure_of_gradients_shows_every_solver(benchmark: Any, tmp_path: Path) -> None:
     points = {name: [(1e-3, 1.0, 2.0), (1e-6, 4.0, 5.0)] for name in ("twin rk4", "diffrax Dopri8")}
     benchmark.draw(points, 1000.0, str(tmp_path / "gradients.png"))

@@ -101,7 +101,8 @@ TOO_LARGE: dict[str, tuple[bytes, str]] = {
 }
 
 
-@pytest.mark.parametrize("case", TOO_LARGE)
+@pytest.mark.parametrize("case", [
+    pytest.param(case, marks=pytest.mark.slow if case in ("entries", "rows") else ()) for case in TOO_LARGE])
 def test_what_is_too_large_is_refused_before_memory_is_taken(case: str, tmp_path: Path) -> None:
     data, what = TOO_LARGE[case]
     tracemalloc.start()
@@ -161,7 +162,8 @@ FOUND: dict[str, tuple[str, str]] = {
 """Texts that the fuzzer found, with a word of their refusal."""
 
 
-@pytest.mark.parametrize("case", FOUND)
+@pytest.mark.parametrize("case", [
+    pytest.param(case, marks=pytest.mark.slow if case == "a run with 5000 digits" else ()) for case in FOUND])
 def test_what_the_fuzzer_found(case: str, tmp_path: Path) -> None:
     text, word = FOUND[case]
     path = tmp_path / "swing.csv"

@@ -91,6 +91,7 @@ def test_a_small_fit_finds_the_bench() -> None:
     assert found.grade.usable
 
 
+@pytest.mark.slow
 def test_eliminated_starts_are_fitted_too() -> None:
     """SciPy's least squares over the numbers and the starts of all windows ends at the same numbers, to 2e-3 of the
     errors, with the same errors."""
@@ -141,6 +142,7 @@ def test_settings_are_those_of_the_sensor() -> None:
     assert json.loads(json.dumps(small().to_dict()))["sensor"] == sensor
 
 
+@pytest.mark.slow
 def test_the_scene_moves_as_the_bench_in_an_environment() -> None:
     truth, tick = {**BENCH, "delay": 0.0, "lag": 0.05}, 0.02
     scene = small().scene

@@ -87,7 +87,8 @@ REMEDIES = {
 
 @real
 @pytest.mark.filterwarnings("ignore:The ", "ignore:One reading")
-@pytest.mark.parametrize("name", REMEDIES)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=() if name == "one_outlier" else pytest.mark.slow) for name in REMEDIES])
 def test_a_shared_file_with_a_fault_names_the_remedy(name: str) -> None:
     kind, size, sentence = REMEDIES[name]
     found = fit(Recording.read(FAULTS / f"{name}.csv"), "linear+quadratic")
@@ -163,6 +164,7 @@ def test_the_shared_photogate_that_starts_blocked_gives_its_period() -> None:
         measure_gate(FAULTS / "period_against_length.csv")
 
 
+@pytest.mark.slow
 @real
 def test_the_shared_bench_without_viscous_friction_has_a_scene() -> None:
     found = fit_driven(DrivenLog.read(FAULTS / "driven_without_viscous_friction.csv"), inertia=0.18)
@@ -253,6 +255,7 @@ def test_a_gate_is_read_whichever_state_is_first(amplitude: float, first: int, w
     assert abs(sheet.small_period.value - period(swing)) < 4.0 * sheet.small_period.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("header", ["Time (s),Gate State", "Counter,Time (s),GateState", ""])
 def test_readings_of_a_gate_may_begin_blocked(header: str, tmp_path: Path) -> None:
     swing = let_go(0.7, 0.02, 0.4, 30.0)
@@ -639,6 +642,7 @@ def test_benches_without_viscous_friction_have_files(
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"scene.json", "bench.json", "parameters.csv"}
 
 
+@pytest.mark.slow
 def test_a_bench_without_viscous_friction_is_at_its_bound() -> None:
     truth = drawn(2, "torque", viscous=0.0)
     log = recorded(truth, 2, "torque")

@@ -130,6 +130,7 @@ def test_a_fit_against_what_was_told() -> None:
             found.against(**wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_what_follows_and_what_slips() -> None:
     """A model whose length is off by 0.6 % is half a turn behind after 1/(2 * 0.003) periods: astray by half an
     amplitude, 30 degrees of phase, after a sixth of these."""
@@ -144,6 +145,7 @@ def test_what_follows_and_what_slips() -> None:
     assert followed(model, off * [1, 1, 1, 1 / 1.006, 1], angle, np.full(len(time), 1e-4)) == len(time)
 
 
+@pytest.mark.slow
 def test_a_model_that_cannot_follow_is_said_to() -> None:
     """A swing from 150 degrees that dies out, without damping."""
     time = even(30.0, 50.0)
@@ -193,6 +195,7 @@ def test_bad_readings_do_not_end_a_swing() -> None:
     found_truth(found, PLAIN)
 
 
+@pytest.mark.slow
 def test_a_number_per_inertia_needs_no_mass() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -194,6 +194,7 @@ def test_no_verdict_follows_a_fit_that_is_not_usable(
         assert words not in printed, words
 
 
+@pytest.mark.slow
 def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
     asked: list[dict[str, Any]], run_here: Here
 ) -> None:
@@ -224,6 +225,7 @@ def test_a_length_neither_told_nor_fitted_is_warned_of() -> None:
     fitting.fit(virtual(), "linear", free=("gravity",), mass=0.05, length=0.1)
 
 
+@pytest.mark.slow
 def test_files_say_where_they_come_from(found: Fit, tmp_path: Path) -> None:
     write(found, measure(virtual(), radius=0.01), tmp_path)
     for name in ("measured", "amplitudes", "parameters", "residuals"):
@@ -274,6 +276,7 @@ def motion(comparison: Any) -> tuple[Any, Any]:
     return run.time, run.angle
 
 
+@pytest.mark.slow
 def test_another_scene_starts_where_the_recording_turns() -> None:
     scene = TRUE.replace(run={"angle": START, "velocity": 0.0, "duration": 4.0})
     other = compare(scene, "rk4", recording=virtual())
@@ -351,6 +354,7 @@ def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     assert np.abs(readings[:, 1]).max() == pytest.approx(2.0 * math.sqrt(98.1) * math.sin(START / 2.0), rel=0.06)
 
 
+@pytest.mark.slow
 def test_no_two_models_have_the_same_line(found: Fit) -> None:
     """Colours begin again with the sixth model after the best one; then dash patterns differ."""
     drawn = figure.recorded(replace(found, comparison=FitComparison.of((found,) * 12)))

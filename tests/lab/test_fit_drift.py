@@ -45,6 +45,7 @@ def drifting(kind: str, seed: int) -> Recording:
                     quantum=math.radians(source.choice([0.0, 0.1, 0.25])), seed=seed)
 
 
+@pytest.mark.slow
 def test_a_scale_that_changes_enlarges_the_error_of_the_length() -> None:
     """A scale that rises by 1.4 % changes the period most in the middle, so that the period seems not to drift."""
     time = even(40.0, 60.0)
@@ -85,6 +86,7 @@ def test_the_drift_of_the_period_is_found_and_widens_the_error_of_the_length() -
     assert 0.5 * 0.02 / math.sqrt(12.0) < found.parameters["length"].error < 0.5 * 0.02
 
 
+@pytest.mark.slow
 def test_a_free_scale_takes_the_drift_away() -> None:
     """A scale that is 3 % too large at 50 degrees makes the corrected period drift."""
     time = even(30.0, 40.0)

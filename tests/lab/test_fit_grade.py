@@ -166,6 +166,7 @@ def test_a_steady_driven_swing_is_called_driven(quantum: float) -> None:
     assert "verdict" not in comparison.table.head
 
 
+@pytest.mark.slow
 def test_a_swing_that_settles_is_called_driven() -> None:
     time = even(60.0, 50.0)
     found = quiet(recorded(time, driven(time, 0.6, 0.3, 0.2, 0.98), noise=TENTH), "quadratic")

@@ -164,6 +164,7 @@ def test_the_bootstrap_of_independent_residuals_is_least_squares() -> None:
     np.testing.assert_array_equal(drawn.values[:5], found.bootstrap(5, seed=2).values)
 
 
+@pytest.mark.slow
 def test_the_bootstrap_of_correlated_residuals_keeps_them() -> None:
     """The mean of an AR(1) process with rho = 0.9 has 19 times the variance for independent readings.
 

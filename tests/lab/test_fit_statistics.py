@@ -173,6 +173,7 @@ def test_the_error_of_a_reading_is_that_of_the_noise_alone() -> None:
     assert math.isnan(statistics.reading_error(time[:4], misfit[:4]))
 
 
+@pytest.mark.slow
 def test_p_of_noise_is_uniform() -> None:
     """For 2000 fits of a mean to 300 independent readings, the share of p below a limit is right within three standard
     errors."""
@@ -246,7 +247,7 @@ def swinging(n: int = 1200, cycles: float = 40.0) -> tuple[Any, Any]:
     return np.stack([*wave, np.ones(n), wave[1] * phase, wave[0] * phase], axis=1), phase
 
 
-@pytest.mark.parametrize("cycles", [2.0, 6.0, 40.0])
+@pytest.mark.parametrize("cycles", [2.0, 6.0, pytest.param(40.0, marks=pytest.mark.slow)])
 def test_noise_alone_has_the_errors_of_least_squares(cycles: float) -> None:
     """Of 200 drawn fits, 95 % intervals hold the truth, 0, in 91 to 99 % (1.5 % is one standard deviation), and the
     pulls have an rms of 1 within 15 %."""

@@ -88,6 +88,7 @@ def spoilt(seed: int, share: float = 0.03, run: int = 0, seconds: float = 20.0) 
     return Recording(time, seen, "spoilt")
 
 
+@pytest.mark.slow
 def test_a_robust_fit_is_that_of_scipy_with_soft_l1() -> None:
     """Compare with scipy's soft L1 loss, with the corner and model of the fit, and scipy's own solver."""
     recording = spoilt(1, run=12)
@@ -126,6 +127,7 @@ def test_intervals_of_robust_fits_hold() -> None:
     assert 0.90 <= np.mean(inside) <= 0.99
 
 
+@pytest.mark.slow
 def test_a_robust_fit_knows_the_sensors_steps() -> None:
     swing = rollout("lab", angle=0.6, velocity=0.0, duration=20.0, dt=0.002)
     sensor = VirtualSensor(quantum=math.radians(0.25), rate=50.0, zero="bottom", noise=0.0005)
@@ -207,6 +209,7 @@ def test_a_displacement_is_fitted_with_scale_and_zero_free(name: str, tmp_path: 
     assert abs(abs(angle.value) - truth["amplitude"]) < 3.0 * angle.error + 0.02 * truth["amplitude"]
 
 
+@pytest.mark.slow
 def test_the_radius_of_a_track_is_set_against_the_fitted_length(tmp_path: Path) -> None:
     from pendulum_env.study.fit_report import against_track
 

@@ -35,6 +35,7 @@ def test_a_displacement_gives_the_angle_before_any_fit(name: str, tmp_path: Path
     assert measure(Recording.read(path)).points.amplitude[0] == pytest.approx(truth["amplitude"], rel=0.04)
 
 
+@pytest.mark.slow
 def test_a_gate_may_be_read_at_a_constant_rate(tmp_path: Path) -> None:
     """A row for each reading of the beam: the passage is in the middle of the readings that are blocked."""
     swing = let_go(0.7, 0.02, 0.5, 40.0)

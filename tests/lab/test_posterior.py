@@ -163,6 +163,7 @@ def test_the_same_seed_gives_the_same_samples() -> None:
     assert not np.array_equal(one.chain, other.chain)
 
 
+@pytest.mark.slow
 def test_a_normal_prior_counts_as_another_reading() -> None:
     """For a linear model with many readings, precisions add and means are weighted by them."""
     mean, scale, _ = exact()
@@ -173,6 +174,7 @@ def test_a_normal_prior_counts_as_another_reading() -> None:
     assert own.error == pytest.approx(error / math.sqrt(5.0), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_range_that_excludes_the_fit_holds_for_all_walkers() -> None:
     value = float(harmonic().values[0])
     found = harmonic().posterior(steps=400, priors={"angle": (value + 0.002, value + 0.004)})
@@ -232,6 +234,7 @@ def by_grid(found: Fit, gammas: Any, drags: Any) -> Any:
     return np.exp(logs - logs.max()).reshape(len(gammas), len(drags))
 
 
+@pytest.mark.slow
 def test_dampings_that_only_their_sum_determines_share_it_within_their_ranges() -> None:
     """Linear drag and a bearing's viscosity b have torques of one shape: ``gamma + b/(m L²)`` is that of linear alone.
     """
@@ -324,6 +327,7 @@ def test_intervals_of_many_recordings_contain_the_truth() -> None:
     assert 2 <= missed <= 11
 
 
+@pytest.mark.slow
 def test_it_is_as_wide_as_errors_that_allow_for_correlation() -> None:
     """Neighbouring readings share their noise; the errors of the fit are then wider than those of the scatter alone."""
     source, noise = np.random.default_rng(8), np.zeros(300)

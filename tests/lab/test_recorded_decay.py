@@ -121,6 +121,7 @@ def test_the_length_with_an_honest_uncertainty() -> None:
     assert abs(against(filmed(), {"length": (0.65 + STEEL, 0.01)})["length"]) < 1.0
 
 
+@pytest.mark.slow
 def test_the_drag_is_ten_times_a_steel_balls() -> None:
     """C_d times the cross-section is 1.7e-3 m² with dry friction in the model, but 1.7e-4 m² for a steel ball. So the
     bob is not a steel ball, or the string and its holder had drag too; the recording cannot show which."""
@@ -131,9 +132,9 @@ def test_the_drag_is_ten_times_a_steel_balls() -> None:
     assert 8.0 < area / (0.46 * math.pi * STEEL**2) < 12.0
 
 
-def test_the_period_corrected_for_amplitude_is_constant() -> None:
-    """The corrected period is constant to 0.3 % in windows of ten oscillations, while the amplitude falls from 39 to 11
-    degrees."""
+def corrected_periods() -> list[float]:
+    """Return periods of small swings in windows of ten oscillations, while the amplitude falls from 39 to 11 degrees.
+    """
     swing = film().released().centred()
     times, points = crossings(swing.time, swing.angle, level=0.01), turning_points(swing)
     ends = times[::10]
@@ -141,8 +142,18 @@ def test_the_period_corrected_for_amplitude_is_constant() -> None:
     for first, last in pairwise(ends):
         sizes = points.amplitude[(points.time > first) & (points.time < last)]
         found.append((last - first) / 10.0 / float(np.mean(exact.period(sizes, math.tau))))
+    return found
+
+
+def test_the_period_corrected_for_amplitude_is_constant() -> None:
+    found = corrected_periods()
     assert len(found) >= 6
     assert max(found) / min(found) - 1.0 < 0.003
+
+
+@pytest.mark.slow
+def test_the_fitted_length_has_the_corrected_period() -> None:
+    found = corrected_periods()
     length = filmed().parameters["length"].value
     assert math.tau * math.sqrt(length / 9.81) == pytest.approx(float(np.mean(found)), rel=1e-3)
 

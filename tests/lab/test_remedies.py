@@ -59,7 +59,7 @@ def check(found: Fit, name: str, size: float, errors: float = 3.0) -> None:
 # --- each fault is named with its size -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scale", [0.71, 1.06, 2.6])
+@pytest.mark.parametrize("scale", [1.06, *(pytest.param(scale, marks=pytest.mark.slow) for scale in (0.71, 2.6))])
 def test_a_wrong_scale_is_named(scale: float) -> None:
     found = fitted(TIME, scale * SWING)
     check(found, "scale", scale)
@@ -68,8 +68,9 @@ def test_a_wrong_scale_is_named(scale: float) -> None:
     assert (again.remedies, again.grade.word) == ((), "usable")
 
 
-@pytest.mark.parametrize(("scale", "option"), [(math.pi / 180.0, "--unit rad"), (0.5 / math.pi, "--scale 6.28319"),
-                                               (1.0 / 360.0, "--scale 360")])
+@pytest.mark.parametrize(("scale", "option"), [
+    (math.pi / 180.0, "--unit rad"), pytest.param(0.5 / math.pi, "--scale 6.28319", marks=pytest.mark.slow),
+    pytest.param(1.0 / 360.0, "--scale 360", marks=pytest.mark.slow)])
 def test_a_mistaken_unit_is_named(scale: float, option: str) -> None:
     found = fitted(TIME, scale * SWING, noise=scale * NOISE)
     check(found, "unit", scale)
@@ -77,6 +78,7 @@ def test_a_mistaken_unit_is_named(scale: float, option: str) -> None:
     assert found.comparison is None
 
 
+@pytest.mark.slow
 def test_angular_velocities_that_are_read_as_angles_are_named() -> None:
     found = fitted(TIME, motion(TIME, 37.0, rate=True) / 2.0, noise=0.3)
     assert found.remedies[0].name == "scale"  # of half the velocities, nothing else is known
@@ -85,7 +87,7 @@ def test_angular_velocities_that_are_read_as_angles_are_named() -> None:
     assert found.remedies[0].number.value == pytest.approx(0.3, rel=0.1)
 
 
-@pytest.mark.parametrize(("size", "at"), [(0.3, 14.3), (-2.2, 21.0)])
+@pytest.mark.parametrize(("size", "at"), [(0.3, 14.3), pytest.param(-2.2, 21.0, marks=pytest.mark.slow)])
 def test_a_jump_is_subtracted_and_said(size: float, at: float) -> None:
     moved = SWING + math.radians(size) * (at < TIME)
     found, plain = fitted(TIME, moved), fitted(TIME, SWING)
@@ -104,19 +106,19 @@ def test_a_jump_is_subtracted_and_said(size: float, at: float) -> None:
     assert left.remedies[0].option == f"--until {round(left.remedies[0].at, 2):g}"
 
 
-@pytest.mark.parametrize("size", [0.4, -3.0])
+@pytest.mark.parametrize("size", [0.4, pytest.param(-3.0, marks=pytest.mark.slow)])
 def test_a_drift_of_the_zero_is_named(size: float) -> None:
     check(fitted(TIME, SWING + math.radians(size) * TIME / TIME[-1]), "drift", size)
 
 
-@pytest.mark.parametrize("stretch", [-0.004, 0.04])
+@pytest.mark.parametrize("stretch", [-0.004, pytest.param(0.04, marks=pytest.mark.slow)])
 def test_a_drift_of_the_period_is_named(stretch: float) -> None:
     """The period is proportional to the square root of the length; its change is relative to its mean."""
     last = math.sqrt(1.0 + stretch)
     check(fitted(TIME, motion(TIME, 37.0, stretch=stretch)), "period", 200.0 * (last - 1.0) / (last + 1.0), 4.0)
 
 
-@pytest.mark.parametrize(("size", "options"), [(2.0, {}), (-25.0, {})])
+@pytest.mark.parametrize(("size", "options"), [(2.0, {}), pytest.param(-25.0, {}, marks=pytest.mark.slow)])
 def test_an_outlier_is_named(size: float, options: dict[str, Any]) -> None:
     seen = SWING.copy()
     seen[455] += math.radians(size)
@@ -138,7 +140,7 @@ def test_many_outliers_are_counted() -> None:
     assert found.remedies[0].option == "--robust"
 
 
-@pytest.mark.parametrize("size", [1.2, 3.0])
+@pytest.mark.parametrize("size", [1.2, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_second_swing_that_fades_is_named(size: float) -> None:
     wave = math.radians(size) * np.exp(-1.1 * TIME) * np.cos(math.tau * 5.3 * TIME + 0.4)
     found = fitted(TIME, SWING + wave)
@@ -149,6 +151,7 @@ def test_a_second_swing_that_fades_is_named(size: float) -> None:
     assert found.remedies[0].option == f"--read release={until:g}"
 
 
+@pytest.mark.slow
 def test_a_second_swing_that_stays_is_named() -> None:
     wave = math.radians(0.5) * np.cos(1.4 * math.sqrt(GRAVITY / 0.62) * TIME)
     found = fitted(TIME, SWING + wave)
@@ -156,6 +159,7 @@ def test_a_second_swing_that_stays_is_named() -> None:
     assert found.remedies[0].option == ""
 
 
+@pytest.mark.slow
 def test_rates_are_tried_only_if_a_scale_explains_some_of_the_misfit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A second swing does not look like a wrong scale; rates that are taken for angles do."""
     tried = []
@@ -166,7 +170,7 @@ def test_rates_are_tried_only_if_a_scale_explains_some_of_the_misfit(monkeypatch
     assert tried
 
 
-@pytest.mark.parametrize("share", [0.97, 1.04])
+@pytest.mark.parametrize("share", [0.97, pytest.param(1.04, marks=pytest.mark.slow)])
 def test_a_push_is_named(share: float) -> None:
     """At 15 s the bob swings on as from another amplitude: the velocity is multiplied at once."""
     first = motion(TIME[TIME < 15.0], 37.0)
@@ -185,7 +189,7 @@ def test_a_push_is_named(share: float) -> None:
     assert found.remedies[0].option.startswith("--until 1")
 
 
-@pytest.mark.parametrize("one", ["linear", "coulomb"])
+@pytest.mark.parametrize("one", ["coulomb", pytest.param("linear", marks=pytest.mark.slow)])
 def test_a_damping_that_is_missing_is_named(one: str) -> None:
     found = fitted(TIME, motion(TIME, 60.0), effects=one)
     assert (found.remedies[0].name, found.remedies[0].option) == ("damping", "--effects auto")
@@ -194,6 +198,7 @@ def test_a_damping_that_is_missing_is_named(one: str) -> None:
 # --- two faults, and none --------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_faults_are_named_one_after_the_other() -> None:
     seen = SWING + math.radians(0.9) * TIME / TIME[-1]
     seen[700] -= math.radians(12.0)
@@ -207,6 +212,7 @@ def test_two_faults_are_named_one_after_the_other() -> None:
     assert second == pytest.approx(-2.5, abs=0.05)
 
 
+@pytest.mark.slow
 def test_faults_that_the_recording_does_not_tell_apart_are_both_named() -> None:
     """At 20 degrees, a scale that is wrong by 5 % and a period that drifts shift the phase alike."""
     found = fitted(TIME, 1.05 * motion(TIME, 20.0))
@@ -215,6 +221,7 @@ def test_faults_that_the_recording_does_not_tell_apart_are_both_named() -> None:
     assert found.grade.remedies[1].endswith("; the recording does not tell which.")
 
 
+@pytest.mark.slow
 def test_a_fault_says_nothing_about_damping() -> None:
     found = fitted(TIME, 1.5 * SWING, effects=["linear", "quadratic"])
     assert found.comparison is not None
@@ -248,6 +255,7 @@ def test_plain_recordings_have_no_fault() -> None:
     assert false <= 1
 
 
+@pytest.mark.slow
 def test_two_jumps_are_subtracted_together() -> None:
     """One step alone fits neither of them, so that one step must not decide whether there are two."""
     moved = SWING + math.radians(1.2) * (TIME > 9.0) + math.radians(-0.9) * (TIME > 21.0)
@@ -272,6 +280,7 @@ def test_a_robust_fit_subtracts_the_jump_that_is_there() -> None:
     assert abs(found.parameters["zero"].value) < 4.0 * found.parameters["zero"].error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1004, 1009])
 def test_steps_in_noise_that_wanders_are_not_subtracted(seed: int) -> None:
     """Noise of the correlation 0.9 between neighbours is fitted better with steps, which leave most of it."""
@@ -284,6 +293,7 @@ def test_steps_in_noise_that_wanders_are_not_subtracted(seed: int) -> None:
     assert fitted(time, swing + math.radians(0.1) * wander[50:], noise=0.0, effects="linear").subtracted == ()
 
 
+@pytest.mark.slow
 def test_the_error_of_the_zero_counts_the_jump_as_fitted() -> None:
     """Only the readings before a jump tell the zero: its error grows by the root of all readings over these."""
     moved = fitted(TIME, SWING + math.radians(1.5) * (0.4 * TIME[-1] < TIME))

@@ -234,7 +234,7 @@ def kind(request: pytest.FixtureRequest, all_interpreted: None) -> tuple[str, Ro
     return request.param, motion_of(request.param)
 
 
-@pytest.mark.parametrize("hand", [0.0, 5.0])
+@pytest.mark.parametrize("hand", [pytest.param(0.0, marks=pytest.mark.slow), 5.0])
 def test_recordings_of_real_kinds_are_measured_right(tmp_path: Path, kind: tuple[str, Rollout], hand: float) -> None:
     name, motion = kind
     sensor, form, duration = KINDS[name]
@@ -328,6 +328,7 @@ def test_the_shipped_recording_is_read_and_measured() -> None:
     assert first.value == pytest.approx(math.tau / small * (1 + np.mean(amplitude**2) / 16), rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", ["wheel", "sdist"])
 def test_what_is_published_carries_it(tmp_path: Path, target: str) -> None:
     builders = pytest.importorskip(f"hatchling.builders.{target}")

@@ -184,6 +184,7 @@ def test_a_gravity_that_cannot_be_is_said(factor: float, said: str) -> None:
     assert said in text
 
 
+@pytest.mark.slow
 def test_errors_cover_the_truth_of_the_small_period() -> None:
     pulls = []
     for seed in range(12):

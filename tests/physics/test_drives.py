@@ -191,6 +191,7 @@ def test_a_run_beyond_the_range_of_the_phase_ends_by_name() -> None:
     assert rollout(scene, dt=0.1, duration=10.0, backend="python").stop_reason == "diverged"
 
 
+@pytest.mark.slow
 def test_the_phase_does_not_drift() -> None:
     """Without gravity, a sinusoidal torque gives v = (A/Omega) sin(Omega t), even after a million steps.
 

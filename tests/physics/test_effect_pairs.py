@@ -101,13 +101,13 @@ def fits(scene: Scene, method: str) -> bool:
 
 
 def test_pairs_of_effects():
-    """Run about every fifth pair with one method that fits; the slow test runs all pairs with all methods."""
+    """Run about every tenth pair with one method that fits; the slow test runs all pairs with all methods."""
     allowed = list(scenes())
     names = {frozenset(effect.name for effect in scene.effects) for scene in allowed}
     assert {frozenset(("gravity", name)) for name, effect in EFFECTS.items() if effect.exclusive != "gravity"} <= names
     for scene in allowed:
         text = repr(scene.effects)
-        if turn_of(text, 5) == 0:
+        if turn_of(text, 10) == 0:
             check(scene, chosen([method for method in METHODS if fits(scene, method)], text))
 
 
@@ -126,6 +126,7 @@ def test_every_pair_of_effects(method, gravity, suspension):
 HELD = ("rk4", "velocity_verlet", "backward_euler")
 
 
+@pytest.mark.slow
 def test_a_stuck_bob_stays_stuck_bit_for_bit():
     """A bob held by dry friction does not creep, and makes no heat and no work, beside any other effect.
 

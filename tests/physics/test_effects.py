@@ -53,14 +53,10 @@ def _many_digits() -> Any:
         yield
 
 
-
-
-
-
 # --- functions of one effect against each other ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("side", [-1.0, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", having("torque"))
 def test_derivatives_are_those_of_the_torque(name: str, side: float) -> None:
     effect, scene = EFFECTS[name], scene_of(name)
@@ -193,7 +189,7 @@ def test_a_flow_solves_its_torque(name: str) -> None:
     torque, flow = bound(effect.torque, scene), bound(effect.flow, scene)  # type: ignore[arg-type]
     for v in (-30.0, 2.5):
         path = mpmath.odefun(lambda _, y: torque(0.3, y), 0, mpmath.mpf(v), tol=mpmath.mpf(10) ** -22)
-        for t in (0.01, 0.2):
+        for t in (0.01, 0.05):
             end = flow(0.3, v, 0, t)
             assert close(end, path(mpmath.mpf(t)))
             half = mpmath.mpf(t) / 2

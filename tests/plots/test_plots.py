@@ -122,7 +122,8 @@ def test_a_method_has_one_colour_whatever_else_is_drawn():
         assert {name: seen[name] for name in drawn} == {name: tones[name] for name in drawn}
 
 
-@pytest.mark.parametrize("draw", [DRAWN[0], *(pytest.param(draw, marks=pytest.mark.slow) for draw in DRAWN[1:])])
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", DRAWN)
 def test_methods_of_one_colour_have_dashes_or_marks_of_their_own_whatever_else_is_drawn(draw):
     """A method that is alone is solid; beside another method, it looks as it does among all."""
     def marked(drawn):
@@ -149,7 +150,7 @@ def test_two_runs_of_one_method_share_its_colour_and_differ_in_dashes():
     assert first.mark != second.mark
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow), 9])
+@pytest.mark.parametrize("count", [9, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
 @pytest.mark.parametrize("draw", DRAWN)
 def test_one_method_stands_in_the_title_and_more_in_a_legend_that_fits(draw, count):
     names = NINE[:count]
@@ -348,6 +349,7 @@ def test_pieces_of_curves():
     assert series.bounds(np.array([2.0, math.nan, math.inf])) == (0.0, 2.0)
 
 
+@pytest.mark.slow
 def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(tmp_path):
     code = (
         "import sys\nimport matplotlib\nbefore = matplotlib.rcParams.copy()\n"
@@ -363,6 +365,7 @@ def test_drawing_and_saving_change_no_setting_and_load_no_pyplot(tmp_path):
     assert done.stdout.split() == ["True", "False", "False"]
 
 
+@pytest.mark.slow
 def test_a_style_of_the_users_leaves_figures_as_they_are(sheet, tmp_path):
     def pictures(name):
         drawn = plots.angle({"rk4": sheet["rk4"]}).figure
@@ -374,6 +377,7 @@ def test_a_style_of_the_users_leaves_figures_as_they_are(sheet, tmp_path):
         assert pictures("styled") == plain
 
 
+@pytest.mark.slow
 def test_saved_figures_carry_their_facts(sheet, tmp_path):
     from PIL import Image
 
@@ -390,6 +394,7 @@ def test_saved_figures_carry_their_facts(sheet, tmp_path):
     assert plots.save(figure, drawing, facts).read_bytes() == first
 
 
+@pytest.mark.slow
 def test_a_figure_is_laid_out_once_and_drawn_once_for_each_file(sheet, tmp_path, monkeypatch):
     """The PNG is that of Matplotlib, which lays out for every file; the figure keeps its layout and its resolution."""
     figure = plots.angle(sheet).figure

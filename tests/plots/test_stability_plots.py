@@ -48,6 +48,7 @@ def overlaps(figure: Figure) -> list[tuple[str, str]]:
     return [(a, b) for i, a in enumerate(names) for b in names[i + 1:] if boxes[a].overlaps(boxes[b])]
 
 
+@pytest.mark.slow
 def test_regions_are_where_the_factor_is_at_most_one() -> None:
     made = figures.regions(RK)
     assert [axes.get_title("left") for axes in made.axes] == [
@@ -69,6 +70,7 @@ def test_regions_are_where_the_factor_is_at_most_one() -> None:
         figures.regions(SHEET)
 
 
+@pytest.mark.slow
 def test_curves_of_oscillation_are_the_analysis_and_end_at_the_limit() -> None:
     made = figures.oscillation(SHEET)
     grown, grown_size, turned, turned_size = made.axes
@@ -94,6 +96,7 @@ def test_curves_of_oscillation_are_the_analysis_and_end_at_the_limit() -> None:
     assert not overlaps(made)
 
 
+@pytest.mark.slow
 def test_the_exact_method_has_one_map() -> None:
     """The map of the exact motion is its own, and no second one."""
     drawn = figures.damped([METHODS["rk4"], METHODS["exact"]])
@@ -117,7 +120,8 @@ def test_maps_are_the_growth_and_mark_where_it_is_unstable() -> None:
     assert not overlaps(made)
 
 
-@pytest.mark.parametrize("count", [1, *(pytest.param(count, marks=pytest.mark.slow) for count in (2, 12, 23))])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 2, 12, 23])
 def test_any_number_of_methods(count: int) -> None:
     names = [METHODS[name] for name in stored("methods")]
     tables = [method for method in names if method.family == "Runge-Kutta"][:count]

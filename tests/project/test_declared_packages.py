@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 import typer
 from readme_code import ROOT, only
+from syntax_trees import nodes_of
 
 from pendulum_env.cli import app
 
@@ -34,7 +35,7 @@ MAIN_JOB = only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\
 def test_every_imported_package_is_declared_and_every_declared_one_is_used() -> None:
     imported = set()
     for path in (*(ROOT / "pendulum_env").rglob("*.py"), *(ROOT / "integrators").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes_of(path):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [
                 node.module or ""] if isinstance(node, ast.ImportFrom) else []
             imported |= {name.partition(".")[0] for name in names}
@@ -44,11 +45,12 @@ def test_every_imported_package_is_declared_and_every_declared_one_is_used() -> 
     assert packages == DECLARED - {"moviepy"}  # imported by Gymnasium's RecordVideo, which films episodes
 
 
+@pytest.mark.slow
 def test_functions_that_are_chosen_by_type_name_one_type_each() -> None:
     """Python 3.10, the oldest that is declared, cannot import a module in which ``register`` reads ``a | b``."""
     found = []
     for path in (*(ROOT / "pendulum_env").rglob("*.py"), *(ROOT / "integrators").rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes_of(path):
             if isinstance(node, ast.FunctionDef) and any(
                     isinstance(one, ast.Attribute) and one.attr == "register" for one in node.decorator_list):
                 chosen = next(one for one in node.args.args if one.arg != "self")

@@ -160,10 +160,12 @@ def false_claims(entries: Mapping[str, tuple[Any, type | None]]) -> dict[str, se
     return found
 
 
+@pytest.mark.slow
 def test_errors_that_are_named_can_be_raised() -> None:
     assert false_claims(ENTRIES) == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["KeyError", "RecordingError", "ResetNeeded", "StudyError", "WindowError"])
 def test_an_error_that_cannot_be_raised_is_noticed(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """For the functions that most others are built on."""

@@ -25,7 +25,13 @@ def test_examples_are_short_and_check_themselves() -> None:
     assert [name for name, source in sources.items() if "assert " not in source or source.count("\n") >= 65] == []
 
 
-@pytest.mark.parametrize("path", [path for path in ALONE if path.stem not in MANY], ids=lambda path: path.stem)
+LONGER = ("02_", "04_", "05_", "06_")
+"""Examples of a second: the exercise, a film, what accuracy costs, which effects matter."""
+
+
+@pytest.mark.parametrize("path", [
+    pytest.param(path, marks=pytest.mark.slow if path.stem.startswith(LONGER) else ()) for path in ALONE
+    if path.stem not in MANY], ids=lambda path: path.stem)
 @pytest.mark.usefixtures("interpreted")
 def test_example_interpreted(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -61,6 +67,7 @@ def check(path: Path, printed: str, folder: Path) -> None:
         assert drawn == {"angle.png", "velocity.png", "phase.png", "energy.png", "energy_residual.png"}
 
 
+@pytest.mark.slow
 def test_what_is_missing_for_training_is_said_in_one_sentence(tmp_path: Path) -> None:
     path = next(path for path in EXAMPLES if path.stem in FOREIGN)
     (tmp_path / "torch.py").write_text("raise ModuleNotFoundError('No module named torch', name='torch')")

@@ -12,6 +12,9 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
+import syntax_trees
+
 import integrators
 import pendulum_env
 
@@ -91,16 +94,15 @@ def modules() -> dict[str, Path]:
     return found
 
 
-@cache
 def tree_of(module: str) -> ast.Module:
-    return ast.parse(modules()[module].read_text(encoding="utf-8"))
+    return syntax_trees.tree_of(modules()[module])
 
 
 @cache
 def imported(module: str) -> frozenset[str]:
     """Full names that a module imports anywhere in its source; and of ``from a import b`` the module a.b."""
     names: set[str] = set()
-    for node in ast.walk(tree_of(module)):
+    for node in syntax_trees.nodes_of(modules()[module]):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -207,6 +209,7 @@ def private(name: str) -> bool:
     return name.startswith("_") and not name.startswith("__") and not name.endswith("_") and name not in OF_TUPLES
 
 
+@pytest.mark.slow
 def test_nothing_reaches_for_another_modules_underscore() -> None:
     used = {(module, name) for module in modules() for name in private_uses(tree_of(module))}
     assert used - OTHERS_PRIVATE.keys() == set()
@@ -217,6 +220,7 @@ PYTHONS = {"_replace", "_fields", "_getframe", "_exit"}
 """Documented names of Python's own, of named tuples, ``sys`` and ``os``."""
 
 
+@pytest.mark.slow
 def test_tests_use_public_names() -> None:
     assert {(path.name, name) for path in TESTS.rglob("*.py")
             for name in private_uses(ast.parse(path.read_text(encoding="utf-8"))) - PYTHONS} == set()

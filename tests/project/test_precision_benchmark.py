@@ -146,6 +146,7 @@ def test_times_and_units(parts: Any) -> None:
     assert texts == ["2.50 s", "1.00 s", "12.3 ms", "4.26 µs", "1.00 µs", "5.00 ns"]
 
 
+@pytest.mark.slow
 def test_the_figure_shows_what_was_found(parts: Any, found: Any, tmp_path: Path) -> None:
     (problem,) = found
     own = parts.report.of(found[problem], "lab-pendulum")
@@ -156,6 +157,7 @@ def test_the_figure_shows_what_was_found(parts: Any, found: Any, tmp_path: Path)
 # --- the truth and our own lines ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", [0.0, 0.3])
 def test_the_truth_against_20_digits(parts: Any, gamma: float) -> None:
     """mpmath's Taylor series, through the bottom."""

@@ -121,6 +121,7 @@ def test_it_runs(command: str, tmp_path: Path) -> None:
     assert run(f"{command} {shorter}", tmp_path)
 
 
+@pytest.mark.slow
 def test_benchmarks_are_there_and_find_what_they_import(monkeypatch: pytest.MonkeyPatch) -> None:
     """What they measure takes minutes each, so they are not run here."""
     def check(path: Path) -> None:

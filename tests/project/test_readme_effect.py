@@ -19,7 +19,8 @@ pytestmark = pytest.mark.usefixtures("all_interpreted")
 MARKS = ("a scene", "gusts", "adding an effect")
 
 
-@pytest.mark.parametrize("mark", MARKS)
+@pytest.mark.parametrize("mark", [
+    pytest.param(mark, marks=() if mark == "adding an effect" else pytest.mark.slow) for mark in MARKS])
 def test_the_numbers_beside_the_code_are_what_it_prints(mark: str, tmp_path: Path) -> None:
     check_numbers(mark, 2, tmp_path)
 

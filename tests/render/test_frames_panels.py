@@ -66,7 +66,7 @@ def test_a_panel_is_one_entry_of_one_registry(monkeypatch: pytest.MonkeyPatch) -
     assert not np.array_equal(alone, shown)
 
 
-@pytest.mark.parametrize("size", [200, 500, (900, 500)])
+@pytest.mark.parametrize("size", [200, *(pytest.param(size, marks=pytest.mark.slow) for size in (500, (900, 500)))])
 def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for names in SUBSETS:
         view = BUSY if size == 500 else dataclasses.replace(BUSY, curves=WORDY, **TINY)

@@ -82,7 +82,7 @@ def test_compiled_and_interpreted_loops_paint_the_same(
 ) -> None:
     """Interpreted loops also find an index that is too large, as Python checks it."""
     def painted() -> list[Any]:
-        images = [paper(seed) for seed in range(50)]
+        images = [paper(seed) for seed in range(20)]
         for seed, image in enumerate(images):
             shapes(image, seed)
         return images
@@ -91,7 +91,7 @@ def test_compiled_and_interpreted_loops_paint_the_same(
     one, two = painted(), by_python(painted)
     for seed, (compiled, plain) in enumerate(zip(one, two, strict=True)):
         np.testing.assert_array_equal(compiled, plain, err_msg=str(seed))
-    assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 45
+    assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 17
 
 
 def test_the_shapes_call_every_loop(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,7 +170,7 @@ def test_a_ball_covers_its_area(radius: float) -> None:
 
 def test_nothing_outside_an_image_is_painted() -> None:
     """Compiled loops do not check indices: the image is a part of a larger one here."""
-    for seed in range(300):
+    for seed in range(100):
         around = np.full((HIGH + 40, WIDE + 40, 3), 7, np.uint8)
         inside = around[20:-20, 20:-20]
         inside[...] = paper(seed)

@@ -163,6 +163,7 @@ def test_overdamped_motion_is_compared_by_its_angles():
     assert math.isnan(row.amplitude_predicted)
 
 
+@pytest.mark.slow
 def test_gusts_are_the_same_with_and_without_an_effect():
     """Check that a wind of speed 0 changes no bit of the motion in gusts."""
     scene = AIRY.with_effects((Gravity(), LinearDrag(gamma=0.5), Wind(wind_speed=0.0), Gusts()))
@@ -227,6 +228,7 @@ def test_an_effect_that_ends_the_run_is_called_for():
     assert (row.verdict, row.note) == (CALLED_FOR, "end of the run with the effect: slack, without: time")
 
 
+@pytest.mark.slow
 def test_close_to_the_top():
     """From 1e-3 rad below the top the period is five times that of small swings."""
     rows = asked(of(Gravity(), LinearDrag(gamma=1e-3)), math.pi - 1e-3, 1e-2, [*WEIGHTS, "linear_drag"])
@@ -234,6 +236,7 @@ def test_close_to_the_top():
     assert rows["small_angle_gravity"].verdict == OUTSIDE
 
 
+@pytest.mark.slow
 def test_what_is_too_stiff_is_not_judged():
     row = asked(of(Gravity(), LinearDrag(gamma=1e6)), 0.5, 1e-3, ["linear_drag"])["linear_drag"]
     note = "the simulation diverges at every step of rk4, because the scene is too stiff"

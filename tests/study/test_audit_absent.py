@@ -256,6 +256,7 @@ def test_buoyancy_leaves_less_weight():
     assert row.verdict == CALLED_FOR
 
 
+@pytest.mark.slow
 def test_what_holds_a_light_bob_down_is_needed():
     """Without its rod's weight the bob would float, so no scene exists to compare with."""
     body = Body(length=1.0, mass=0.01, radius=0.02, thickness=0.006)

@@ -395,6 +395,7 @@ def test_a_turning_point_at_a_reading_is_there_once():
     assert found.angle[0] == pytest.approx(-0.4, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_real_recordings_can_be_compared_with(recordings):
     for name, length, first in (("video_decay_65cm.txt", 0.65, -39.0), ("encoder_short_rod_45deg.txt", 0.09, -64.0)):
         recording = Recording.read(recordings / name)
@@ -407,6 +408,7 @@ def test_real_recordings_can_be_compared_with(recordings):
 # --- files ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_files_carry_the_data_and_where_they_come_from(exercise, tmp_path):
     from PIL import Image
 
@@ -449,6 +451,7 @@ def test_cells_after_a_runs_end_are_empty():
     assert drifts["stop"].values[1] == ""
 
 
+@pytest.mark.slow
 def test_the_film_has_the_colours_of_the_figures(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", lambda panels, **_: seen.append(panels))
@@ -488,6 +491,7 @@ def test_a_run_that_is_over_at_once_has_no_reference_solution():
     assert "rk4: The wire goes slack at 0 s" in found.text
 
 
+@pytest.mark.slow
 def test_a_ring_is_not_called_a_spiral():
     """In 5 s the amplitude falls by 10 % with gamma = 0.04/s, and to a third with 0.48/s."""
     short, long = (portrait(compare("exercise_large", "rk4", dt=0.04, duration=5.0, gamma=gamma))
@@ -515,6 +519,7 @@ def test_the_text_of_a_start_at_rest_has_no_reynolds_number():
     assert "Reynolds" not in compare(SCENES["exercise_large"].replace(viscosity=0.0), "rk4", duration=0.1).text
 
 
+@pytest.mark.slow
 def test_the_film_shows_all_runs_at_true_speed(monkeypatch):
     seen = []
     monkeypatch.setattr(files, "side_by_side", lambda panels, **_: seen.append(panels))

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from choice import quick
 from matplotlib.image import imread
 from matplotlib.text import Text
 from PIL import Image
@@ -28,6 +27,7 @@ from pendulum_env.engine.rollout import rollout
 from pendulum_env.physics.presets import SCENES
 from pendulum_env.physics.units import SceneError
 from pendulum_env.plots.cost import draw
+from pendulum_env.study import PLAIN
 from pendulum_env.study.cost import runs as cost_runs
 from pendulum_env.study.cost import study as cost_plan
 from pendulum_env.study.cost.points import CostPoint, CostStudy, pareto
@@ -39,9 +39,8 @@ from pendulum_env.truth.reference import StudyError, accelerations, phase_errors
 QUICK = {"duration": 2.0, "repeats": 1, "backend": "python"}
 
 
-MEASURED = [name for name in quick(fitting(SCENES["vacuum"]), turn=7)
-            if name not in ("gauss4", "discrete_gradient", "suzuki_umeno8", "bdf3")]
-"""Methods that only the slow test measures, because they take half of the time."""
+MEASURED = [*PLAIN, "implicit_midpoint", "forest_ruth"]
+"""Methods that quick tests measure; the slow test measures all."""
 
 
 @pytest.fixture(scope="module")
@@ -386,6 +385,7 @@ def test_slope_leaves_out_errors_before_the_leading_term_rules_and_near_round_of
 # --- running --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_keeps_what_it_has(tmp_path):
     seen: list[CostPoint] = []
 
@@ -401,6 +401,7 @@ def test_an_interrupted_study_keeps_what_it_has(tmp_path):
     assert "# Complete: false" in write(found, tmp_path)[-1].read_text()
 
 
+@pytest.mark.slow
 def test_a_study_interrupted_at_once_can_still_be_written(tmp_path):
     def impatient(fraction: float, what: str) -> None:
         raise KeyboardInterrupt
@@ -482,7 +483,8 @@ def test_repeats_go_round_all_runs_in_turn():
     assert [rung.method for rung in plan.rungs] == ["rk4"] * 2 + ["bs3"] * 4
 
 
-@pytest.mark.parametrize(("repeats", "half"), [(1, 1), (2, 1), (3, 1), (5, 2)])
+@pytest.mark.parametrize(("repeats", "half"), [
+    (5, 2), *(pytest.param(repeats, 1, marks=pytest.mark.slow) for repeats in (1, 2, 3))])
 def test_long_runs_are_timed_half_as_often_and_the_figure_says_so(monkeypatch, repeats, half):
     monkeypatch.setattr(cost_plan, "LONG", 200)  # force evaluations: of rk4, 50 steps
     found = cost("vacuum", ["rk4"], steps=[0.1, 0.05, 0.025], duration=2.0, repeats=repeats, backend="python")

@@ -125,6 +125,7 @@ def test_the_figure_shows_angle_torque_and_ledger_over_time(run: Swung) -> None:
     assert [line.get_label() for line in joules.lines] == ["energy", "work", "heat"]
 
 
+@pytest.mark.slow
 def test_a_swing_that_never_settles_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     short_one = swung_up(longest=1.0, backend="python")
     assert math.isinf(short_one.settled)

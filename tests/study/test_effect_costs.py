@@ -24,6 +24,7 @@ def benchmark(monkeypatch: pytest.MonkeyPatch) -> Any:
     sys.modules.pop("effects"), sys.modules.pop("machine")
 
 
+@pytest.mark.slow
 def test_it_runs(benchmark: Any) -> None:
     """Time a step or two, interpreted: the table has a number where the method fits the effect, and none elsewhere."""
     rows = benchmark.pairs()
@@ -44,6 +45,7 @@ def test_every_effect_is_in_it_alone(benchmark: Any) -> None:
         assert more == {label.split(",")[0]}
 
 
+@pytest.mark.slow
 def test_inertia_effects_run_the_same_program(benchmark: Any) -> None:
     """Check that effects on the inertia generate an identical program for every method that fits."""
     for label, (have, lack) in benchmark.pairs().items():

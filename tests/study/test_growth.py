@@ -290,6 +290,7 @@ def test_one_step_for_all():
     assert [line.evaluations * 0.05 / found.period for line in found.lines] == pytest.approx([4.0, 2.0])
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_keeps_what_it_has(tmp_path):
     told: list[float] = []
 
@@ -372,6 +373,7 @@ def test_the_figure_has_every_method_and_a_colour_for_each_law(few):
     assert error_growth(few, "energy").get_xscale() == "log"
 
 
+@pytest.mark.slow
 def test_the_command_writes_beside_the_others(few, tmp_path, monkeypatch, run_here):
     """Run `cost --growth`, and check what it writes and prints after the first study."""
     asked = {}

@@ -31,6 +31,7 @@ def test_a_file_that_another_process_writes_is_refused(tmp_path):
     assert list(sweep(GRID, run=add, file=path).rows) == ROWS
 
 
+@pytest.mark.slow
 def test_a_forked_process_does_not_hold_the_file(tmp_path):
     """Workers of a pool may outlive a killed parent process; its journal can still be continued."""
     pytest.importorskip("fcntl")

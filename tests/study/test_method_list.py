@@ -9,7 +9,7 @@ import re
 from dataclasses import replace
 
 import pytest
-from choice import quick
+from choice import familiar, quick
 from readme_code import check_listed, check_table
 from regenerate import alike
 from typer.testing import CliRunner
@@ -120,7 +120,7 @@ def test_csv_can_be_read_back() -> None:
         assert row["family"] == method.family
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", familiar(SCENES))
 def test_a_scenes_list_is_what_fits_it_and_says_why_others_do_not(name: str) -> None:
     scene = SCENES[name]
     refused = unfit(scene)

@@ -69,6 +69,7 @@ def test_text_is_folded(capsys: pytest.CaptureFixture[str]) -> None:
     assert printed.endswith("\n\nshort\n")
 
 
+@pytest.mark.slow
 def test_cost_of_a_scene_that_is_driven_from_rest() -> None:
     found = cost("driven", ["rk4"], duration=1.0, repeats=1, backend="python")
     assert found.points[-1].angle_error < 1e-6
@@ -92,6 +93,7 @@ def test_figures_of_driven_scenes_promise_no_rest() -> None:
     assert "gusts keep the bob from coming to rest" in said["windy"]
 
 
+@pytest.mark.slow
 def test_an_energy_of_nothing_has_no_shares_and_irregular_curves_no_turning_points() -> None:
     driven, windy = ({scene: rollout(scene, dt=0.04, duration=400.0, warn=False)} for scene in ("driven", "windy"))
     assert plots.energy(driven).get_ylabel() == "energy [mJ]"

@@ -46,6 +46,7 @@ def test_the_section_of_a_linear_oscillator_is_its_steady_state() -> None:
         assert found.time == pytest.approx(math.pi * (np.array([20, 21, 20, 21]) + phase / (2.0 * math.pi)), rel=1e-13)
 
 
+@pytest.mark.slow
 def test_points_of_an_attractor_follow_each_other_as_scipy_says() -> None:
     found = section("chaotic", runs=3, points=9, transient=4, steps=100, **ACCURATE)
     for i in (0, 1, 3, 4, 6, 7):
@@ -57,8 +58,9 @@ def test_points_of_an_attractor_follow_each_other_as_scipy_says() -> None:
 
 
 @pytest.mark.parametrize(("event", "function", "direction"), [
-    ("bottom", lambda t, y: math.sin(0.5 * y[0]), 0), ("top", lambda t, y: math.cos(0.5 * y[0]), 0),
-    ("turning", lambda t, y: y[1], -1)])
+    ("turning", lambda t, y: y[1], -1),
+    pytest.param("bottom", lambda t, y: math.sin(0.5 * y[0]), 0, marks=pytest.mark.slow),
+    pytest.param("top", lambda t, y: math.cos(0.5 * y[0]), 0, marks=pytest.mark.slow)])
 def test_passages_are_the_events_of_scipy(event: str, function: Any, direction: int) -> None:
     function.direction = direction
     true = peer((0.2, 3.0), (0.0, 4 * PERIOD), events=function)

@@ -324,7 +324,7 @@ def long(point):
 
 @pytest.mark.parametrize(("run", "count", "options", "least", "most"), [
     (double, 1000, {"in_flight": 32}, 33, 200),  # one point in each of the first tasks, then many
-    (long, 24, {"in_flight": 8}, 24, 24),
+    pytest.param(long, 24, {"in_flight": 8}, 24, 24, marks=pytest.mark.slow),
     (double, 1000, {"per_task": 7}, 143, 143),
 ])
 def test_short_points_share_a_task(run, count, options, least, most):
@@ -616,6 +616,7 @@ def test_results_that_stay_in_the_file_are_the_same(tmp_path):
     assert texts[0] == texts[1]
 
 
+@pytest.mark.slow
 def test_results_that_stay_in_the_file_take_no_memory(tmp_path):
     path, size = tmp_path / "large.jsonl", 1500
 

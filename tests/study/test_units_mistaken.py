@@ -108,6 +108,7 @@ def test_a_refused_scene_names_the_unit_that_was_perhaps_meant(numbers: dict[str
         rollout(scene, backend="python", **numbers)
 
 
+@pytest.mark.slow
 def test_a_fit_names_grams_and_centimetres() -> None:
     time = np.arange(0.0, 8.0, 0.05)
     angle, _ = exact.linear(time, 0.2, 0.0, SCENES["exercise"].omega0, 0.02)

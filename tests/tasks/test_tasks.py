@@ -77,7 +77,7 @@ def played(make: Callable[..., Any], size: int, task: Any, backend: str, seed: i
     return rows
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in ("mine", "track") else pytest.mark.slow)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name == "mine" else pytest.mark.slow)
                                   for name in OWN])
 def test_vector_single_compiled_and_interpreted_have_the_same_bits(name: str) -> None:
     wanted = played(LabPendulumEnv, 2, OWN[name], "python")
@@ -169,7 +169,8 @@ def test_holding_upright_fulfils_the_sparse_task() -> None:
 # --- length and rate --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("dt", "steps"), [(0.02, 500), (0.002, 5000), (0.05, 200)])
+@pytest.mark.parametrize(("dt", "steps"), [
+    (0.02, 500), (0.05, 200), pytest.param(0.002, 5000, marks=pytest.mark.slow)])
 def test_an_episode_of_a_duration_has_its_steps(dt: float, steps: int) -> None:
     env = gym.make("LabPendulum-v0", dt=dt, duration=10.0, max_episode_steps=-1, backend="python", diagnostics=())
     vector = gym.make_vec("LabPendulum-v0", num_envs=1, dt=dt, duration=10.0, max_episode_steps=-1, backend="python",
@@ -184,6 +185,7 @@ def test_an_episode_of_a_duration_has_its_steps(dt: float, steps: int) -> None:
         assert count == steps
 
 
+@pytest.mark.slow
 def test_returns_of_a_rate_do_not_change_with_the_step() -> None:
     """Check that the controller's return in ten seconds is the same for every dt, with the rate only."""
     returns = {}
@@ -248,7 +250,8 @@ def test_a_name_is_written_as_json_and_an_object_refused() -> None:
 # --- Gymnasium --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name == "mine" else pytest.mark.slow)
+                                  for name in OWN])
 def test_gymnasium_and_the_vector_check_are_content(name: str) -> None:
     options: dict[str, Any] = {"task": OWN[name], "backend": "python", "duration": 0.4, "reward_rate": True,
                                "max_episode_steps": 20}

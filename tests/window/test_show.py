@@ -185,6 +185,7 @@ def test_digits_choose_the_method_under_the_mouse(clock: Clock, run_here: Here, 
     assert [env.integrator for env in envs] == ["backward_euler", "symplectic_euler", "forward_euler"]
 
 
+@pytest.mark.slow
 def test_d_halves_the_step_and_restarts(clock: Clock, run_here: Here, steps: Steps, windows: Windows) -> None:
     clock.plan = [nothing] * 4 + [key("d"), nothing, nothing, key("d", shift=True), nothing,
                                   key("d", shift=True), nothing, key("q")]
@@ -197,6 +198,7 @@ def test_d_halves_the_step_and_restarts(clock: Clock, run_here: Here, steps: Ste
     assert windows[0].start["angle"] == pytest.approx(math.radians(30.0))
 
 
+@pytest.mark.slow
 def test_a_step_too_long_or_too_short_stays(clock: Clock, run_here: Here, windows: Windows) -> None:
     said: list[str] = []
     for dt, shift, frames in (("0.0000501", False, 2), ("0.9", True, 80)):

@@ -822,12 +822,12 @@ env.close()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have a display")
 @pytest.mark.parametrize(("driver", "said"), [
     ("", "UserWarning: There is no display"),
-    *(pytest.param(*more, marks=pytest.mark.slow) for more in (
-        ("wayland", "WindowError render_mode='human' cannot open a window here"),
-        ("nothing", "WindowError render_mode='human' cannot open a window here"), ("dummy", ""), ("offscreen", ""))),
+    ("wayland", "WindowError render_mode='human' cannot open a window here"),
+    ("nothing", "WindowError render_mode='human' cannot open a window here"), ("dummy", ""), ("offscreen", ""),
 ])
 def test_without_a_display_it_says_what_to_do(driver: str, said: str) -> None:
     """Check the warning of an invisible driver; an environment without a window needs no display."""
