@@ -199,7 +199,7 @@ def calibrate(
         method=best.method, substeps=best.substeps, accuracy=accuracy, dt=dt, steps=steps,
         error=max(error, best.error), horizon=horizon, growth=covered, share=share, judged=len(search.cases),
         tried=len(growths), cost=best.cost, table=words, others=tuple(others),
-        limits=tuple(_limits(scenes[0], accuracy, horizon, dt * steps, covered, share)),
+        limits=tuple(limits_of(scenes[0], accuracy, horizon, dt * steps, covered, share)),
     )
 
 
@@ -214,7 +214,7 @@ def _below(scene: Scene, accuracy: float, least: float) -> str:
             f"'{scene.name}'; {limit if digits else 'no smallest accuracy is known'}.")
 
 
-def _limits(
+def limits_of(
     scene: Scene, accuracy: float, horizon: float, episode: float, growth: float, share: float
 ) -> list[str]:
     """Return sentences on the cases in which ``integrator="auto"`` does not guarantee the requested accuracy."""

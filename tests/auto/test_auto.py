@@ -22,7 +22,7 @@ import integrators
 from pendulum_env import ENV_ID, SCENES, cli, rollout
 from pendulum_env.auto import choice as module
 from pendulum_env.auto import costs
-from pendulum_env.auto.calibrate import _limits as limits
+from pendulum_env.auto.calibrate import limits_of
 from pendulum_env.auto.choice import STEPS, AccuracyError, Choice, choose
 from pendulum_env.auto.probes import RANDOM, probes
 from pendulum_env.engine.each import Each
@@ -218,7 +218,7 @@ def test_chaos_has_a_horizon_and_keeps_the_accuracy_up_to_it():
     (80.0, 0.5, ["up to 80 s of an episode's 200 s"]),
 ])
 def test_a_horizon_is_said_or_the_share_of_sensitive_episodes_but_not_both(horizon, share, said):
-    sentences = limits(SCENES["chaotic"], 1e-6, horizon, 200.0, 1e4, share)
+    sentences = limits_of(SCENES["chaotic"], 1e-6, horizon, 200.0, 1e4, share)
     assert [any(words in sentence for sentence in sentences) for words in said] == [True] * len(said)
     assert len(sentences) == len(said)
 
