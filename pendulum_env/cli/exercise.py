@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def exercise(
     recording: options.File = None,
-    period: Annotated[float | None, options.number("Period of small swings in s, measured by hand.")] = None,
+    period: options.Period = None,
     period_error: Annotated[float | None, options.number("Error of the period in s.")] = None,
     length: options.Length = None,
     length_error: options.LengthError = None,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pendulum_env.common.checks import warn
+from pendulum_env.lab.hand import half_a_digit as last_digit
 from pendulum_env.lab.measures import UNLIKELY, Measurement
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import LabSheet, measure
@@ -161,10 +162,7 @@ def measured(value: float | None, error: float | None, name: str, unit: str) -> 
 
 def half_a_digit(value: float, unit: str) -> Measurement:
     """Return a value with an error of half a unit of its last digit: 1.19 gets 0.005."""
-    from decimal import Decimal
-
-    exponent = Decimal(repr(value)).as_tuple().exponent
-    return Measurement(value, 0.5 * 10.0 ** int(exponent), unit)
+    return Measurement(value, last_digit([repr(value)]), unit)
 
 
 def reasonable(seconds: float, what: str, remedy: str = "") -> None:

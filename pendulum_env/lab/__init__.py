@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.lab.measures import Losses, losses  # at once, as the module has the name of the function
 
 if TYPE_CHECKING:
+    from pendulum_env.lab.amplitudes import AmplitudeSheet, measure_amplitudes
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.turning import TurningPoints, turning_points
 
 __all__ = [
+    "AmplitudeSheet",
     "Circle",
     "Cycles",
     "DrivenFit",
@@ -56,6 +58,7 @@ __all__ = [
     "fit_driven",
     "losses",
     "measure",
+    "measure_amplitudes",
     "measure_gate",
     "noise_level",
     "period",
@@ -68,6 +71,7 @@ __all__ = [
 ]
 
 _LAZY = {
+    "AmplitudeSheet": "pendulum_env.lab.amplitudes",
     "Circle": "pendulum_env.lab.tracks",
     "Cycles": "pendulum_env.lab.measures",
     "DrivenFit": "pendulum_env.lab.driven.result",
@@ -89,6 +93,7 @@ _LAZY = {
     "fit_circle": "pendulum_env.lab.tracks",
     "fit_driven": "pendulum_env.lab.driven.fit",
     "measure": "pendulum_env.lab.sheet",
+    "measure_amplitudes": "pendulum_env.lab.amplitudes",
     "measure_gate": "pendulum_env.lab.gates",
     "noise_level": "pendulum_env.lab.noise",
     "period": "pendulum_env.lab.measures",

@@ -156,6 +156,8 @@ OWN: Mapping[str, str] = {
     "lab.DrivenLog.read.time": "word or name", "lab.DrivenLog.read.angle": "word or name",
     "lab.DrivenLog.between.first": "number", "lab.DrivenLog.between.last": "number",
     "lab.measure_gate.path": "none of these", "lab.measure_gate.length_error": "least",
+    "lab.measure_amplitudes.readings": "none of these", "lab.measure_amplitudes.error": "positive",
+    "lab.measure_amplitudes.period": "positive",
     "measure.length_error": "least",
     "Scene.load.path": "none of these", "Recording.read.path": "none of these", "stress.scene": "none of these",
     "with_damping.scene": "none of these", "choose.scenes": "list", "Sweep.column.name": "none of these",

@@ -1,0 +1,93 @@
+"""Read tables that were written by hand: their titles, units, numbers of oscillations, and errors beside the values."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from decimal import Decimal
+from pathlib import Path
+
+import numpy as np
+
+from pendulum_env.lab.checked import FloatArray, RecordingError, file_name
+from pendulum_env.lab.containers import text_of
+from pendulum_env.lab.quantities import ERROR, Quantity
+from pendulum_env.lab.table import TextTable
+
+_COUNT = re.compile(r"(?<![\w.,])(\d{1,4})\s*(?:[*x·]\s*)?(?:t(?![a-z])|periods?|oscillations?|"
+                    "swings?|cycles?|perioden|schwingungen)", re.IGNORECASE)
+"""Number of oscillations in a title, as in "20 T (s)" or "time of 20 oscillations"."""
+
+
+class HandTable:
+    """A table with one title for each column; a column whose title names an error belongs to the one before it.
+
+    Raises RecordingError for a file that cannot be read or has no titles.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], example: str) -> None:
+        name = file_name(path)
+        self.table = TextTable(name, text_of(name)[0])
+        self.source = Path(name).name
+        self.titles = [" ".join(title) for title in self.table.titles] if self.table.width > 1 else []
+        if not any(self.titles):
+            raise RecordingError(f"{name}: the first line must name the columns and their units, as {example!r}")
+        self.errors = {i for i, title in enumerate(self.titles) if i and ERROR.names(title)}
+
+    def find(self, *quantities: Quantity | re.Pattern[str], without: Sequence[int | None] = ()) -> int | None:
+        """Return the first column, no error and none of ``without``, that the first possible quantity names."""
+        for one in quantities:
+            for i, title in enumerate(self.titles):
+                named = one.names(title) if isinstance(one, Quantity) else one.search(title) is not None
+                if named and i not in self.errors and i not in without:
+                    return i
+        return None
+
+    def need(self, what: str, example: str, *quantities: Quantity | re.Pattern[str],
+             without: Sequence[int | None] = ()) -> int:
+        """Return the column of a quantity as :meth:`find` does; RecordingError without one."""
+        place = self.find(*quantities, without=without)
+        if place is None:
+            raise RecordingError(f"{self.table.name}: expected a column with {what}, the titles are "
+                                 f"{', '.join(map(repr, self.titles))}; name the columns as in {example!r}")
+        return place
+
+    def values(self, place: int | None, units: Quantity, usual: str) -> FloatArray | None:
+        """Return the numbers of a column in SI units, by the unit in its title or else the ``usual`` one; None without
+        a column."""
+        if place is None:
+            return None
+        named = units.units_in([self.titles[place]])
+        unit = named.pop() if len(named) == 1 else usual
+        return self.table.values((place,), "a number")[0][:, 0] * units.units[unit].size
+
+    def error(self, place: int, units: Quantity, usual: str) -> FloatArray | None:
+        """Return the errors beside a column, in the unit of their own title or else of the column's; None if there are
+        none."""
+        if place + 1 not in self.errors:
+            return None
+        own = units.units_in([self.titles[place]])
+        return self.values(place + 1, units, own.pop() if len(own) == 1 else usual)
+
+    def count(self, place: int) -> int | None:
+        """Return the number of oscillations in a column's title, None without one."""
+        found = _COUNT.search(self.titles[place])
+        return int(found[1]) if found else None
+
+    def fields(self, place: int) -> list[str]:
+        """Return the texts of a column."""
+        return [fields[place] for _, fields in self.table.rows if len(fields) > place]
+
+
+def half_a_digit(texts: Sequence[str]) -> float:
+    """Return half a unit of the last digit of the numbers in texts, of the one with most decimals: 0.005 for 1.19."""
+    numbers = (Decimal(text.replace(",", ".")) for text in texts)
+    return 0.5 * 10.0 ** min(int(number.as_tuple().exponent) for number in numbers)
+
+
+def complete(*columns: FloatArray | None) -> list[FloatArray | None]:
+    """Return columns without the rows in which one of them has no number; a column that is None stays so."""
+    there = [column for column in columns if column is not None]
+    keep = np.isfinite(np.column_stack(there)).all(axis=1)
+    return [None if column is None else column[keep] for column in columns]

@@ -1,0 +1,62 @@
+"""Figures of tables by hand: amplitudes, periods against lengths, and the timings of a reversible pendulum."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pendulum_env.plots.recorded import READING, amplitudes
+from pendulum_env.plots.series import FloatArray
+from pendulum_env.plots.style import LINES
+from pendulum_env.plots.titles import for_figure, page
+from pendulum_env.render.palette import FAINT_INK, OKABE_ITO
+
+if TYPE_CHECKING:
+    from pendulum_env.lab.amplitudes import AmplitudeSheet
+
+SIZE = (8.0, 6.4)
+"""Size of a figure with two panels [inch]."""
+COLOURS = {"constant": OKABE_ITO["orange"], "linear": OKABE_ITO["vermillion"], "quadratic": OKABE_ITO["blue"]}
+"""Colour of the envelope of each law of damping."""
+
+
+def amplitudes_by_hand(sheet: AmplitudeSheet, figure: Figure | None = None) -> Figure:
+    """Draw amplitudes that were read by hand, with their errors and the envelopes of three laws of damping.
+
+    The axis is logarithmic, so that exponential decay is a straight line. Below are the readings minus each envelope.
+    """
+    from pendulum_env.lab.amplitudes import NAMES
+
+    points = sheet.points
+    size, error = np.degrees(points.amplitude), np.degrees(points.error)
+    fine = np.linspace(float(points.time[0]), float(points.time[-1]), 300)
+    with page(SIZE, figure, f"{for_figure(sheet.source)} · gamma = {sheet.decay}") as drawing:
+        above, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+        errorbars(above, points.time, size, error)
+        for k, one in enumerate(sheet.envelopes):
+            curve = np.degrees(one.at(fine))
+            best = one is sheet.best
+            style = {"color": COLOURS[one.law], "linestyle": "-" if best else LINES[1 + k][0],
+                     "linewidth": 1.8 if best else 1.2}
+            above.plot(fine[curve > 0.0], curve[curve > 0.0], label=NAMES[one.law] + (" (closest)" if best else ""),
+                       **style)
+            below.plot(points.time, size - np.degrees(one.at(points.time)), marker="o", markersize=3.5, **style)
+        amplitudes(above)
+        low, high = float((size - error).min()), float((size + error).max())
+        above.set_ylim(max(0.8 * low, 0.4 * float(size.min())), 1.15 * high)
+        above.set(ylabel="amplitude [degrees]")
+        above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=4)
+        below.axhline(0.0, color=FAINT_INK, linewidth=0.8)
+        below.fill_between(points.time, -error, error, color=FAINT_INK, alpha=0.25, linewidth=0.0)
+        below.margins(x=0.02)
+        below.set(xlabel="time [s]", ylabel="reading \N{MINUS SIGN} envelope\n[degrees]")
+    return drawing
+
+
+def errorbars(at: Axes, x: FloatArray, y: FloatArray, error: FloatArray, label: str = "readings") -> None:
+    """Draw readings with their errors."""
+    at.errorbar(x, y, error, elinewidth=0.8, ecolor=FAINT_INK, capsize=2.0, markersize=4.5, label=label, zorder=3.2,
+                **READING)
