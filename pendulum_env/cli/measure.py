@@ -30,6 +30,10 @@ def measure(
     amplitude_error: Annotated[float | None, options.number("Error of one of --amplitudes in degrees.")] = None,
     period: options.Period = None,
     oscillations: options.Oscillations = None,
+    amplitude: Annotated[
+        float | None, options.degrees("Amplitude of the swings of a table by hand in degrees; by default small.")
+    ] = None,
+    period_error: Annotated[float | None, options.number("Error of each period in a table by hand in s.")] = None,
     states: Annotated[
         str | None, options.word("Rows of a file with gate states: changes of the beam, or readings of it; by "
                                  "default inferred.")] = None,
@@ -42,7 +46,8 @@ def measure(
 ) -> None:
     """Measure a free swing: period, amplitudes, decay, length and Reynolds number, with errors.
 
-    Readings by hand are measured, too: --amplitudes gives gamma and the law of the damping, with a figure.
+    Readings by hand are measured, too, each with a figure: --amplitudes gives gamma and the law of the damping; a file
+    with the titles "length (cm), 10 T (s)" gives g from T² against the length, with an offset of the length.
     Files of photogates give the period, the period at small amplitude and the length. With --length, both kinds of file
     give gravity, too, and a sentence if that cannot be; with --radius, swings give the Reynolds number. measured.csv
     has value, error and unit of each quantity.
@@ -58,7 +63,17 @@ def measure(
                                      error=None if error is None else math.radians(error))
         _write(by_hand, out, "amplitudes")
         return
-    _useless("a recording", amplitude_error=amplitude_error, period=period)
+    _useless("a file", amplitude_error=amplitude_error, period=period)
+    if file is not None and not read and columns is None:
+        from pendulum_env.lab.lengths import is_lengths, measure_lengths
+
+        timed = given(oscillations=oscillations, period_error=period_error, amplitude=amplitude)
+        if is_lengths(file):
+            _useless("periods of several lengths", length=length, gravity=gravity, states=states, until=until,
+                     above=above, drop=drop)
+            _write(measure_lengths(file, **timed, **given(radius=radius, length_error=length_error)), out, "lengths")
+            return
+    _useless("this file", period_error=period_error, amplitude=amplitude)
     from pendulum_env.lab.gates import is_gate, measure_gate
     from pendulum_env.lab.sheet import measure as run
     from pendulum_env.lab.simulated import FILE

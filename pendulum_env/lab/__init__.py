@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.gates import GateSheet, measure_gate
+    from pendulum_env.lab.lengths import LengthSheet, measure_lengths
     from pendulum_env.lab.measures import (
         Cycles,
         Measurement,
@@ -43,6 +44,7 @@ __all__ = [
     "Fit",
     "GateSheet",
     "LabSheet",
+    "LengthSheet",
     "Losses",
     "Measurement",
     "Posterior",
@@ -60,6 +62,7 @@ __all__ = [
     "measure",
     "measure_amplitudes",
     "measure_gate",
+    "measure_lengths",
     "noise_level",
     "period",
     "quantum_level",
@@ -80,6 +83,7 @@ _LAZY = {
     "Fit": "pendulum_env.lab.fitting.result",
     "GateSheet": "pendulum_env.lab.gates",
     "LabSheet": "pendulum_env.lab.sheet",
+    "LengthSheet": "pendulum_env.lab.lengths",
     "Measurement": "pendulum_env.lab.measures",
     "Posterior": "pendulum_env.lab.fitting.posterior",
     "Recording": "pendulum_env.lab.recording",
@@ -95,6 +99,7 @@ _LAZY = {
     "measure": "pendulum_env.lab.sheet",
     "measure_amplitudes": "pendulum_env.lab.amplitudes",
     "measure_gate": "pendulum_env.lab.gates",
+    "measure_lengths": "pendulum_env.lab.lengths",
     "noise_level": "pendulum_env.lab.noise",
     "period": "pendulum_env.lab.measures",
     "quantum_level": "pendulum_env.lab.noise",

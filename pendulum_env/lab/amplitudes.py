@@ -14,7 +14,7 @@ import numpy as np
 from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, one_number
-from pendulum_env.lab.hand import HandTable, complete, half_a_digit
+from pendulum_env.lab.hand import HandTable, complete, half_a_digit, numbers_of, student_range
 from pendulum_env.lab.measures import LAWS, Line, Measurement, line_through, powers, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, DISTANCE, TIME
 from pendulum_env.lab.turning import TurningPoints, equilibrium
@@ -29,6 +29,8 @@ FEWEST = 3
 RULED_OUT = 9.0
 """A law is ruled out if its chi² is larger than that of the best law by this much (three errors), in units of the
 scatter."""
+LEAST = 1e-9
+"""Least error of an amplitude, as a share of it."""
 EXAMPLE = "0:30, 1.42:29.4, 2.84:28.8"
 TITLES = "time (s),amplitude (deg)"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
@@ -239,24 +241,6 @@ def scaled(one: Measurement, factor: float, unit: str) -> Measurement:
     return Measurement(one.value * factor, one.error * abs(factor), unit)
 
 
-def student_range(one: Measurement, freedom: int) -> tuple[float, float]:
-    """Return the interval around a value that contains the truth with 95 %, from its standard error, which is that of
-    68 %, and the degrees of freedom."""
-    from scipy.special import ndtr, stdtrit
-
-    reach = one.error * float(stdtrit(freedom, 0.975) / stdtrit(freedom, ndtr(1.0)))
-    return one.value - reach, one.value + reach
-
-
-def numbers_of(values: list[tuple[str, Measurement]], freedom: int) -> Table:
-    """Return a table for further calculation: quantity, value, standard error, ends of the 95 % interval, unit."""
-    from pendulum_env.common.texts import Table
-
-    return Table(("quantity", "value", "error", "low_95", "high_95", "unit"), tuple(
-        (name, *(f"{x:.9g}" for x in (one.value, one.error, *student_range(one, freedom))), one.unit)
-        for name, one in values))
-
-
 def measure_amplitudes(
     readings: str | os.PathLike[str] | TurningPoints, *, error: float | None = None, length: float | None = None,
     period: float | None = None,
@@ -301,8 +285,8 @@ def measure_amplitudes(
     if not ((size > 0.0).all() and (size < math.pi).all()):
         raise RecordingError(f"{source}: amplitudes must be above 0 and below 180 degrees; leave out readings of a bob "
                              "at rest")
-    if not (np.isfinite(points.error).all() and (points.error > 0.0).all()):
-        raise RecordingError(f"{source}: errors of amplitudes must be above 0")
+    if not ((points.error > LEAST * size) & (points.error < math.pi)).all():
+        raise RecordingError(f"{source}: the error of an amplitude must be above 0 and below 180 degrees")
     logs = line_through(time, np.log(size), (size / points.error) ** 2)
     factor = scatter_factor(logs.chi2, len(time) - 2)
     decay = Measurement(-2.0 * logs.slope, 2.0 * factor / math.sqrt(logs.spread), "1/s")

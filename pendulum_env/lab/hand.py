@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Sequence
 from decimal import Decimal
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pendulum_env.lab.checked import FloatArray, RecordingError, file_name
 from pendulum_env.lab.containers import text_of
+from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.quantities import ERROR, Quantity
 from pendulum_env.lab.table import TextTable
+from pendulum_env.physics import exact
+
+if TYPE_CHECKING:
+    from pendulum_env.common.texts import Table
 
 _COUNT = re.compile(r"(?<![\w.,])(\d{1,4})\s*(?:[*x·]\s*)?(?:t(?![a-z])|periods?|oscillations?|"
                     "swings?|cycles?|perioden|schwingungen)", re.IGNORECASE)
@@ -91,3 +98,37 @@ def complete(*columns: FloatArray | None) -> list[FloatArray | None]:
     there = [column for column in columns if column is not None]
     keep = np.isfinite(np.column_stack(there)).all(axis=1)
     return [None if column is None else column[keep] for column in columns]
+
+
+def student_range(one: Measurement, freedom: int) -> tuple[float, float]:
+    """Return the interval around a value that contains the truth with 95 %, from its standard error, which is that of
+    68 %, and the degrees of freedom."""
+    from scipy.special import ndtr, stdtrit
+
+    reach = one.error * float(stdtrit(freedom, 0.975) / stdtrit(freedom, ndtr(1.0)))
+    return one.value - reach, one.value + reach
+
+
+def numbers_of(values: Sequence[tuple[str, Measurement]], freedom: int) -> Table:
+    """Return a table for further calculation: quantity, value, standard error, ends of the 95 % interval, unit."""
+    from pendulum_env.common.texts import Table
+
+    return Table(("quantity", "value", "error", "low_95", "high_95", "unit"), tuple(
+        (name, *(f"{x:.9g}" for x in (one.value, one.error, *student_range(one, freedom))), one.unit)
+        for name, one in values))
+
+
+def small_periods(
+    source: str, times: FloatArray, count: int | None, amplitude: FloatArray | float | None
+) -> FloatArray:
+    """Return the periods of small swings [s], ``T0 = T/(2 K(sin(A/2))/pi)``, from the times [s] of ``count``
+    oscillations (None: one) at the amplitudes A [rad] (None: small).
+
+    Raises RecordingError for times that are not above 0, and amplitudes that are not from 0 to below half a turn.
+    """
+    sizes = np.asarray(0.0 if amplitude is None else amplitude, dtype=np.float64)
+    if not (times > 0.0).all():
+        raise RecordingError(f"{source}: periods must be above 0 s")
+    if not ((sizes >= 0.0) & (sizes < math.pi)).all():
+        raise RecordingError(f"{source}: amplitudes must be from 0 to below 180 degrees")
+    return np.asarray(times / (count or 1) / exact.period(sizes, math.tau))

@@ -16,6 +16,7 @@ from pendulum_env.render.palette import FAINT_INK, OKABE_ITO
 
 if TYPE_CHECKING:
     from pendulum_env.lab.amplitudes import AmplitudeSheet
+    from pendulum_env.lab.lengths import LengthSheet
 
 SIZE = (8.0, 6.4)
 """Size of a figure with two panels [inch]."""
@@ -53,6 +54,27 @@ def amplitudes_by_hand(sheet: AmplitudeSheet, figure: Figure | None = None) -> F
         below.fill_between(points.time, -error, error, color=FAINT_INK, alpha=0.25, linewidth=0.0)
         below.margins(x=0.02)
         below.set(xlabel="time [s]", ylabel="reading \N{MINUS SIGN} envelope\n[degrees]")
+    return drawing
+
+
+def lengths_by_hand(sheet: LengthSheet, figure: Figure | None = None) -> Figure:
+    """Draw T² against the length with the straight line, from its zero on, and the residuals of the line below."""
+    x, square = sheet.length + sheet.size, sheet.period**2
+    error = sheet.error if sheet.told else 2.0 * sheet.period * sheet.scatter
+    start = -sheet.offset.value
+    fine = np.array([min(start, 0.0) - 0.03 * float(x.max()), 1.05 * float(x.max())])
+    with page(SIZE, figure, f"{for_figure(sheet.source)} · g = {sheet.gravity}") as drawing:
+        above, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+        above.plot(fine, sheet.line.at(fine), color=OKABE_ITO["vermillion"], linewidth=1.4,
+                   label=f"slope {sheet.line.slope:.4g} s²/m")
+        above.plot(start, 0.0, "|", color=OKABE_ITO["blue"], markersize=14, markeredgewidth=2.0,
+                   label=f"zero at {1e3 * start:.2g} ± {1e3 * sheet.offset.error:.2g} mm")
+        errorbars(above, x, square, error)
+        above.set(ylabel="T² at small amplitude [s²]", ylim=(-0.08 * float(square.max()), 1.08 * float(square.max())))
+        above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=3)
+        errorbars(below, x, sheet.residual, error)
+        below.axhline(0.0, color=OKABE_ITO["vermillion"], linewidth=1.0)
+        below.set(xlabel="length [m]", xlim=(fine[0], fine[1]), ylabel="T² \N{MINUS SIGN} line [s²]")
     return drawing
 
 
