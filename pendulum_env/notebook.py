@@ -81,6 +81,7 @@ FIGURES: Mapping[str, Mapping[str, Draw] | Callable[[Any], Mapping[str, Draw]]] 
     "LabSheet": {"swing": of("swing", "measured")},
     "AmplitudeSheet": {"amplitudes": of("by_hand", "amplitudes_by_hand")},
     "LengthSheet": {"lengths": of("by_hand", "lengths_by_hand")},
+    "KaterSheet": {"periods": of("by_hand", "kater_by_hand")},
     "Recording": {"angle": of("swing", "readings")},
 }
 """Class of result -> kind of figure -> function that draws it; or a function that returns its kinds."""
@@ -293,6 +294,7 @@ CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
     "LabSheet": lambda one: study(f"Measured on {one.recording.source}", None, one.table, one.text, most=None),
     "AmplitudeSheet": lambda one: study(f"Amplitudes of {one.source}", None, one.table, one.text, most=None),
     "LengthSheet": lambda one: study(f"Periods against lengths of {one.source}", None, one.table, one.text, most=None),
+    "KaterSheet": lambda one: study(f"Reversible pendulum of {one.source}", None, one.table, one.text, most=None),
     "DrivenFit": lambda one: study(
         f"Fit of {one.source}, driven by the {one.kind}", one.scene, one.table, one.text, most=None),
     "Posterior": lambda one: study(f"Posterior of {one.fit.recording.source}, {one.fit.model.title} damping",

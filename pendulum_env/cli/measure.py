@@ -47,7 +47,8 @@ def measure(
     """Measure a free swing: period, amplitudes, decay, length and Reynolds number, with errors.
 
     Readings by hand are measured, too, each with a figure: --amplitudes gives gamma and the law of the damping; a file
-    with the titles "length (cm), 10 T (s)" gives g from T² against the length, with an offset of the length.
+    with the titles "length (cm), 10 T (s)" gives g from T² against the length, with an offset of the length; one with
+    "position (cm), T1 (s), T2 (s)" of a reversible pendulum gives g, with --length as the distance of its knife edges.
     Files of photogates give the period, the period at small amplitude and the length. With --length, both kinds of file
     give gravity, too, and a sentence if that cannot be; with --radius, swings give the Reynolds number. measured.csv
     has value, error and unit of each quantity.
@@ -65,9 +66,17 @@ def measure(
         return
     _useless("a file", amplitude_error=amplitude_error, period=period)
     if file is not None and not read and columns is None:
+        from pendulum_env.lab.kater import is_kater, measure_kater
         from pendulum_env.lab.lengths import is_lengths, measure_lengths
 
         timed = given(oscillations=oscillations, period_error=period_error, amplitude=amplitude)
+        if is_kater(file):
+            _useless("a reversible pendulum", radius=radius, gravity=gravity, states=states, until=until, above=above,
+                     drop=drop)
+            if length is None:
+                raise SceneError("A reversible pendulum needs the distance between its knife edges; give --length.")
+            _write(measure_kater(file, length, edges_error=length_error, **timed), out, "kater")
+            return
         if is_lengths(file):
             _useless("periods of several lengths", length=length, gravity=gravity, states=states, until=until,
                      above=above, drop=drop)

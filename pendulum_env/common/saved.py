@@ -81,6 +81,7 @@ CLASSES: Mapping[str, tuple[str, ...]] = {
     "pendulum_env.lab.amplitudes": ("AmplitudeSheet", "Envelope"),
     "pendulum_env.lab.inertial": ("Mount",),
     "pendulum_env.lab.gates": ("GateSheet",),
+    "pendulum_env.lab.kater": ("KaterSheet",),
     "pendulum_env.lab.lengths": ("LengthSheet",),
     "pendulum_env.lab.measures": ("Cycles", "Line", "Losses", "Measurement"),
     "pendulum_env.lab.recording": ("Recording",),

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.gates import GateSheet, measure_gate
+    from pendulum_env.lab.kater import KaterSheet, measure_kater
     from pendulum_env.lab.lengths import LengthSheet, measure_lengths
     from pendulum_env.lab.measures import (
         Cycles,
@@ -43,6 +44,7 @@ __all__ = [
     "DrivenPrediction",
     "Fit",
     "GateSheet",
+    "KaterSheet",
     "LabSheet",
     "LengthSheet",
     "Losses",
@@ -62,6 +64,7 @@ __all__ = [
     "measure",
     "measure_amplitudes",
     "measure_gate",
+    "measure_kater",
     "measure_lengths",
     "noise_level",
     "period",
@@ -82,6 +85,7 @@ _LAZY = {
     "DrivenPrediction": "pendulum_env.lab.driven.result",
     "Fit": "pendulum_env.lab.fitting.result",
     "GateSheet": "pendulum_env.lab.gates",
+    "KaterSheet": "pendulum_env.lab.kater",
     "LabSheet": "pendulum_env.lab.sheet",
     "LengthSheet": "pendulum_env.lab.lengths",
     "Measurement": "pendulum_env.lab.measures",
@@ -99,6 +103,7 @@ _LAZY = {
     "measure": "pendulum_env.lab.sheet",
     "measure_amplitudes": "pendulum_env.lab.amplitudes",
     "measure_gate": "pendulum_env.lab.gates",
+    "measure_kater": "pendulum_env.lab.kater",
     "measure_lengths": "pendulum_env.lab.lengths",
     "noise_level": "pendulum_env.lab.noise",
     "period": "pendulum_env.lab.measures",

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 _COUNT = re.compile(r"(?<![\w.,])(\d{1,4})\s*(?:[*x·]\s*)?(?:t(?![a-z])|periods?|oscillations?|"
                     "swings?|cycles?|perioden|schwingungen)", re.IGNORECASE)
 """Number of oscillations in a title, as in "20 T (s)" or "time of 20 oscillations"."""
+MOST = 1_000_000
+"""Largest number of oscillations that are timed together."""
+LEAST = 1e-12
+"""Least error, as a share of the value."""
 
 
 class HandTable:
@@ -118,6 +122,12 @@ def numbers_of(values: Sequence[tuple[str, Measurement]], freedom: int) -> Table
         for name, one in values))
 
 
+def check_errors(source: str, error: FloatArray | None, value: FloatArray) -> None:
+    """Raise RecordingError unless errors, if there are any, are above 0 and below their values."""
+    if error is not None and not ((error > LEAST * value) & (error < value)).all():
+        raise RecordingError(f"{source}: errors must be above 0 and below their values")
+
+
 def small_periods(
     source: str, times: FloatArray, count: int | None, amplitude: FloatArray | float | None
 ) -> FloatArray:
@@ -126,6 +136,8 @@ def small_periods(
 
     Raises RecordingError for times that are not above 0, and amplitudes that are not from 0 to below half a turn.
     """
+    if count is not None and count > MOST:
+        raise RecordingError(f"{source}: the number of oscillations must be at most {MOST}")
     sizes = np.asarray(0.0 if amplitude is None else amplitude, dtype=np.float64)
     if not (times > 0.0).all():
         raise RecordingError(f"{source}: periods must be above 0 s")

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number
-from pendulum_env.lab.hand import HandTable, complete, numbers_of, small_periods, student_range
+from pendulum_env.lab.hand import HandTable, check_errors, complete, numbers_of, small_periods, student_range
 from pendulum_env.lab.measures import UNLIKELY, Line, Measurement, line_through, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, LENGTH, PERIOD, TIME
 from pendulum_env.physics.units import shown
@@ -209,8 +209,10 @@ def measure_lengths(
     if not (read.length > 0.0).all():
         raise RecordingError(f"{read.source}: lengths must be above 0 m")
     told = dl is not None or dt is not None
-    if any(one is not None and not (one > 0.0).all() for one in (dl, dt)):
-        raise RecordingError(f"{read.source}: errors must be above 0")
+    if bob >= read.length.min():
+        raise RecordingError(f"{read.source}: radius must be below the lengths, got {bob:g} m")
+    for one, whole in ((dl, read.length), (dt, period)):
+        check_errors(read.source, one, whole)
     x, y, slope, offset = read.length, period**2, 0.0, 0.0
     for _ in range(_ROUNDS):
         size = 0.4 * bob**2 / np.maximum(read.length + offset, bob + 1e-12)

@@ -12,10 +12,11 @@ from pendulum_env.plots.recorded import READING, amplitudes
 from pendulum_env.plots.series import FloatArray
 from pendulum_env.plots.style import LINES
 from pendulum_env.plots.titles import for_figure, page
-from pendulum_env.render.palette import FAINT_INK, OKABE_ITO
+from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 if TYPE_CHECKING:
     from pendulum_env.lab.amplitudes import AmplitudeSheet
+    from pendulum_env.lab.kater import KaterSheet
     from pendulum_env.lab.lengths import LengthSheet
 
 SIZE = (8.0, 6.4)
@@ -52,7 +53,7 @@ def amplitudes_by_hand(sheet: AmplitudeSheet, figure: Figure | None = None) -> F
         above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=4)
         below.axhline(0.0, color=FAINT_INK, linewidth=0.8)
         below.fill_between(points.time, -error, error, color=FAINT_INK, alpha=0.25, linewidth=0.0)
-        below.margins(x=0.02)
+        aside(below, points.time)
         below.set(xlabel="time [s]", ylabel="reading \N{MINUS SIGN} envelope\n[degrees]")
     return drawing
 
@@ -76,6 +77,44 @@ def lengths_by_hand(sheet: LengthSheet, figure: Figure | None = None) -> Figure:
         below.axhline(0.0, color=OKABE_ITO["vermillion"], linewidth=1.0)
         below.set(xlabel="length [m]", xlim=(fine[0], fine[1]), ylabel="T² \N{MINUS SIGN} line [s²]")
     return drawing
+
+
+def kater_by_hand(sheet: KaterSheet, figure: Figure | None = None) -> Figure:
+    """Draw both periods of a reversible pendulum against the position of the weight, with the fitted curves and their
+    crossing, and the residuals below; or gravity by Bessel's formula against the distance of the centre of mass."""
+    looks = (("T1", sheet.first, OKABE_ITO["blue"], "o"), ("T2", sheet.second, OKABE_ITO["vermillion"], "s"))
+    with page(SIZE, figure, f"{for_figure(sheet.source)} · g = {sheet.gravity}") as drawing:
+        above, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+        for k, (name, period, colour, mark) in enumerate(looks):
+            above.plot(sheet.position, period, mark, color=colour, markersize=5, label=name)
+            if sheet.crossings:
+                above.plot(sheet.curve[0], sheet.curve[k + 1], color=colour, linewidth=1.0)
+                rest = 1e3 * (period - np.interp(sheet.position, sheet.curve[0], sheet.curve[k + 1]))
+                below.errorbar(sheet.position, rest, 1e3 * sheet.scatter, color=colour, marker=mark, markersize=4,
+                               linestyle="none", elinewidth=0.8)
+        for one in sheet.crossings:
+            above.axvline(one.value, color=FAINT_INK, linewidth=0.8)
+        if sheet.crossings:
+            above.axhline(sheet.period.value, color=FAINT_INK, linewidth=0.8, linestyle=LINES[1][0],
+                          label=f"T = {sheet.period}")
+            below.axhline(0.0, color=FAINT_INK, linewidth=0.8)
+            below.set(xlabel="position of the weight [m]", ylabel="period \N{MINUS SIGN} curve\n[ms]")
+        else:
+            below.plot(sheet.position, sheet.bessel, "o", color=INK, markersize=5)
+            below.axhspan(sheet.gravity.value - sheet.gravity.error, sheet.gravity.value + sheet.gravity.error,
+                          color=FAINT_INK, alpha=0.25, linewidth=0.0)
+            below.ticklabel_format(axis="y", useOffset=False)
+            below.set(xlabel="distance h1 of the centre of mass from edge 1 [m]",
+                      ylabel="g by Bessel's\nformula [m/s²]")
+        aside(below, sheet.position)
+        above.set(ylabel="period at small amplitude [s]")
+        above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=3)
+    return drawing
+
+
+def aside(at: Axes, x: FloatArray) -> None:
+    """Leave room beside the first and the last reading."""
+    at.set_xlim(float(x.min()) - 0.03 * float(np.ptp(x)), float(x.max()) + 0.03 * float(np.ptp(x)))
 
 
 def errorbars(at: Axes, x: FloatArray, y: FloatArray, error: FloatArray, label: str = "readings") -> None:
