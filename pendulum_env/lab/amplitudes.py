@@ -163,14 +163,14 @@ class AmplitudeSheet(Plotted):
         rows = [("gamma, line through ln A", str(self.decay), "",
                  f"A ~ exp(-gamma t/2), {len(self.points.time)} readings")]
         for one in self.envelopes:
-            name, value = self._named(one)
+            name, value = self.named(one)
             verdict = "closest" if one is self.best else "ruled out" if self.ruled_out(one) else "possible"
             rows.append((f"{NAMES[one.law]}: {name}", str(value), f"{math.degrees(self.rms(one)):.2g}°", verdict))
         if self.quality is not None:
             rows.append(("quality factor", str(self.quality).removesuffix(" 1"), "", "2 pi/(gamma T), linear drag"))
         return Table(("quantity", "value", "rms", "how"), tuple(rows))
 
-    def _named(self, one: Envelope) -> tuple[str, Measurement]:
+    def named(self, one: Envelope) -> tuple[str, Measurement]:
         """Return the name and the value of a law's constant, in the units that students use."""
         rate, omega = one.rate, None if self.period is None else math.tau / self.period
         if one.law == "linear":
@@ -188,7 +188,7 @@ class AmplitudeSheet(Plotted):
         """Table of the sheet for further calculation: quantity, value, standard error, ends of the 95 % interval, unit.
         """
         values = [("gamma, line through ln A", self.decay), *(
-            (f"{NAMES[one.law]}: {name}", value) for one in self.envelopes for name, value in [self._named(one)])]
+            (f"{NAMES[one.law]}: {name}", value) for one in self.envelopes for name, value in [self.named(one)])]
         values += [] if self.quality is None else [("quality factor", self.quality)]
         return numbers_of(values, self.freedom)
 

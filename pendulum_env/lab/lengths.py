@@ -202,6 +202,8 @@ def measure_lengths(
     period = small_periods(read.source, read.times, number, read.amplitude if angle is None else angle)
     dl = read.length_error if given[0] is None else np.full(len(period), given[0])
     dt = read.time_error if given[1] is None else np.full(len(period), given[1] * number)
+    for one, whole in ((dl, read.length), (dt, read.times)):
+        check_errors(read.source, one, whole)
     dt = None if dt is None else dt * period / read.times
     if len(np.unique(read.length)) < FEWEST:
         raise RecordingError(f"{read.source}: the line needs at least {FEWEST} different lengths, there are "
@@ -211,8 +213,6 @@ def measure_lengths(
     told = dl is not None or dt is not None
     if bob >= read.length.min():
         raise RecordingError(f"{read.source}: radius must be below the lengths, got {bob:g} m")
-    for one, whole in ((dl, read.length), (dt, period)):
-        check_errors(read.source, one, whole)
     x, y, slope, offset = read.length, period**2, 0.0, 0.0
     for _ in range(_ROUNDS):
         size = 0.4 * bob**2 / np.maximum(read.length + offset, bob + 1e-12)

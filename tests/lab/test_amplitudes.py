@@ -190,7 +190,7 @@ def test_measure_writes_numbers_readings_and_figure(tmp_path: Path, run_here: He
         assert drawn.size[0] > 1000
     for words, wrong in ((["swing.txt", "--amplitudes", READINGS], "The file has no use for amplitudes"),
                          (["--amplitudes", READINGS, "--radius", "1"], "--radius has no use for amplitudes"),
-                         (["--period", "1.2"], "--period has no use for a recording"),
+                         (["--period", "1.2"], "--period has no use for a file"),
                          (["--amplitudes", READINGS, "--amplitude-error", "0"], "--amplitude-error must be")):
         code, _, said = run_here("measure", *words, "--out", "y")
         assert code == 2
