@@ -445,8 +445,11 @@ def kater(worked: Worked, labels: Labels) -> Figure:
 
 def further(worked: Worked) -> list[Callable[[Worked, Labels], Figure]]:
     """Return the figures of tables by hand, which follow the others."""
-    given = worked.given
-    return [draw for draw, table in ((lengths, given.lengths), (kater, given.kater)) if table is not None]
+    return [draw for draw in BY_HAND if getattr(worked.given, draw.__name__) is not None]
+
+
+BY_HAND: tuple[Callable[[Worked, Labels], Figure], ...] = (lengths, kater)
+"""The figures of tables by hand; each is named as its function and as the attribute of ``Given`` that it draws."""
 
 
 FIGURES: tuple[Callable[[Worked, Labels], Figure], ...] = (

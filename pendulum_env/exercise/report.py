@@ -129,7 +129,8 @@ def page(
     return template.render(
         worked=worked, figures=figures, name=name, key=key, kept=kept, facts=facts, language=LANGUAGE,
         next_question=lambda: next(numbers), next_section=lambda: next(sections), sqrt=math.sqrt, exp=math.exp,
-        log=math.log, sin=math.sin, atan=math.atan, pi=math.pi, whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
+        log=math.log, sin=math.sin, atan=math.atan, pi=math.pi,
+        whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
     )
 
 

@@ -163,12 +163,16 @@ class AmplitudeSheet(Plotted):
         rows = [("gamma, line through ln A", str(self.decay), "",
                  f"A ~ exp(-gamma t/2), {len(self.points.time)} readings")]
         for one in self.envelopes:
-            name, value = self.named(one)
+            name, _ = self.named(one)
             verdict = "closest" if one is self.best else "ruled out" if self.ruled_out(one) else "possible"
-            rows.append((f"{NAMES[one.law]}: {name}", str(value), f"{math.degrees(self.rms(one)):.2g}°", verdict))
+            rows.append((f"{NAMES[one.law]}: {name}", self.shown(one), f"{math.degrees(self.rms(one)):.2g}°", verdict))
         if self.quality is not None:
             rows.append(("quality factor", str(self.quality).removesuffix(" 1"), "", "2 pi/(gamma T), linear drag"))
         return Table(("quantity", "value", "rms", "how"), tuple(rows))
+
+    def shown(self, one: Envelope) -> str:
+        """Return the value of a law's constant with its error and its unit, if it has one, as text."""
+        return str(self.named(one)[1]).removesuffix(" 1")
 
     def named(self, one: Envelope) -> tuple[str, Measurement]:
         """Return the name and the value of a law's constant, in the units that students use."""
