@@ -50,6 +50,8 @@ class LengthSheet(Plotted):
         through_origin: gravity with an offset of 0 [m/s²].
         told: False if no error was given, so that the scatter about the line tells it.
         how: sentences on how the table was read.
+
+    Source: Nelson & Olsson, Am. J. Phys. 54, 112 (1986).
     """
 
     source: str

@@ -30,6 +30,7 @@ OPTIONS: Mapping[str, str] = {
     "files": "none of these", "torque": "none of these", "current": "none of these", "prior": "none of these",
     "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
     "gravity": "positive", "amplitudes": "none of these", "amplitude_error": "none of these",
+    "lengths": "none of these", "kater": "none of these", "knife_edges": "none of these",
     "growth": "one and more", "panels": "word", "what": "word", "scene": "word",
     "damping": "word", "over": "none of these", "basins": "count", "transient": "count or none", "phase": "number",
     "period": "positive", "own_step": "none of these", "walker_steps": "count", "steps_per_period": "count",
