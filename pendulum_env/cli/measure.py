@@ -19,8 +19,8 @@ from pendulum_env.physics.units import SceneError, number, other_units
 def measure(
     file: Annotated[
         Path | None,
-        typer.Argument(help="Recording of a swing, or states, passages or periods of a photogate; by default a "
-                            "simulated recording."),
+        typer.Argument(help="Recording of a swing; states, passages or periods of a photogate; or a table by hand; by "
+                            "default a simulated recording."),
     ] = None,
     length: options.Length = None,
     length_error: options.LengthError = None,
@@ -46,12 +46,13 @@ def measure(
 ) -> None:
     """Measure a free swing: period, amplitudes, decay, length and Reynolds number, with errors.
 
-    Readings by hand are measured, too, each with a figure: --amplitudes gives gamma and the law of the damping; a file
-    with the titles "length (cm), 10 T (s)" gives g from T² against the length, with an offset of the length; one with
-    "position (cm), T1 (s), T2 (s)" of a reversible pendulum gives g, with --length as the distance of its knife edges.
-    Files of photogates give the period, the period at small amplitude and the length. With --length, both kinds of file
-    give gravity, too, and a sentence if that cannot be; with --radius, swings give the Reynolds number. measured.csv
-    has value, error and unit of each quantity.
+    Readings by hand give a figure, too. --amplitudes gives gamma and the law of the damping. A file with the titles
+    "length (cm), 10 T (s)" gives g from T² against the length, with an offset of the length. A file with the titles
+    "position (cm), T1 (s), T2 (s)", of a reversible pendulum, gives g; --length is then that between its knife edges.
+
+    Files of photogates give the period, the period at small amplitude and the length. With --length, recordings and
+    files of photogates give gravity, too, and a sentence if that cannot be; with --radius, swings give the Reynolds
+    number. measured.csv has value, error and unit of each quantity.
     """
     if amplitudes is not None:
         from pendulum_env.lab.amplitudes import measure_amplitudes
