@@ -16,7 +16,7 @@ from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, one_number
 from pendulum_env.lab.hand import HandTable, complete, half_a_digit, numbers_of, student_range
 from pendulum_env.lab.measures import LAWS, Line, Measurement, line_through, powers, scatter_factor
-from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, DISTANCE, TIME
+from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, COUNT, DISTANCE, PERIOD, TIME
 from pendulum_env.lab.turning import TurningPoints, equilibrium
 from pendulum_env.physics import exact
 from pendulum_env.physics.units import shown
@@ -34,6 +34,7 @@ LEAST = 1e-9
 EXAMPLE = "0:30, 1.42:29.4, 2.84:28.8"
 TITLES = "time (s),amplitude (deg)"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?"
+_SWINGS = re.compile(r"swing|oscillation|cycle|schwingung", re.IGNORECASE)
 _PAIR = re.compile(rf"\s*({_NUMBER})\s*s?\s*:\s*({_NUMBER})\s*(°|deg|rad|mm|cm|m|)\s*", re.IGNORECASE)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _GRID = 2000
@@ -264,7 +265,8 @@ def measure_amplitudes(
             their middle.
         error: error of one amplitude [rad]; None: that of the file, else half a unit of the last digit.
         length: distance from the pivot to the ruler [m], for amplitudes x that were read along a ruler: A = asin(x/L).
-        period: period of small swings [s], for the quality factor and the constants of the other laws.
+        period: period of small swings [s], for the quality factor and the constants of the other laws, and for a file
+            with numbers of swings, "n", in place of times.
 
     Source: the laws, Nelson & Olsson, Am. J. Phys. 54, 112 (1986). Raises RecordingError for readings that are no such
     pairs or file, for fewer than three, for times that do not increase, and for amplitudes that are not above 0 and
@@ -272,7 +274,7 @@ def measure_amplitudes(
     """
     seconds = None if period is None else one_number(period, "period", above=0.0, unit="s")
     reach = None if length is None else one_number(length, "length", above=0.0, unit="m")
-    source, time, angle, own, how = _read(readings, reach)
+    source, time, angle, own, how = _read(readings, reach, seconds)
     sigma = own if error is None else np.full(len(time), one_number(error, "error", above=0.0, unit="rad"))
     if len(time) < FEWEST:
         raise RecordingError(f"{source}: the decay needs at least {FEWEST} amplitudes, there are {len(time)}")
@@ -306,7 +308,9 @@ def _envelope(time: FloatArray, size: FloatArray, error: FloatArray, law: str) -
     return Envelope(law, line, Measurement(-line.slope, factor / math.sqrt(line.spread), unit), float(size.max()))
 
 
-def _read(readings: object, length: float | None) -> tuple[str, FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
+def _read(
+    readings: object, length: float | None, period: float | None
+) -> tuple[str, FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
     """Return source, times [s], amplitudes [rad] with their signs, errors [rad], and sentences on how they were read.
     """
     if isinstance(readings, TurningPoints):
@@ -319,7 +323,12 @@ def _read(readings: object, length: float | None) -> tuple[str, FloatArray, Floa
         raise RecordingError(f"amplitudes must be pairs time:angle in s and degrees, as {EXAMPLE!r}, or a file with "
                              f"the columns {TITLES!r}, got {shown(text)}")
     table = HandTable(readings, TITLES)  # type: ignore[arg-type]
-    at = table.need("times", TITLES, TIME)
+    at = table.find(TIME)
+    swings = None if at is not None else table.find(COUNT, PERIOD, _SWINGS)
+    if swings is not None and period is None:
+        raise RecordingError(f"{table.source}: numbers of swings are no times; give the period (--period), or a column "
+                             "of times in s")
+    at = table.need("times", TITLES, TIME) if swings is None else swings
     place = table.need("amplitudes", TITLES, AMPLITUDE, DISTANCE, re.compile(r"(?<![a-z])[ax](?![a-z])", re.IGNORECASE),
                        without=(at,))
     ruler = DISTANCE.units_in([table.titles[place]])
@@ -328,13 +337,16 @@ def _read(readings: object, length: float | None) -> tuple[str, FloatArray, Floa
                                  table.error(place, kind, usual))
     assert time is not None
     assert size is not None
+    how: tuple[str, ...] = ()
+    if swings is not None and period is not None:
+        time, how = time * period, (f"Times are the numbers of swings times the period, {period:g} s.",)
     if error is None:
         unit = ruler.pop() if ruler else next(iter(ANGLE.units_in([table.titles[place]])), "deg")
         texts = [text.removesuffix("°") for text in table.fields(place) if text[-1:].strip("°").isdigit()]
         error = np.full(len(size), half_a_digit(texts or ["1"]) * kind.units[unit].size)
     if kind is DISTANCE:
         size, error = _by_ruler(table.source, size, error, length)
-    return table.source, time, size, error, ()
+    return table.source, time, size, error, how
 
 
 def _of_pairs(text: str, length: float | None) -> tuple[str, FloatArray, FloatArray, FloatArray, tuple[str, ...]]:

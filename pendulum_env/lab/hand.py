@@ -16,15 +16,17 @@ from pendulum_env.lab.checked import FloatArray, RecordingError, file_name
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.quantities import ERROR, Quantity
-from pendulum_env.lab.table import TextTable
+from pendulum_env.lab.table import NUMBERS, TextTable
 from pendulum_env.physics import exact
 
 if TYPE_CHECKING:
     from pendulum_env.common.texts import Table
 
 _COUNT = re.compile(r"(?<![\w.,])(\d{1,4})\s*(?:[*x·]\s*)?(?:t(?![a-z])|periods?|oscillations?|"
-                    "swings?|cycles?|perioden|schwingungen)", re.IGNORECASE)
-"""Number of oscillations in a title, as in "20 T (s)" or "time of 20 oscillations"."""
+                    r"swings?|cycles?|perioden|schwingungen)|(?<![a-z])t[ _]?(\d{2,4})(?!\d)", re.IGNORECASE)
+"""Number of oscillations in a title, as in "20 T (s)", "time of 20 oscillations" or "t20"."""
+_TRIAL = re.compile(r"(?<=[a-z_ #])[1-9](?![\d.])|trial|run|#", re.IGNORECASE)
+"""Number of a trial in a title, as in "t 2 (s)"."""
 MOST = 1_000_000
 """Largest number of oscillations that are timed together."""
 LEAST = 1e-12
@@ -84,7 +86,23 @@ class HandTable:
     def count(self, place: int) -> int | None:
         """Return the number of oscillations in a column's title, None without one."""
         found = _COUNT.search(self.titles[place])
-        return int(found[1]) if found else None
+        return int(found[1] or found[2]) if found else None
+
+    def trials(self, place: int) -> list[int]:
+        """Return the columns with the title of a column, which comes first; if it has the number of a trial, as "t1",
+        those that differ in this number."""
+        def bare(title: str) -> tuple[str, bool]:
+            return "".join(_TRIAL.sub("", title.lower()).split()), _TRIAL.search(title) is not None
+
+        return [i for i, title in enumerate(self.titles)
+                if i >= place and i not in self.errors and bare(title) == bare(self.titles[place])]
+
+    def rounding(self, place: int, units: Quantity, usual: str) -> float:
+        """Return the standard error of rounding the numbers of a column, its last digit over sqrt(12), in SI units."""
+        named = units.units_in([self.titles[place]])
+        texts = [text for text in self.fields(place) if NUMBERS[".,"].fullmatch(text)]
+        unit = units.units[named.pop() if len(named) == 1 else usual].size
+        return half_a_digit(texts or ["1"]) * unit / math.sqrt(3.0)
 
     def fields(self, place: int) -> list[str]:
         """Return the texts of a column."""

@@ -207,7 +207,8 @@ def measure_kater(
     check_errors(read.source, None if sigma is None else np.array([sigma]), np.array([min(first.min(), second.min())]))
     long = Measurement(distance, wrong, "m")
     made = _by_bessel if read.centre else _by_crossing
-    return made(read, first, second, long, sigma)
+    least = max(read.rounding / (swings or read.numbers[0] or 1), 1e-9 * float(first.mean()))
+    return made(read, first, second, long, sigma, least)
 
 
 class _Readings(NamedTuple):
@@ -220,6 +221,7 @@ class _Readings(NamedTuple):
     numbers: tuple[int | None, int | None] = (None, None)
     amplitude: FloatArray | None = None
     centre: bool = False
+    rounding: float = 0.0
 
 
 def _gravity(period: Measurement, edges: Measurement) -> Measurement:
@@ -229,14 +231,14 @@ def _gravity(period: Measurement, edges: Measurement) -> Measurement:
 
 
 def _by_crossing(
-    read: _Readings, first: FloatArray, second: FloatArray, edges: Measurement, sigma: float | None
+    read: _Readings, first: FloatArray, second: FloatArray, edges: Measurement, sigma: float | None, least: float
 ) -> KaterSheet:
-    """Return the sheet of periods against the position of a weight."""
+    """Return the sheet of periods against the position of a weight; ``least`` is the least error of a period [s]."""
     x = read.position
     if len(np.unique(x)) < 3:
         raise RecordingError(f"{read.source}: the crossing needs at least 3 different positions, there are "
                              f"{len(np.unique(x))}; for fewer, give the distance h1 of the centre of mass")
-    curves = _curves(x, first, second, sigma)
+    curves = _curves(x, first, second, sigma, least)
     difference = np.polynomial.Polynomial(curves.first - curves.second)
     roots = difference.roots()
     real = np.sort(roots[np.abs(roots.imag) < 1e-9].real) * curves.scale + curves.middle
@@ -264,7 +266,7 @@ def _by_crossing(
                       (how,))
 
 
-def _curves(x: FloatArray, first: FloatArray, second: FloatArray, sigma: float | None) -> Curves:
+def _curves(x: FloatArray, first: FloatArray, second: FloatArray, sigma: float | None, least: float) -> Curves:
     """Return the polynomials through both periods, of the degree with the best Bayesian information criterion."""
     middle, scale = float(x.mean()), float(np.ptp(x)) / 2.0
     best: tuple[float, Curves] | None = None
@@ -275,11 +277,10 @@ def _curves(x: FloatArray, first: FloatArray, second: FloatArray, sigma: float |
         powers = np.vander((x - middle) / scale, degree + 1, increasing=True)
         fits = [np.asarray(np.linalg.lstsq(powers, one, rcond=None)[0], dtype=np.float64) for one in (first, second)]
         squares = sum(float(np.sum((one - powers @ fit) ** 2)) for one, fit in zip((first, second), fits, strict=True))
-        least = (1e-12 * float(first.mean())) ** 2
-        score = (2 * len(x) * math.log(squares / (2 * len(x)) + least) if sigma is None else squares / sigma**2)
+        score = (2 * len(x) * math.log(squares / (2 * len(x)) + least**2) if sigma is None else squares / sigma**2)
         score += 2 * (degree + 1) * math.log(2 * len(x))
-        error = scatter_factor(squares, freedom, 0.0) if sigma is None else sigma * scatter_factor(
-            squares / sigma**2, freedom)
+        own = least if sigma is None else sigma
+        error = own * scatter_factor(squares / own**2, freedom)
         covariance = np.asarray(np.linalg.inv(powers.T @ powers), dtype=np.float64)
         curves = Curves(fits[0], fits[1], covariance, middle, scale, error, freedom)
         if best is None or score < best[0]:
@@ -305,9 +306,10 @@ def _crossing(curves: Curves, x: float) -> tuple[Measurement, Measurement]:
 
 
 def _by_bessel(
-    read: _Readings, first: FloatArray, second: FloatArray, edges: Measurement, sigma: float | None
+    read: _Readings, first: FloatArray, second: FloatArray, edges: Measurement, sigma: float | None, least: float
 ) -> KaterSheet:
-    """Return the sheet of periods beside the distance of the centre of mass."""
+    """Return the sheet of periods beside the distance of the centre of mass; ``least`` is the least error of a period.
+    """
     h1, long = read.position, edges.value
     if not ((h1 > 0.0) & (h1 < long)).all() or not (np.abs(2.0 * h1 - long) > 1e-3 * long).all():
         raise RecordingError(f"{read.source}: h1 must be between 0 and the distance of the edges, {long:g} m, and the "
@@ -324,19 +326,14 @@ def _by_bessel(
         step = [1e-6 * float(one.mean()) if i == of else 0.0 for i, one in enumerate((first, second, np.array([long])))]
         return (bessel(first + step[0], second + step[1], long + step[2], h1) - each) / step[of]
 
-    by_period = np.hypot(change(0), change(1))
-    mean = float(each.mean())
-    if sigma is None:
-        freedom = rows - 1
-        own = scatter_factor(float(np.sum((each - mean) ** 2)), freedom, 0.0) / math.sqrt(rows)
-    else:
-        freedom = max(rows - 1, 1)
-        own = float(np.linalg.norm(by_period * sigma)) / rows
-        if rows > 1:
-            own *= scatter_factor(float(np.sum(((each - mean) / (by_period * sigma)) ** 2)), freedom)
+    by_period = np.hypot(change(0), change(1)) * (least if sigma is None else sigma)
+    mean, freedom = float(each.mean()), max(rows - 1, 1)
+    own = float(np.linalg.norm(by_period)) / rows
+    if rows > 1:
+        own *= scatter_factor(float(np.sum(((each - mean) / by_period) ** 2)), freedom)
     by_edges = edges.error * float(np.mean(change(2)))
     period = Measurement(math.tau * math.sqrt(long / mean), 0.5 * math.tau * math.sqrt(long / mean) * own / mean, "s")
-    error = own * math.sqrt(rows) / float(np.mean(by_period))
+    error = own * math.sqrt(rows) / float(np.mean(by_period)) * (least if sigma is None else sigma)
     return KaterSheet(read.source, h1, first, second, edges, (), period,
                       Measurement(mean, math.hypot(own, by_edges), "m/s²"), np.empty((3, 0)), error, freedom,
                       (f"Bessel's formula for {rows} row{'s' * (rows > 1)}.",))
@@ -371,5 +368,6 @@ def _read(table: object) -> _Readings:
     assert x is not None
     assert first is not None
     assert second is not None
-    return _Readings(hand.source, x, first, second, (hand.count(places[0]), hand.count(places[1])), sizes,
-                     centre is not None)
+    number = hand.count(places[0]), hand.count(places[1])
+    return _Readings(hand.source, x, first, second, number, sizes, centre is not None,
+                     max(hand.rounding(one, TIME, "s") for one in places))

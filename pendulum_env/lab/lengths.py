@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 
 FEWEST = 3
 """Fewest lengths that a line with an error goes through."""
+NUMBERS = (1, 5, 10, 15, 20, 25, 30, 50, 100)
+"""Usual numbers of oscillations that are timed together."""
+NEAR = 0.1
+"""Relative distance from USUAL within which a gravity is explained by a unit or a number of oscillations."""
 ALONE = 0.7
 """A residual with a larger share of chi² than this is named."""
 USUAL = 9.81
@@ -127,6 +131,21 @@ class LengthSheet(Plotted):
             tuple(f"{x:.9g}" for x in row)
             for row in zip(self.length, self.period, square, square - self.residual, self.residual, strict=True)))
 
+    def _doubt(self) -> str:
+        """Return a sentence on a gravity that cannot be, with the unit or the number of oscillations that would be
+        right, if there is one."""
+        ratio = self.gravity.value / USUAL
+        remedy = ("name the units in the titles, as 'length (cm)', and the number of oscillations, as '10 T (s)' "
+                  "(--oscillations)")
+        for unit, counts in (("m", NUMBERS), ("cm", (1, 10, 20)), ("mm", (1, 10, 20))):
+            for number in counts:
+                if abs(ratio * LENGTH.units[unit].size * number**2 - 1.0) < NEAR:
+                    means = [f"the lengths are in {unit}, and the title must say so"] if unit != "m" else []
+                    means += [f"the times are those of {number} oscillations; name them in the title, as "
+                              f"'{number} T (s)', or by --oscillations {number}"] if number > 1 else []
+                    return f"This g cannot be: {' and '.join(means)}." if means else ""
+        return f"This g is {ratio:.3g} times {USUAL:g} m/s²: {remedy}."
+
     @property
     def text(self) -> str:
         """Sentences on gravity, the offset of the lengths, and the residuals."""
@@ -149,11 +168,9 @@ class LengthSheet(Plotted):
             lines.append(f"The period at {self.length[worst]:.4g} m is farthest from the line, by "
                          f"{1e3 * self.residual[worst] / (2.0 * self.period[worst]):.2g} ms, which is {share:.0%} of "
                          "the squares of all residuals; time it again.")
-        off = self.gravity.value / USUAL - 1.0
-        if abs(off) > UNLIKELY and abs(self.gravity.value - USUAL) > 3.0 * self.gravity.error:
-            lines.append(f"This g is {abs(off):.0%} {'above' if off > 0.0 else 'below'} {USUAL:g} m/s²: the titles "
-                         "must name the units, as 'length (cm)', and the number of oscillations, as '10 T (s)' "
-                         "(--oscillations).")
+        if abs(self.gravity.value / USUAL - 1.0) > UNLIKELY and (
+                abs(self.gravity.value - USUAL) > 3.0 * self.gravity.error):
+            lines.append(self._doubt())
         return "\n".join(lines)
 
 
@@ -178,13 +195,15 @@ def measure_lengths(
     gravity g and an offset L0 of all lengths as parameters, for example where they end at the top of the bob. a is the
     radius of the bob (0 unless given). T0 is the period corrected for the amplitude A, ``T/(2 K(sin(A/2))/pi)``. The
     weights are 1/error² of T0² with the error of the length, ``sqrt((2 T dT)² + (slope dL)²)`` (effective variance);
-    without errors, equal errors of the periods, which follow from the scatter. The errors of g and L0 are larger if the
-    points scatter more than their errors, and cover the truth in 68 % of cases for few lengths, too.
+    without errors, equal errors of the periods, which follow from the scatter and are at least those of rounding the
+    times of a file. The errors of g and L0 are larger if the points scatter more than their errors, and cover the truth
+    in 68 % of cases for few lengths, too.
 
     Args:
         table: path of a file with columns such as "length (cm), 10 T (s)", with the number of oscillations in the
-            title, with amplitudes "amplitude (deg)" or errors "error (cm)" behind their column or without; or lengths
-            [m] and periods [s].
+            title, with amplitudes "amplitude (deg)" or errors "error (cm)" behind their column or without; several
+            columns of times with the same title, or t1, t2, ..., are timings of their own; or lengths [m] and periods
+            [s].
         oscillations: number of oscillations in each time; None: that of the title, else 1.
         amplitude: amplitude of all swings [rad]; None: those of the file, else small.
         radius: radius of a ball [m].
@@ -213,19 +232,21 @@ def measure_lengths(
     if not (read.length > 0.0).all():
         raise RecordingError(f"{read.source}: lengths must be above 0 m")
     told = dl is not None or dt is not None
+    if not told and read.rounding > 0.0:
+        dt = read.rounding * period / read.times
     if bob >= read.length.min():
         raise RecordingError(f"{read.source}: radius must be below the lengths, got {bob:g} m")
     x, y, slope, offset = read.length, period**2, 0.0, 0.0
     for _ in range(_ROUNDS):
         size = 0.4 * bob**2 / np.maximum(read.length + offset, bob + 1e-12)
-        error = np.hypot(0.0 if dt is None and told else 2.0 * period * (1.0 if dt is None else dt),
+        error = np.hypot(0.0 if dt is None and dl is not None else 2.0 * period * (1.0 if dt is None else dt),
                          0.0 if dl is None else slope * dl if slope else math.tau**2 / USUAL * dl)
         x, weight = read.length + size, error**-2.0
         line = line_through(x, y, weight)
         slope, offset = line.slope, line.height / line.slope - line.middle
         if not slope > 0.0:
             raise RecordingError(f"{read.source}: T² does not grow with the length; check the columns and their units")
-    freedom, least = len(x) - 2, 1.0 if told else 0.0
+    freedom, least = len(x) - 2, 0.0 if dt is None and dl is None else 1.0
     factor = scatter_factor(line.chi2, freedom, least)
     own = factor / math.sqrt(line.spread)
     gravity = math.tau**2 / slope
@@ -249,6 +270,7 @@ class _Readings(NamedTuple):
     amplitude: FloatArray | None = None
     length_error: FloatArray | None = None
     time_error: FloatArray | None = None
+    rounding: float = 0.0
     how: tuple[str, ...] = ()
 
 
@@ -269,15 +291,21 @@ def _read(table: object) -> _Readings:
     if isinstance(table, tuple):
         if len(table) != 2:
             raise RecordingError(f"table must be a file or a pair of lengths and periods, got {shown(table)}")
-        length, times = (numbers(one, name) for one, name in zip(table, ("length", "period"), strict=True))
-        if length.ndim != 1 or length.shape != times.shape or not np.isfinite([length, times]).all():
+        long, timed = (numbers(one, name) for one, name in zip(table, ("length", "period"), strict=True))
+        if long.ndim != 1 or long.shape != timed.shape or not np.isfinite([long, timed]).all():
             raise RecordingError("lengths and periods must be finite arrays of one length")
-        return _Readings("table", length, times)
+        return _Readings("table", long, timed)
     hand = HandTable(table, TITLES)  # type: ignore[arg-type]
     at = hand.need("lengths", TITLES, LENGTH)
     place = hand.need("periods or times of several", TITLES, PERIOD, TIME, without=(at,))
-    number, sized = hand.count(place), hand.find(AMPLITUDE, without=(at, place))
-    columns = complete(hand.values(at, LENGTH, "m"), hand.values(place, TIME, "s"), hand.values(sized, ANGLE, "deg"),
-                       hand.error(at, LENGTH, "m"), hand.error(place, TIME, "s"))
-    how = (f"Each time is that of {number} oscillations.",) if number else ()
-    return _Readings(hand.source, columns[0], columns[1], number, *columns[2:], how)  # type: ignore[arg-type, call-arg]
+    places, number, sized = hand.trials(place), hand.count(place), hand.find(AMPLITUDE, without=(at, place))
+    parts = [complete(hand.values(at, LENGTH, "m"), hand.values(one, TIME, "s"), hand.values(sized, ANGLE, "deg"),
+                      hand.error(at, LENGTH, "m"), hand.error(one, TIME, "s")) for one in places]
+    lengths, times, sizes, *errors = (None if any(one is None for one in column) else np.concatenate(
+        [one for one in column if one is not None]) for column in zip(*parts, strict=True))
+    assert lengths is not None
+    assert times is not None
+    how = [f"Each time is that of {number} oscillations."] if number else []
+    how += [f"Each of the {len(places)} columns of times counts as a timing of its own."] if len(places) > 1 else []
+    return _Readings(hand.source, lengths, times, number, sizes, errors[0], errors[1],
+                     hand.rounding(place, TIME, "s"), tuple(how))

@@ -106,6 +106,15 @@ def test_text_file_and_ruler_give_the_same_readings(tmp_path: Path) -> None:
     assert ruler.points.error[0] == pytest.approx(0.0005 / 0.5 / math.sqrt(1.0 - 0.04))
 
 
+def test_numbers_of_swings_are_times_with_a_period(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("n,amplitude (deg)\n0,30\n10,26\n20,22\n")
+    sheet = measure_amplitudes(tmp_path / "a.csv", period=1.2)
+    assert sheet.points.time == pytest.approx([0.0, 12.0, 24.0])
+    assert "Times are the numbers of swings times the period, 1.2 s." in sheet.text
+    with pytest.raises(RecordingError, match="numbers of swings are no times; give the period"):
+        measure_amplitudes(tmp_path / "a.csv")
+
+
 def test_turning_points_on_both_sides_are_measured_from_their_middle() -> None:
     size = 20.0 * np.exp(-0.05 * np.arange(8.0))
     text = ", ".join(f"{t}:{(-1.0) ** t * a + 1.5:.6f}" for t, a in enumerate(size))

@@ -97,6 +97,13 @@ def test_titles_say_units_numbers_and_errors(tmp_path: Path) -> None:
     rows = "".join(f"{a};{25 * t}\n" for a, t in zip(LENGTH, times, strict=True))
     path.write_text("L (m);t (s)\n" + rows.replace(".", ","))
     assert measure_lengths(path, oscillations=25, amplitude=math.radians(20.0)).gravity.value == pytest.approx(GRAVITY)
+    for head in ("L (m),t1 (s),t2 (s),t3 (s)", "L (m),10 T (s),10 T (s),10 T (s)", "L (m),t10 (s),T (s),T2 (s2)"):
+        number = 1.0 if "t1 " in head else 10.0
+        path.write_text(head + "\n" + "".join(f"{a},{number * t},{number * t},{number * t}\n" for a, t in zip(
+            LENGTH, times, strict=True)))
+        sheet = measure_lengths(path, amplitude=math.radians(20.0))
+        assert len(sheet.length) == (6 if "T2" in head else 18)
+        assert sheet.gravity.value == pytest.approx(GRAVITY)
     for head in ("time (s),angle (deg),length (m)", "amplitude (deg),period (s),x", "time (s),angle (deg),x"):
         path.write_text(f"{head}\n1,2,3\n4,5,6\n")
         assert not is_lengths(path)
@@ -126,9 +133,21 @@ def test_bad_tables_are_refused_in_one_sentence(
 def test_wrong_units_and_one_wrong_timing_are_named(tmp_path: Path) -> None:
     times, path = periods(LENGTH), tmp_path / "a.csv"
     path.write_text("length,T (s)\n" + "".join(f"{100 * a},{t}\n" for a, t in zip(LENGTH, times, strict=True)))
-    assert "the titles must name the units" in measure_lengths(path).text
+    assert "This g cannot be: the lengths are in cm, and the title must say so." in measure_lengths(path).text
+    path.write_text("length (m),time (s)\n" + "".join(f"{a},{20 * t}\n" for a, t in zip(LENGTH, times, strict=True)))
+    assert "the times are those of 20 oscillations" in measure_lengths(path).text
+    path.write_text("length (m),T (s)\n" + "".join(f"{a},{3 * t}\n" for a, t in zip(LENGTH, times, strict=True)))
+    assert "This g is 0.111 times 9.81 m/s²: name the units" in measure_lengths(path).text
     wrong = times * (1.0 + 0.05 * (np.arange(6) == 3)) + 1e-4 * np.array([1, -1, 1, 1, -1, 0])
     assert "The period at 0.7 m is farthest from the line" in measure_lengths((LENGTH, wrong)).text
+
+
+def test_the_error_is_at_least_that_of_rounding(tmp_path: Path) -> None:
+    """Times that lie on the line exactly are as good as their last digit, 0.1 s over sqrt(12)."""
+    (tmp_path / "a.csv").write_text("length (m),10 T (s)\n0.1,10.0\n0.4,20.0\n0.9,30.0\n")
+    sheet = measure_lengths(tmp_path / "a.csv")
+    known = measure_lengths((np.array([0.1, 0.4, 0.9]), np.array([1.0, 2.0, 3.0])), period_error=0.01 / math.sqrt(12.0))
+    assert sheet.gravity.error == pytest.approx(known.gravity.error, rel=1e-6)
 
 
 @pytest.mark.slow
