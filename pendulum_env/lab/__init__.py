@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.lab.measures import Losses, losses  # at once, as the module has the name of the function
 
 if TYPE_CHECKING:
+    from pendulum_env.lab.amplitudes import AmplitudeSheet, measure_amplitudes
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.gates import GateSheet, measure_gate
+    from pendulum_env.lab.kater import KaterSheet, measure_kater
+    from pendulum_env.lab.lengths import LengthSheet, measure_lengths
     from pendulum_env.lab.measures import (
         Cycles,
         Measurement,
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.turning import TurningPoints, turning_points
 
 __all__ = [
+    "AmplitudeSheet",
     "Circle",
     "Cycles",
     "DrivenFit",
@@ -42,7 +46,9 @@ __all__ = [
     "FilmTrack",
     "Fit",
     "GateSheet",
+    "KaterSheet",
     "LabSheet",
+    "LengthSheet",
     "Losses",
     "Measurement",
     "Posterior",
@@ -59,7 +65,10 @@ __all__ = [
     "follow",
     "losses",
     "measure",
+    "measure_amplitudes",
     "measure_gate",
+    "measure_kater",
+    "measure_lengths",
     "noise_level",
     "period",
     "quantum_level",
@@ -72,6 +81,7 @@ __all__ = [
 ]
 
 _LAZY = {
+    "AmplitudeSheet": "pendulum_env.lab.amplitudes",
     "Circle": "pendulum_env.lab.tracks",
     "Cycles": "pendulum_env.lab.measures",
     "DrivenFit": "pendulum_env.lab.driven.result",
@@ -80,7 +90,9 @@ _LAZY = {
     "FilmTrack": "pendulum_env.lab.film",
     "Fit": "pendulum_env.lab.fitting.result",
     "GateSheet": "pendulum_env.lab.gates",
+    "KaterSheet": "pendulum_env.lab.kater",
     "LabSheet": "pendulum_env.lab.sheet",
+    "LengthSheet": "pendulum_env.lab.lengths",
     "Measurement": "pendulum_env.lab.measures",
     "Posterior": "pendulum_env.lab.fitting.posterior",
     "Recording": "pendulum_env.lab.recording",
@@ -95,7 +107,10 @@ _LAZY = {
     "fit_driven": "pendulum_env.lab.driven.fit",
     "follow": "pendulum_env.lab.film",
     "measure": "pendulum_env.lab.sheet",
+    "measure_amplitudes": "pendulum_env.lab.amplitudes",
     "measure_gate": "pendulum_env.lab.gates",
+    "measure_kater": "pendulum_env.lab.kater",
+    "measure_lengths": "pendulum_env.lab.lengths",
     "noise_level": "pendulum_env.lab.noise",
     "period": "pendulum_env.lab.measures",
     "quantum_level": "pendulum_env.lab.noise",
