@@ -34,6 +34,7 @@ SHORTER = {
     "lab-pendulum acquire --from virtual --headless --duration 30 --out swing.csv": "--duration 0.3",
     "lab-pendulum measure --oscillations 6": "",
     "lab-pendulum code --integrators rk4 --scene exercise_large": "",
+    "lab-pendulum code --integrators backward_euler --scene exercise": "",
     "lab-pendulum code --scene lab --integrators dop853 --language javascript": "",
     "lab-pendulum code --language engine": "",
     "lab-pendulum code --language engine --scene lab --integrators rk4": "",
