@@ -46,6 +46,7 @@ class Flow:
         reynolds: Reynolds number of the ball there [1].
         stokes: damping rate by Stokes' linear drag [1/s].
         sphere: rate of linear damping that takes as much energy as the drag C_d(Re) of a sphere [1/s].
+        scene: the ball on its wire in air, without losses.
     """
 
     whose: str
@@ -54,6 +55,7 @@ class Flow:
     reynolds: float
     stokes: float
     sphere: float
+    scene: Scene
 
 
 @dataclass(frozen=True)
@@ -187,7 +189,8 @@ def flow(scene: Scene, amplitude: float, whose: str) -> Flow:
     speed = bottom_speed(scene, amplitude)
     stokes = scene.with_effects((Gravity(), LinearDrag())).coefficients["linear_drag_rate"]
     sphere = scene.omega0 / quality_factor(scene.with_effects((Gravity(), SphereDrag())), amplitude)
-    return Flow(whose, amplitude, speed, reynolds_number(speed, scene.body, scene.medium), stokes, sphere)
+    return Flow(whose, amplitude, speed, reynolds_number(speed, scene.body, scene.medium), stokes, sphere,
+                scene)
 
 
 # --- the comparison -------------------------------------------------------------------------------------------------
