@@ -132,7 +132,8 @@ def loop_functions(scene: Scene, methods: Mapping[str, Method]) -> list[str]:
                     *textwrap.indent("\n".join([*begin, "angles, velocities = [theta], [omega]", *step,
                                                 "return np.array(angles), np.array(velocities)"]), INDENT).split("\n")]
     functions.write_energy()
-    return [*functions.imports, *"\n\n".join("\n".join(functions.lines).rstrip().split("\n\n")).split("\n"), *written]
+    needed = "\n".join(functions.lines).rstrip().replace("\n\n", "\n\n\n")
+    return [*functions.imports, *needed.split("\n"), *written]
 
 
 def _loop(method: Method, functions: _Functions) -> tuple[list[str], list[str]]:

@@ -31,6 +31,8 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.plots.motion import EXACT
 from pendulum_env.render.palette import OKABE_ITO
 
+NEXT_LINE = ",\n         "
+"""What stands between the rows of a list that is set by ``parts = [``."""
 SAME = 1e-9
 """Largest relative difference of a period by the program's crossings from the report's; gaps make larger ones."""
 
@@ -58,10 +60,10 @@ def programs(worked: Worked, labels: Labels) -> Iterator[tuple[str, str]]:
     for name in program_names(worked):
         stem = name.removesuffix(".py")
         text = templates.get_template(f"programs/{name}.j2").render(
-            file=name, stem=stem, version=__version__, labels=labels, width=WIDTH, strip=STRIP, lowest=LOWEST, sign=SIGN,
-            grey=EXACT["color"], blue=OKABE_ITO["blue"], colours={one: colour(one) for one in worked.small.runs},
-            simulated=worked.given.simulated, recording_label=recording_label(worked, labels),
-            first_swings=FIRST_SWINGS, dt=STEP, **given[stem],
+            file=name, stem=stem, version=__version__, labels=labels, width=WIDTH, strip=STRIP, lowest=LOWEST,
+            sign=SIGN, grey=EXACT["color"], blue=OKABE_ITO["blue"], first_swings=FIRST_SWINGS, dt=STEP,
+            colours={one: colour(one) for one in worked.small.runs}, simulated=worked.given.simulated,
+            recording_label=recording_label(worked, labels), **given[stem],
         )
         yield name, text.lstrip()
 
@@ -153,6 +155,8 @@ def steps_of(run: ExerciseMotion) -> int:
     return len(run.time) - 1
 
 
-def parts_of(end: float, period: float) -> list[tuple[float, float]]:
-    """Return the parts of the time that the strips of a figure show, as :func:`spans` does."""
-    return [(float(first), float(last)) for first, last in spans(float(end), period)]
+def parts_of(end: float, period: float) -> str:
+    """Return the source of the parts of the time [s] that the strips of a figure show, three in a line."""
+    parts = [f"({rounded(first)}, {rounded(last)})" for first, last in spans(float(end), period)]
+    rows = [", ".join(parts[k : k + 3]) for k in range(0, len(parts), 3)]
+    return f"[{NEXT_LINE.join(rows)}]"
