@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,6 +31,9 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.plots.motion import EXACT
 from pendulum_env.render.palette import OKABE_ITO
 
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
 NEXT_LINE = ",\n         "
 """What stands between the rows of a list that is set by ``parts = [``."""
 SAME = 1e-9
@@ -49,11 +52,8 @@ def program_names(worked: Worked) -> tuple[str, ...]:
     return tuple(f"part_{part}.py" for part in (*first, "1_2", "1_4", "2_1", "2_2", "2_3", "2_4", "2_5", "2_6"))
 
 
-def programs(worked: Worked, labels: Labels) -> Iterator[tuple[str, str]]:
-    """Yield the name and the text of every program."""
-    from pendulum_env.exercise.report import environment
-
-    templates = environment()
+def programs(worked: Worked, labels: Labels, templates: Environment) -> Iterator[tuple[str, str]]:
+    """Yield the name and the text of every program; ``templates`` is an environment of the report's templates."""
     templates.autoescape = False
     templates.filters["py"] = lambda text: json.dumps(text, ensure_ascii=False)
     given = values(worked, labels)

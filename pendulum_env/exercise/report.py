@@ -101,7 +101,7 @@ def write(
             figure = draw(worked, labels)
             paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
             figures[draw.__name__] = Drawing(i + 1, inlined(paths[-1].read_text(encoding="utf-8"), draw.__name__))
-        for file, text in programs(worked, labels):
+        for file, text in programs(worked, labels, environment()):
             paths.append(made / file)
             paths[-1].write_text(text, encoding="utf-8")
         tell(1.0, "writing the report")

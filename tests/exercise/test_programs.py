@@ -57,7 +57,7 @@ class Done:
 
     def __init__(self, worked: Worked, folder: Path) -> None:
         self.worked, self.folder = worked, folder
-        for name, text in programs(worked, LABELS):
+        for name, text in programs(worked, LABELS, report.environment()):
             (folder / name).write_text(text, encoding="utf-8")
         for _ in report.tables(worked, False, folder, {"Command": "none"}):
             pass
@@ -203,6 +203,6 @@ def test_the_program_of_a_recording_with_a_gap_does_not_count_its_oscillations_w
 
 @pytest.mark.parametrize("step", ["if theta > 3: theta -= 2*math.pi\n" + MINE])
 def test_a_step_of_one_s_own_that_branches_is_left_out(step: str) -> None:
-    text = dict(programs(work_out(Given.of(), step=step), LABELS))["part_2_1.py"]
+    text = dict(programs(work_out(Given.of(), step=step), LABELS, report.environment()))["part_2_1.py"]
     assert "own_step" not in text
     assert "def symplectic_euler(" in text

@@ -12,6 +12,7 @@ from bench_files import BENCH_FILES, written
 from readme_code import check_listed
 
 from pendulum_env.lab import Recording, RecordingError, fit, measure, measure_gate
+from pendulum_env.lab.containers import FORMATS as FILES
 from pendulum_env.lab.driven.log import is_driven
 from pendulum_env.lab.quantities import ANGLE, DISTANCE, FORCE, GATE, PERIOD, QUANTITIES, RATE, TRACK
 from pendulum_env.study.lists.tables import TABLES
@@ -71,7 +72,7 @@ KINDS = {"angle": ANGLE, "rate": RATE, "acceleration": FORCE, "track": TRACK, "d
 def test_the_table_of_formats_is_made_from_the_declaration() -> None:
     check_listed("formats")
     rows = TABLES["formats"]().rows
-    assert rows == tuple(quantity.cells for quantity in QUANTITIES)
+    assert rows == (*(quantity.cells for quantity in QUANTITIES), *(file.cells for file in FILES))
     assert {one.kind for one in BENCH_FILES} == set(KINDS)
     assert all(quantity.reading and quantity.cells in rows for quantity in KINDS.values())
 
