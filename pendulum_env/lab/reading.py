@@ -46,6 +46,8 @@ _PIXELS = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:px|pixels?)\s*(?:per|/|a)\s*(mm|cm
 _RANGE = re.compile(r"(?:mpu|icm)[ -]?(?:6050|6500|9250|20948).*?(?<!\d)(250|500|1000|2000)\s*(?:°|deg|dps)",
                     re.IGNORECASE)
 """Range of a gyroscope [deg/s] in a header line, such as "MPU6050 ±250 °/s"."""
+_PER_SECOND = re.compile(r"/\s*s|dps", re.IGNORECASE)
+"""Unit of an angular velocity in a title, which counts do not have."""
 _FASTEST = 100.0
 """No pendulum on a bench turns faster [rad/s]; one of 1 cm that falls over its top reaches 63."""
 _NEAR_G = 1.25
@@ -269,7 +271,7 @@ def _unit_of_rate(
     """
     titles = [" ".join(table.titles[i]) for i in layout.values]
     named = next((found for line in (*table.header, *table.comments) if (found := _RANGE.search(line))), None)
-    if named and bool((values == np.round(values)).all()):
+    if named and not any(map(_PER_SECOND.search, titles)) and bool((values == np.round(values)).all()):
         count = RANGES[int(named[1])]
         return "deg", 1.0 / count, [f"counts: {count:g} per degree per second, as the header says ±{named[1]}"]
     if float(np.abs(values).max(initial=0.0)) * UNITS[unit] > _FASTEST:
@@ -284,7 +286,7 @@ def _forces(
     """Return the readings of a file that holds accelerations; RecordingError if no angle follows from them."""
     titles = [" ".join(table.titles[i]) for i in layout.values]
     unit = layout.force if layout.force > 0.0 else _unit_of_force(values)
-    counts = _counts_per_g(values) if unit == 1.0 and layout.force < 0.0 and options.scale == 1.0 else 0
+    counts = _counts_per_g(values, unit) if layout.force < 0.0 and options.scale == 1.0 else 0
     if counts:
         unit = STANDARD / counts
         notes.append(f"acceleration: in counts, {counts} per g, as their mean is that of gravity (scale= overrides)")
@@ -307,11 +309,11 @@ def _unit_of_force(values: FloatArray) -> float:
                  0.5 < mean * unit.size / STANDARD < 2.0), 1.0)
 
 
-def _counts_per_g(values: FloatArray) -> int:
-    """Return the power of two that is the mean size of accelerations in whole numbers, the counts per g; 0 if none is.
-    """
+def _counts_per_g(values: FloatArray, unit: float) -> int:
+    """Return the power of two that is the mean size of accelerations in whole numbers, the counts per g; 0 if none is,
+    or if the mean is that of gravity in the ``unit`` [m/s²]."""
     mean = float(np.linalg.norm(values.mean(axis=0)))
-    if not bool((values == np.round(values)).all()):
+    if not bool((values == np.round(values)).all()) or 1.0 / _NEAR_G < mean * unit / STANDARD < _NEAR_G:
         return 0
     return next((count for count in PER_G if count / _NEAR_G < mean < count * _NEAR_G), 0)
 
@@ -427,13 +429,21 @@ def _steady_rate(time: FloatArray) -> str:
 
 
 def _counts_in_turn(table: TextTable, layout: ColumnLayout, values: FloatArray) -> int:
-    """Return the counts in a turn of an encoder that a title or a header names, if the readings are such counts; else 0.
+    """Return the counts in a turn of an encoder that a title or a header names, if the readings are such counts.
+
+    The result is 0 for other readings. Raises RecordingError if they may be degrees, too.
     """
     title = " ".join(table.titles[layout.values[0]] if table.width > 1 else [])
     text = " ".join((title, *table.header, *table.comments)).upper()
     turn = next((counts for name, counts in TURNS.items() if name in text), 0)
     whole = bool((values == np.round(values)).all()) and bool(((values >= 0.0) & (values < turn)).all())
-    return turn if whole and table.unit(layout.values[0]) is None else 0
+    if not whole or table.unit(layout.values[0]) is not None:
+        return 0
+    sure = RAW.names(title) or any(one in title.upper() for one in TURNS)
+    if turn and float(values.max(initial=0.0)) < _TURN and not sure:
+        raise RecordingError(f"{table.name}: readings of {title!r} are whole numbers below 360, which may be degrees "
+                             f"or counts of the encoder: give unit=deg, or scale=360/{turn} and unit=deg")
+    return turn
 
 
 def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str | None) -> tuple[str, str]:
