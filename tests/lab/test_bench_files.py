@@ -145,7 +145,7 @@ REFUSALS = {
               "if the clock began again, leave one part out by until="),
     "words": ("t,angle (deg)\n" + "".join(f"{i},{i % 9}\nhello\n" for i in range(100)), "found 'hello'"),
     "raw": ("millis,ax,ay,az\n" + "".join(f"{i},{300 * (i % 7)},{16384 - i % 9},{i % 5}\n" for i in range(300)),
-            "m/s², not that of gravity"),
+            "expected at least two swings of the acceleration"),
     "columns": ("n,time,KE,GateState\n" + "".join(f"{i},{i / 100},{i % 7},{i % 2}\n" for i in range(60)),
                 "1 (n) begins with 0, 1, 2 (a counter of readings, or a time); 2 (time) begins with 0.0, 0.01, 0.02 "
                 "(a time); 3 (KE) begins with 0, 1, 2 (no angle); 4 (GateState) begins with 0, 1, 0 (a gate state)"),

@@ -479,7 +479,7 @@ TITLES = {
     declared.LENGTH: ("length (m)", "L"), declared.CORRELATION: ("Autocorrelation", "Spectrum", "Frequency (Hz)"),
     declared.COUNTS: ("counts", "ticks"), declared.OTHER_ANGLE: ("A (mrad)", "turns"),
     declared.OTHER_UNIT: ("Potential (V)", "A (px)"), declared.PERIOD: ("Period (s)",),
-    declared.GATE: ("Gate State",),
+    declared.GATE: ("Gate State",), declared.RAW: ("raw", "ADC", "angle (12-bit)"),
 }
 """Quantities that are refused -> titles that name them."""
 
@@ -502,7 +502,7 @@ def test_a_title_of_another_quantity_is_refused_by_its_declaration(
 
 def test_every_refused_quantity_is_tried_or_has_a_place_of_its_own() -> None:
     refused = {quantity.name for quantity in declared.QUANTITIES if not quantity.reading}
-    own = {declared.COUNT.name, declared.RATE_OF_CHANGE.name, declared.OTHER.name}
+    own = {declared.COUNT.name, declared.RATE_OF_CHANGE.name, declared.OTHER.name, declared.GYROSCOPE.name}
     assert refused <= {quantity.name for quantity in TITLES} | own
 
 
