@@ -134,7 +134,7 @@ def values(worked: Worked, labels: Labels) -> dict[str, dict[str, Any]]:
                      "period": repr(large.period), "parts": parts_of(damped.time[-1], large.period),
                      "fine_dt": repr(fine.dt), "fine_steps": steps_of(fine), "loops": loops(lossy, symplectic)},
         "part_2_6": {
-            "omega": repr(given.recorded.value.value), "gamma": repr(max(friction.gamma.value, 0.0)),
+            "omega": repr(given.recorded.value.value), "gamma": repr(compared.gamma),
             "theta": repr(float(compared.model.angle[0])), "steps": steps_of(compared.model),
             "loops": loops(lossy, symplectic), "cycles": compared.cycles if same else 0,
             "level": repr(level_of(model["recording"])), "model_level": repr(level_of(compared.model)),

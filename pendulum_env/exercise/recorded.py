@@ -73,6 +73,7 @@ class Compared:
     Attributes:
         time, recorded, simulated: arrays of the times [s] and angles [rad] from the first turning point on.
         model: the simulated run; its time is 0 at the first turning point.
+        gamma: its damping rate [1/s].
         start: time of the first turning point in the recording, from the release [s].
         amplitudes: time [s], recorded and simulated amplitude [rad], at the start, in the middle and at the end.
         cycles: number of oscillations that both periods are averaged over.
@@ -84,6 +85,7 @@ class Compared:
     recorded: Array
     simulated: Array
     model: ExerciseMotion
+    gamma: float
     start: float
     amplitudes: tuple[tuple[float, float, float], ...]
     cycles: int
@@ -210,7 +212,7 @@ def compared(given: Given, gamma: float) -> Compared:
     ends = sorted({0, (len(at) - 1) // 2, len(at) - 1})
     cycles, means = periods(time, angle, model)
     return Compared(
-        time, angle, np.interp(time, model.time, model.angle), model, start,
+        time, angle, np.interp(time, model.time, model.angle), model, gamma, start,
         tuple((float(at[i]), float(sizes[i]), float(envelope[i])) for i in ends), cycles, *means,
         tuple(sorted(reasons(given, at, sizes, envelope), key=lambda one: -one.size)),
     )

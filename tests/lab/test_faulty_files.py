@@ -53,7 +53,7 @@ READ: dict[str, dict[str, Any]] = {
 }
 REFUSED = {
     "times_rounded_to_tenths": "they look rounded to 0.1 s: if readings come at a constant rate, give rate=40)",
-    "encoder_counts_12_bit": "give the size of one count: scale=360/4096, unit=deg for a magnetic encoder of 12 bits a turn",
+    "encoder_counts_12_bit": "give the size of one count: scale=360/4096, unit=deg for a magnetic encoder",
     "autocorrelation": "'Autocorrelation of sum' is a result calculated from a swing: export the readings",
     "period_against_length": "'length (m)' is a length: periods of several lengths belong to several pendulums",
     "driven_without_viscous_friction": "is a log of a driven run; lab-pendulum fit reads it",
