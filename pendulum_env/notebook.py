@@ -79,6 +79,9 @@ FIGURES: Mapping[str, Mapping[str, Draw] | Callable[[Any], Mapping[str, Draw]]] 
     "Posterior": {"corner": of("corner", "corner")},
     "Transfer": {"costs": of("transfer", "draw")},
     "LabSheet": {"swing": of("swing", "measured")},
+    "AmplitudeSheet": {"amplitudes": of("by_hand", "amplitudes_by_hand")},
+    "LengthSheet": {"lengths": of("by_hand", "lengths_by_hand")},
+    "KaterSheet": {"periods": of("by_hand", "kater_by_hand")},
     "Recording": {"angle": of("swing", "readings")},
 }
 """Class of result -> kind of figure -> function that draws it; or a function that returns its kinds."""
@@ -289,6 +292,9 @@ CARDS: Mapping[str, Callable[[Any], Iterator[str]]] = {
         f"Sweep: {len(one.rows)} of {len(one.points)} points done", None, one.table, rest="all are in .rows"),
     "Fit": lambda one: study(f"Fit of {one.source}, {one.damping} damping", one.scene, one.table, one.text, most=None),
     "LabSheet": lambda one: study(f"Measured on {one.recording.source}", None, one.table, one.text, most=None),
+    "AmplitudeSheet": lambda one: study(f"Amplitudes of {one.source}", None, one.table, one.text, most=None),
+    "LengthSheet": lambda one: study(f"Periods against lengths of {one.source}", None, one.table, one.text, most=None),
+    "KaterSheet": lambda one: study(f"Reversible pendulum of {one.source}", None, one.table, one.text, most=None),
     "DrivenFit": lambda one: study(
         f"Fit of {one.source}, driven by the {one.kind}", one.scene, one.table, one.text, most=None),
     "Posterior": lambda one: study(f"Posterior of {one.fit.recording.source}, {one.fit.model.title} damping",

@@ -181,6 +181,10 @@ Length = Annotated[float | None, number("Measured distance from pivot to bob's c
 LengthError = Annotated[float | None, number("Error of the measured length in m.")]
 Mass = Annotated[float | None, number("Mass of the bob in kg.")]
 Radius = Annotated[float | None, number("Radius of the bob in m.")]
+Period = Annotated[float | None, number("Period of small swings in s, measured by hand.")]
+Amplitudes = Annotated[
+    str | None, option("Amplitudes read by hand, as \"0:30, 1.42:29.4\" in s and degrees (0:10cm along a ruler, with "
+                       "--length), or a file of times and amplitudes.")]
 Oscillations = Annotated[
     int | None, count("Number of oscillations over which the period is measured; by default all.")]
 

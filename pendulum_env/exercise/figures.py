@@ -21,6 +21,7 @@ from pendulum_env.exercise.worked import Worked
 from pendulum_env.lab.measures import crossings
 from pendulum_env.lab.turning import CLEAR
 from pendulum_env.physics import exact
+from pendulum_env.plots.by_hand import amplitudes_by_hand, kater_by_hand, lengths_by_hand
 from pendulum_env.plots.motion import EXACT
 from pendulum_env.plots.recorded import READING
 from pendulum_env.plots.series import Span, within
@@ -337,7 +338,10 @@ def periods(worked: Worked, labels: Labels) -> Figure:
 
 
 def envelope(worked: Worked, labels: Labels) -> Figure:
-    """Draw the amplitudes of the recording on a logarithmic axis, the readings, and the exponential through them."""
+    """Draw the amplitudes of the recording on a logarithmic axis, the readings, and the exponential through them; or
+    the amplitudes read by hand with the envelopes of three laws."""
+    if worked.given.amplitudes is not None:
+        return amplitudes_by_hand(worked.given.amplitudes, words=labels)
     friction = worked.recorded
     points, readings = friction.points, friction.readings
     size = np.log(readings.amplitude)
@@ -425,6 +429,27 @@ def difference(worked: Worked, labels: Labels) -> Figure:
         at.axhline(0.0, color=FAINT_INK, linewidth=0.8)
         at.set(xlabel=labels["since_turn"], ylabel=labels["difference"], xlim=(0.0, float(compared.time[-1])))
     return signed(drawing, worked, labels)
+
+
+def lengths(worked: Worked, labels: Labels) -> Figure:
+    """Draw T² against the length with its straight line, and the residuals."""
+    assert worked.given.lengths is not None
+    return lengths_by_hand(worked.given.lengths, words=labels)
+
+
+def kater(worked: Worked, labels: Labels) -> Figure:
+    """Draw both periods of the reversible pendulum against the position of the weight, and where they cross."""
+    assert worked.given.kater is not None
+    return kater_by_hand(worked.given.kater, words=labels)
+
+
+def further(worked: Worked) -> list[Callable[[Worked, Labels], Figure]]:
+    """Return the figures of tables by hand, which follow the others."""
+    return [draw for draw in BY_HAND if getattr(worked.given, draw.__name__) is not None]
+
+
+BY_HAND: tuple[Callable[[Worked, Labels], Figure], ...] = (lengths, kater)
+"""The figures of tables by hand; each is named as its function and as the attribute of ``Given`` that it draws."""
 
 
 FIGURES: tuple[Callable[[Worked, Labels], Figure], ...] = (

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from pendulum_env.common.checks import warn
+from pendulum_env.lab.amplitudes import AmplitudeSheet, measure_amplitudes
+from pendulum_env.lab.hand import half_a_digit as last_digit
+from pendulum_env.lab.kater import KaterSheet, measure_kater
+from pendulum_env.lab.lengths import LengthSheet, measure_lengths
 from pendulum_env.lab.measures import UNLIKELY, Measurement
 from pendulum_env.lab.recording import Recording, RecordingError
 from pendulum_env.lab.sheet import LabSheet, measure
 from pendulum_env.lab.simulated import SCENE, simulated_recording
 from pendulum_env.physics.body import Body
 from pendulum_env.physics.presets import SCENES
-from pendulum_env.physics.units import SceneError, number, other_units
+from pendulum_env.physics.units import SceneError, number, other_units, shown
 
 GRAVITY = Measurement(SCENES["exercise"].gravity, 0.03, "m/s²")
 """Gravitational acceleration of the exercise; the error covers all places on the Earth, from 9.78 to 9.83 m/s²."""
@@ -24,6 +30,8 @@ SHORTEST, LONGEST = 0.3, 10.0
 REMEDIES = {"recording": " --read rate=100 or time_unit=ms sets the time base.", "period": "",
             "length": " Lengths are in m from the pivot to the ball's centre."}
 """What may be wrong with a period that does not suit, by the measurement that it follows from."""
+EDGES = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*m?\s*(?:(?:±|\+-|\+/-)\s*(\d+\.?\d*|\.\d+)\s*m?\s*)?")
+"""Distance of the knife edges of a reversible pendulum, with its error or without."""
 OSCILLATIONS = 6
 """Number of oscillations over which the period is averaged, if the recording has so many."""
 
@@ -57,6 +65,9 @@ class Given:
         sheet: quantities measured on the recording; its period is the mean of 5 to 6 oscillations.
         amplitude: mean amplitude of these oscillations [rad].
         recorded: angular frequency of the recorded pendulum.
+        amplitudes: amplitudes read by hand, which the damping follows from; None without them.
+        lengths: periods against lengths; None without them.
+        kater: timings of a reversible pendulum; None without them.
     """
 
     body: Body
@@ -68,6 +79,9 @@ class Given:
     sheet: LabSheet
     amplitude: float
     recorded: Omega
+    amplitudes: AmplitudeSheet | None = None
+    lengths: LengthSheet | None = None
+    kater: KaterSheet | None = None
 
     @property
     def omega(self) -> Omega:
@@ -138,6 +152,33 @@ class Given:
                    sheet.mean_amplitude, recorded)
 
 
+def by_hand(
+    given: Given, amplitudes: str | None = None, lengths: str | PathLike[str] | None = None,
+    kater: str | PathLike[str] | None = None, edges: str | None = None,
+) -> Given:
+    """Return the measured values with what was read by hand: amplitudes, periods against lengths, and the timings of a
+    reversible pendulum with the distance of its knife edges in m, a text such as "0.9938" or "0.9938+-0.0002".
+
+    Each is as :func:`pendulum_env.lab.measure_amplitudes`, ``measure_lengths`` and ``measure_kater`` read it;
+    amplitudes along a ruler are at the length of the pendulum. Raises RecordingError for readings that cannot be used,
+    SceneError for a reversible pendulum without the distance, or the distance without a pendulum.
+    """
+    if (kater is None) != (edges is None):
+        raise SceneError("--kater and --knife-edges need each other: the timings of a reversible pendulum and the "
+                         "distance between its knife edges in m.")
+    read = None if amplitudes is None else measure_amplitudes(
+        amplitudes, length=given.body.length, period=given.omega.period.value)
+    table = None if lengths is None else measure_lengths(lengths)
+    swung = None
+    if kater is not None and edges is not None:
+        found = EDGES.fullmatch(edges)
+        if found is None:
+            raise SceneError("--knife-edges must be a distance in m, with its error or without, as 0.9938 or "
+                             f"0.9938+-0.0002, not {shown(edges)}")
+        swung = measure_kater(kater, float(found[1]), edges_error=float(found[2] or last_digit([found[1]])))
+    return replace(given, amplitudes=read, lengths=table, kater=swung)
+
+
 def exercise_ball() -> dict[str, Any]:
     """Return the exercise's ball and wire as arguments of a Body."""
     body = SCENES["exercise"].body
@@ -161,10 +202,7 @@ def measured(value: float | None, error: float | None, name: str, unit: str) -> 
 
 def half_a_digit(value: float, unit: str) -> Measurement:
     """Return a value with an error of half a unit of its last digit: 1.19 gets 0.005."""
-    from decimal import Decimal
-
-    exponent = Decimal(repr(value)).as_tuple().exponent
-    return Measurement(value, 0.5 * 10.0 ** int(exponent), unit)
+    return Measurement(value, last_digit([repr(value)]), unit)
 
 
 def reasonable(seconds: float, what: str, remedy: str = "") -> None:

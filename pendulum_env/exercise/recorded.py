@@ -121,7 +121,7 @@ class Recorded:
     Attributes:
         flows: Reynolds numbers at 30 and 5 degrees and at the recording's first and last amplitude.
         points: all amplitudes of the recording.
-        readings: the 5 to 6 of them that gamma is determined from.
+        readings: the 5 to 6 of them that gamma is determined from; the amplitudes read by hand, if there are any.
         gamma: damping rate from the readings [1/s].
         early, late: damping rate from the first and from the last third of all amplitudes [1/s].
         losses: parts of the loss per half swing; None for too few amplitudes.
@@ -153,6 +153,10 @@ def recorded(given: Given) -> Recorded:
                              f"{len(points.time)}")
     readings = chosen(points, np.unique(np.linspace(0, len(points.time) - 1, READINGS).round().astype(np.intp)))
     gamma, third = envelope_rate(readings), max(3, len(points.time) // 3)
+    theirs = gamma.value
+    if given.amplitudes is not None:
+        readings, gamma = given.amplitudes.points, given.amplitudes.decay
+        theirs = theirs if given.simulated else gamma.value
     damping = max(gamma.value, 0.0)
     faint = 2.0 * math.log(1.0 / FAINT) / damping if damping > 0.0 else math.inf
     length = min(DURATION, ROUND * math.ceil(min(faint, DURATION) / ROUND))
@@ -163,7 +167,7 @@ def recorded(given: Given) -> Recorded:
         envelope_rate(chosen(points, np.arange(third))),
         envelope_rate(chosen(points, np.arange(len(points.time) - third, len(points.time)))),
         given.sheet.losses, large(omega, ANGLE, length, damping), large(omega, ANGLE, first, damping, dt=STEP / FINER),
-        compared(given, damping),
+        compared(given, max(theirs, 0.0)),
     )
 
 

@@ -21,7 +21,7 @@ from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.replacing import replacing
 from pendulum_env.exercise.answers import Answers, earlier
-from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency
+from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency, further
 from pendulum_env.exercise.programs import data_tables, program_names, programs
 from pendulum_env.exercise.values import digits, fixed, values, with_error
 from pendulum_env.exercise.worked import Worked
@@ -94,7 +94,7 @@ def write(
         made = Path(temporary)
         paths = [made / REPORT, *tables(worked, key, made, facts)]
         labels = json.loads((TEXTS / LANGUAGE / "labels.json").read_text(encoding="utf-8"))
-        drawn = [draw for draw in FIGURES if not (worked.given.simulated and draw is frequency)]
+        drawn = [draw for draw in FIGURES if not (worked.given.simulated and draw is frequency)] + further(worked)
         figures: dict[str, Drawing] = {}
         for i, draw in enumerate(drawn):
             tell(i / len(drawn), f"drawing {draw.__name__.replace('_', ' ')}")
@@ -129,13 +129,13 @@ def page(
     answers: Answers | None = None,
 ) -> str:
     """Return the report's HTML, with what was typed into an earlier report in its blanks."""
-    numbers, kept = count(1), Answers() if answers is None else answers
+    numbers, sections, kept = count(1), count(1), Answers() if answers is None else answers
     template = environment().get_template(f"{LANGUAGE}/{REPORT}.j2")
     return template.render(
         worked=worked, figures=figures, name=name, key=key, kept=kept, facts=facts, language=LANGUAGE,
-        next_question=lambda: next(numbers), sqrt=math.sqrt, exp=math.exp, log=math.log, sin=math.sin,
-        atan=math.atan, pi=math.pi, whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
-        programs=program_names(worked),
+        next_question=lambda: next(numbers), next_section=lambda: next(sections), sqrt=math.sqrt, exp=math.exp,
+        log=math.log, sin=math.sin, atan=math.atan, pi=math.pi, programs=program_names(worked),
+        whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
     )
 
 

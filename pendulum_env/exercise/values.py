@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from pendulum_env.exercise.motion import STEP
 from pendulum_env.exercise.worked import Worked
+from pendulum_env.lab.amplitudes import NAMES
 from pendulum_env.lab.measures import Measurement
 
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -91,8 +92,15 @@ def values(worked: Worked) -> Iterator[Value]:
                                                         friction.readings.error)), strict=True):
         yield Value("2.4", f"amplitude at {time:.4f} s", size, error, "rad")
     yield measured("2.4", "gamma from these amplitudes", friction.gamma)
-    yield measured("2.4", "gamma from the first third of all amplitudes", friction.early)
-    yield measured("2.4", "gamma from the last third of all amplitudes", friction.late)
+    if given.amplitudes is None:
+        yield measured("2.4", "gamma from the first third of all amplitudes", friction.early)
+        yield measured("2.4", "gamma from the last third of all amplitudes", friction.late)
+    else:
+        for curve in given.amplitudes.envelopes:
+            name, value = given.amplitudes.named(curve)
+            yield measured("2.4", f"{NAMES[curve.law]}: {name}", value)
+            yield Value("2.4", f"readings minus the envelope of {NAMES[curve.law]}, rms", given.amplitudes.rms(curve),
+                        "", "rad")
     compared = friction.compared
     yield Value("2.6", "root mean square of recording minus simulation", compared.rms, "", "rad")
     yield Value("2.6", "largest difference", compared.largest, "", "rad")
@@ -101,6 +109,14 @@ def values(worked: Worked) -> Iterator[Value]:
     for moment, seen, run_size in compared.amplitudes:
         yield Value("2.6", f"amplitude of the recording at {moment:.4g} s", seen, "", "rad")
         yield Value("2.6", f"amplitude of the simulation at {moment:.4g} s", run_size, "", "rad")
+    if given.lengths is not None:
+        yield measured("3", "gravity from T² against the length", given.lengths.gravity)
+        yield measured("3", "offset of the length", given.lengths.offset)
+        yield measured("3", "gravity from T² against the length, offset 0", given.lengths.through_origin)
+    if given.kater is not None:
+        yield measured("3", "period of the reversible pendulum", given.kater.period)
+        yield measured("3", "distance of its knife edges", given.kater.edges)
+        yield measured("3", "gravity from the reversible pendulum", given.kater.gravity)
     for reason in compared.reasons:
         yield Value("2.6", f"largest difference due to: {reason.name}", reason.size, "", "rad", True)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pendulum_env.lab.measures import Losses, losses  # at once, as the module has the name of the function
 
 if TYPE_CHECKING:
+    from pendulum_env.lab.amplitudes import AmplitudeSheet, measure_amplitudes
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit
     from pendulum_env.lab.gates import GateSheet, measure_gate
+    from pendulum_env.lab.kater import KaterSheet, measure_kater
+    from pendulum_env.lab.lengths import LengthSheet, measure_lengths
     from pendulum_env.lab.measures import (
         Cycles,
         Measurement,
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.turning import TurningPoints, turning_points
 
 __all__ = [
+    "AmplitudeSheet",
     "Circle",
     "Cycles",
     "DrivenFit",
@@ -40,7 +44,9 @@ __all__ = [
     "DrivenPrediction",
     "Fit",
     "GateSheet",
+    "KaterSheet",
     "LabSheet",
+    "LengthSheet",
     "Losses",
     "Measurement",
     "Posterior",
@@ -56,7 +62,10 @@ __all__ = [
     "fit_driven",
     "losses",
     "measure",
+    "measure_amplitudes",
     "measure_gate",
+    "measure_kater",
+    "measure_lengths",
     "noise_level",
     "period",
     "quantum_level",
@@ -68,6 +77,7 @@ __all__ = [
 ]
 
 _LAZY = {
+    "AmplitudeSheet": "pendulum_env.lab.amplitudes",
     "Circle": "pendulum_env.lab.tracks",
     "Cycles": "pendulum_env.lab.measures",
     "DrivenFit": "pendulum_env.lab.driven.result",
@@ -75,7 +85,9 @@ _LAZY = {
     "DrivenPrediction": "pendulum_env.lab.driven.result",
     "Fit": "pendulum_env.lab.fitting.result",
     "GateSheet": "pendulum_env.lab.gates",
+    "KaterSheet": "pendulum_env.lab.kater",
     "LabSheet": "pendulum_env.lab.sheet",
+    "LengthSheet": "pendulum_env.lab.lengths",
     "Measurement": "pendulum_env.lab.measures",
     "Posterior": "pendulum_env.lab.fitting.posterior",
     "Recording": "pendulum_env.lab.recording",
@@ -89,7 +101,10 @@ _LAZY = {
     "fit_circle": "pendulum_env.lab.tracks",
     "fit_driven": "pendulum_env.lab.driven.fit",
     "measure": "pendulum_env.lab.sheet",
+    "measure_amplitudes": "pendulum_env.lab.amplitudes",
     "measure_gate": "pendulum_env.lab.gates",
+    "measure_kater": "pendulum_env.lab.kater",
+    "measure_lengths": "pendulum_env.lab.lengths",
     "noise_level": "pendulum_env.lab.noise",
     "period": "pendulum_env.lab.measures",
     "quantum_level": "pendulum_env.lab.noise",

@@ -184,15 +184,50 @@ def envelope_rate(points: TurningPoints, which: slice | NDArray[np.intp] = slice
     time, size, error = points.time[which], points.amplitude[which], points.error[which]
     if len(time) < 3:
         raise RecordingError(f"the decay rate needs at least 3 amplitudes, the series gives {len(time)}")
-    weight = (size / np.maximum(error, 1e-12 * size)) ** 2
-    log = np.log(size)
-    t = time - np.average(time, weights=weight)
-    y = log - np.average(log, weights=weight)
+    line = line_through(time, np.log(size), (size / np.maximum(error, 1e-12 * size)) ** 2)
+    inflate = max(1.0, math.sqrt(line.chi2 / (len(time) - 2)))
+    return Measurement(-2 * line.slope, 2 * inflate / math.sqrt(line.spread), "1/s")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line ``y = height + slope (x - middle)`` through points; slope and height are uncorrelated.
+
+    ``weight`` is the sum of the points' weights, ``spread`` that of ``weight (x - middle)²``, ``chi2`` that of the
+    weighted squares of the residuals: with weights 1/error², the errors are ``1/sqrt(weight)`` of the height and
+    ``1/sqrt(spread)`` of the slope.
+    """
+
+    middle: float
+    height: float
+    slope: float
+    weight: float
+    spread: float
+    chi2: float
+
+    def at(self, x: FloatArray) -> FloatArray:
+        """Return the line's heights at an array of ``x``."""
+        return self.height + self.slope * (x - self.middle)
+
+
+def line_through(x: FloatArray, y: FloatArray, weight: FloatArray) -> Line:
+    """Return the straight line through points with weights, by least squares."""
+    middle, height = float(np.average(x, weights=weight)), float(np.average(y, weights=weight))
+    t, rest = x - middle, y - height
     spread = float(weight @ (t * t))
-    slope = float(weight @ (t * y)) / spread
-    chi2 = float(weight @ (y - slope * t) ** 2)
-    inflate = max(1.0, math.sqrt(chi2 / (len(time) - 2)))
-    return Measurement(-2 * slope, 2 * inflate / math.sqrt(spread), "1/s")
+    slope = float(weight @ (t * rest)) / spread
+    return Line(middle, height, slope, float(weight.sum()), spread, float(weight @ (rest - slope * t) ** 2))
+
+
+def scatter_factor(chi2: float, freedom: int, least: float = 1.0) -> float:
+    """Return the factor on errors of few points that scatter more than their errors, at least ``least``.
+
+    It is ``sqrt(chi²/freedom)`` times Student's quantile of 68 %, so that the error from the scatter of few points
+    covers the truth in 68 % of cases, too. With ``least`` 0, the errors follow from the scatter alone.
+    """
+    from scipy.special import ndtr, stdtrit
+
+    return max(least, math.sqrt(chi2 / freedom) * float(stdtrit(freedom, ndtr(1.0))))
 
 
 def doubt_of_gravity(measured: float, expected: float) -> list[str]:

@@ -176,12 +176,17 @@ PERIOD = Quantity(
     "photogates, stopwatches",
 )
 AMPLITUDE = Quantity(
-    "an amplitude", ("*amplitud*", *ANGLE.words), ANGLE.units, "beside periods, by lab-pendulum measure",
+    "an amplitude", ("*amplitud*", *ANGLE.words), ANGLE.units,
+    "beside times by lab-pendulum measure --amplitudes; beside periods by lab-pendulum measure",
 )
 LENGTH = Quantity(
-    "a length", ("*length*", "*länge*", "*laenge*", "l"),
-    remedy="periods of several lengths belong to several pendulums; put the periods of one length into a file, one per "
-           "line, and run lab-pendulum measure with --length",
+    "a length", ("*length*", "*länge*", "*laenge*", "l"), DISTANCE.units,
+    "g from T² against the length, beside a period or the time of several",
+    "lab-pendulum measure reads lengths beside periods", "ruler and stopwatch",
+)
+ERROR = Quantity(
+    "an error", ("*error*", "*uncert*", "*fehler*", "*unsicher*", "*±*", "*+-*", "*sigma*"),
+    reading="the error of the column before it, in tables by hand",
 )
 CORRELATION = Quantity(
     "a result calculated from a swing",
@@ -245,7 +250,7 @@ ACTION = Quantity(
 )
 
 QUANTITIES: Sequence[Quantity] = (
-    TIME, COUNT, ANGLE, RATE, FORCE, DISTANCE, TRACK, GATE, PERIOD, AMPLITUDE, TORQUE, CURRENT, ACTION, NO_FORCE,
-    RATE_OF_CHANGE, LENGTH, CORRELATION, COUNTS, RAW, GYROSCOPE, OTHER_ANGLE, OTHER_UNIT, OTHER,
+    TIME, COUNT, ANGLE, RATE, FORCE, DISTANCE, TRACK, GATE, PERIOD, AMPLITUDE, LENGTH, ERROR, TORQUE, CURRENT, ACTION,
+    NO_FORCE, RATE_OF_CHANGE, CORRELATION, COUNTS, RAW, GYROSCOPE, OTHER_ANGLE, OTHER_UNIT, OTHER,
 )
 """All quantities, in the order of the table of formats."""

@@ -250,9 +250,9 @@ class Recording(Plotted):
         start = self._free()
         if start is None:
             falls = bool(np.all(np.diff(np.abs(self.angle)) < 0.0) and len(set(np.sign(self.angle))) == 1)
-            by_hand = ("; readings that only fall look like amplitudes that were noted by hand: of these, "
-                       "pendulum_env.lab.measures(TurningPoints(time, amplitude, error)) tells the decay, and a fit "
-                       "needs the readings between them") if falls else ""
+            by_hand = ("; readings that only fall look like amplitudes that were noted by hand: lab-pendulum measure "
+                       "--amplitudes reads these, in Python lab.measure_amplitudes, and a fit needs the readings "
+                       "between them") if falls else ""
             raise RecordingError(f"{self.source}: expected a swing that turns back, found none above noise{by_hand}")
         step = float(np.median(np.diff(self.time)))
         first = float(self.time[extremes(self.time, self.angle)[0]])

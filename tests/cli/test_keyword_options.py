@@ -29,12 +29,13 @@ OPTIONS: Mapping[str, str] = {
     "recording": "none of these", "settings": "none of these", "read": "none of these", "file": "none of these",
     "files": "none of these", "torque": "none of these", "current": "none of these", "prior": "none of these",
     "effects": "word", "free": "names or none", "oscillations": "count", "length_error": "positive",
-    "gravity": "positive",
+    "gravity": "positive", "amplitudes": "none of these", "amplitude_error": "none of these",
+    "lengths": "none of these", "kater": "none of these", "knife_edges": "none of these",
     "growth": "one and more", "panels": "word", "what": "word", "scene": "word",
     "damping": "word", "over": "none of these", "basins": "count", "transient": "count or none", "phase": "number",
     "period": "positive", "own_step": "none of these", "walker_steps": "count", "steps_per_period": "count",
     "control_step": "positive", "command": "word", "window": "count", "integrators": "word",
-    "period_error": "positive", "name": "short text", "wait": "wait",
+    "period_error": "none of these", "amplitude": "none of these", "name": "short text", "wait": "wait",
     **dict.fromkeys(("speed", "counts", "baud", "patience", "channel", "clock", "bind"), "none of these"),
 }
 """Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword.

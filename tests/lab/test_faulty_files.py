@@ -55,7 +55,7 @@ REFUSED = {
     "times_rounded_to_tenths": "they look rounded to 0.1 s: if readings come at a constant rate, give rate=40)",
     "encoder_counts_12_bit": "give the size of one count: scale=360/4096, unit=deg for a magnetic encoder",
     "autocorrelation": "'Autocorrelation of sum' is a result calculated from a swing: export the readings",
-    "period_against_length": "'length (m)' is a length: periods of several lengths belong to several pendulums",
+    "period_against_length": "'length (m)' is a length: lab-pendulum measure reads lengths beside periods",
     "driven_without_viscous_friction": "is a log of a driven run; lab-pendulum fit reads it",
     "photogate_starts_blocked": "'Gate State' is a gate state: lab-pendulum measure reads photogates",
 }
@@ -298,7 +298,7 @@ def test_an_amplitude_is_no_length_and_may_be_in_any_column(tmp_path: Path) -> N
     for title in ("length (m)", "L", "Länge (cm)"):
         path = table(tmp_path, f"{title},Period (s)", np.linspace(0.2, 1.2, 6), 2.0 * np.sqrt(np.linspace(0.2, 1.2, 6)))
         for read in (measure_gate, Recording.read):
-            with pytest.raises(RecordingError, match="is a length: periods of several lengths belong to"):
+            with pytest.raises(RecordingError, match="is a length: lab-pendulum measure reads lengths beside periods"):
                 read(path)
 
 

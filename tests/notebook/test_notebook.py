@@ -51,6 +51,7 @@ from pendulum_env.cli import console
 from pendulum_env.common import progress
 from pendulum_env.common.results import Result, columns_of
 from pendulum_env.common.texts import Table
+from pendulum_env.lab import measure_amplitudes, measure_kater, measure_lengths
 from pendulum_env.notebook import CARDS, FIGURES
 from pendulum_env.physics.equation import equation_mathml
 from pendulum_env.study.stability import stability
@@ -99,6 +100,9 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "Section": (lambda: section(points=40, runs=2, transient=2, steps=20, backend="python"), "40, at whole periods"),
     "Basins": (lambda: basins(size=3, transient=2, steps=20, backend="python"), "attractor"),
     "LabSheet": (lambda: measure(swing()), "period at small amplitude"),
+    "AmplitudeSheet": (lambda: measure_amplitudes("0:30, 1.42:29.4, 2.84:28.8"), "dry friction"),
+    "LengthSheet": (lambda: measure_lengths(([0.3, 0.6, 0.9], [1.1, 1.56, 1.9])), "gravity, offset 0"),
+    "KaterSheet": (lambda: measure_kater(([0.0, 0.1, 0.2], [2.0, 2.01, 2.02], [1.99, 2.01, 2.03]), 1.0), "T1 = T2"),
     "Fit": (lambda: fit(swing(), "linear", mass=0.1), "linear_drag.gamma"),
     "DrivenFit": (lambda: small_driven_fit(EVIL), "max_torque"),
     "Posterior": (lambda: normal_posterior(fit(swing(), "linear", mass=0.1)), "Priors"),

@@ -48,6 +48,7 @@ from pendulum_env import (
     transfer,
 )
 from pendulum_env.common.provenance import provenance
+from pendulum_env.lab import measure_amplitudes, measure_kater, measure_lengths
 from pendulum_env.physics import exact
 from pendulum_env.plots import titles
 from pendulum_env.plots.style import blank, decades
@@ -167,6 +168,10 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.corner.corner": lambda: (normal_posterior(fitted()),),
     "plots.swing.measured": lambda: (measure(swing()),),
     "plots.swing.readings": lambda: (swing(),),
+    "plots.by_hand.amplitudes_by_hand": lambda: (measure_amplitudes("0:30, 20:22.2, 30:19.4, 60:12.2"),),
+    "plots.by_hand.lengths_by_hand": lambda: (measure_lengths(([0.2, 0.4, 0.8], [0.9, 1.26, 1.79])),),
+    "plots.by_hand.kater_by_hand": lambda: (
+        measure_kater(([0.0, 0.1, 0.2], [1.99, 2.0, 2.012], [1.97, 2.0, 2.032]), 1.0),),
     "plots.stability.regions": lambda: (TABLES,),
     "plots.stability.oscillation": lambda: (METHODS_SHOWN,),
     "plots.stability.damped": lambda: (METHODS_SHOWN[:3],),

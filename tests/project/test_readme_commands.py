@@ -22,6 +22,9 @@ BLOCKS = [block for page in READMES.values() for block in re.findall(r"```sh\n(.
 INLINE = [" ".join(text.split()) for page in READMES.values() for text in re.findall(r"`([^`]+)`", without_code(page))]
 COMMANDS = {text for text in INLINE if re.match(r"lab-pendulum \w+ .|python (examples|tests)/", text)} | {
     line for block in BLOCKS for line in block.splitlines() if "&&" not in line}
+BY_HAND = {"lengths.csv": "length (cm),10 T (s)\n20,8.97\n40,12.69\n60,15.54\n80,17.94\n",
+           "kater.csv": "position (cm),T1 (s),T2 (s)\n0,1.990,1.970\n10,2.001,2.001\n20,2.012,2.032\n"}
+"""Tables by hand that commands read."""
 PREPARED = "lab-pendulum fit swing.txt --length 0.65 --length-error 0.01 --mass 0.0415"
 """Makes what the comparison with a recording takes, beside the recording itself."""
 SHORTER = {
@@ -33,6 +36,8 @@ SHORTER = {
     "lab-pendulum acquire": "--headless --duration 0.3",
     "lab-pendulum acquire --from virtual --headless --duration 30 --out swing.csv": "--duration 0.3",
     "lab-pendulum measure --oscillations 6": "",
+    'lab-pendulum measure --amplitudes "0:30, 10:25.9, 20:22.2, 45:15.4"': "",
+    "lab-pendulum measure lengths.csv": "", "lab-pendulum measure kater.csv --length 0.9938": "",
     "lab-pendulum code --integrators rk4 --scene exercise_large": "",
     "lab-pendulum code --integrators backward_euler --scene exercise": "",
     "lab-pendulum code --scene lab --integrators dop853 --language javascript": "",
@@ -106,6 +111,8 @@ def run(command: str, folder: Path) -> str:
 def test_it_runs(command: str, tmp_path: Path) -> None:
     shorter = SHORTER[command]
     shutil.copy(FILE, tmp_path / "swing.txt")
+    for name, text in BY_HAND.items():
+        (tmp_path / name).write_text(text)
     if "scene.json" in command:
         run(PREPARED, tmp_path)
         shutil.copy(tmp_path / "out" / "fit" / "scene.json", tmp_path)

@@ -49,6 +49,7 @@ BESIDE: tuple[Callable[..., Any], ...] = (
 UNSPOILT: Mapping[str, str] = {
     **dict.fromkeys(("Rollout", "Sweep", "lab.Circle", "lab.Measurement", "lab.TurningPoints",
                      "lab.Cycles", "lab.Fit", "lab.LabSheet", "lab.Losses", "lab.GateSheet",
+                     "lab.AmplitudeSheet", "lab.LengthSheet", "lab.KaterSheet",
                      "lab.Posterior",
                      "lab.DrivenFit", "lab.DrivenPrediction",
                      "compare.Comparison", "compare.Drift",
@@ -162,6 +163,9 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "lab.DrivenLog.read": {"path": "driven.csv"}, "lab.DrivenLog.between": {"first": 1.0, "last": 4.0},
     "lab.fit_driven": {"logs": LOG, "mass": 1.0},
     "Recording.read": {"path": "swing.txt"}, "lab.measure_gate": {"path": "gate.txt"},
+    "lab.measure_lengths": {"table": ([0.3, 0.6, 0.9], [1.1, 1.56, 1.9])},
+    "lab.measure_kater": {"table": ([0.0, 0.1, 0.2], [2.0, 2.01, 2.02], [1.99, 2.01, 2.03]), "edges": 1.0},
+    "lab.measure_amplitudes": {"readings": "0:30, 1.42:29.4, 2.84:28.8"},
     "lab.crossings": {"time": TIME, "angle": np.cos(TIME)},
     "lab.noise_level": {"time": TIME, "angle": np.cos(TIME)}, "lab.quantum_level": {"angle": np.cos(TIME)},
     "lab.scatter_level": {"time": TIME, "angle": np.cos(TIME)},

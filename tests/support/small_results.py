@@ -16,7 +16,16 @@ from pendulum_env.auto.calibrate import Choice
 from pendulum_env.auto.choice import Ranking
 from pendulum_env.auto.search import Candidate
 from pendulum_env.envs.transfer import Difference, Transfer
-from pendulum_env.lab import DrivenFit, DrivenLog, Fit, GateSheet, Measurement
+from pendulum_env.lab import (
+    DrivenFit,
+    DrivenLog,
+    Fit,
+    GateSheet,
+    Measurement,
+    measure_amplitudes,
+    measure_kater,
+    measure_lengths,
+)
 from pendulum_env.lab.driven.problem import DrivenSolution
 from pendulum_env.lab.driven.result import DrivenPrediction
 from pendulum_env.lab.driven.windows import Window, Windows
@@ -113,6 +122,9 @@ SMALL: Mapping[str, Callable[[], Any]] = {
     "Ranking": lambda: Ranking(Choice("rk4", 2, 1e-3, 0.02, 10, 1e-4, math.inf, 3.5, 0.0, 4, 8, 2.0, "shipped",
                                       (Candidate("heun", 5, 9e-4, 2.25),), ("a limit",))),
     "LabSheet": lambda: measure(swing()),
+    "AmplitudeSheet": lambda: measure_amplitudes("0:30, 1.42:29.4, 2.84:28.8, 4.26:28.3"),
+    "LengthSheet": lambda: measure_lengths(([0.3, 0.6, 0.9, 1.2], [1.1, 1.56, 1.9, 2.2])),
+    "KaterSheet": lambda: measure_kater(([0.0, 0.1, 0.2], [2.0, 2.01, 2.02], [1.99, 2.01, 2.03]), 1.0),
     "GateSheet": lambda: GateSheet("gate", np.ones(3), np.full(3, np.nan), Measurement(1.0, 0.1, "s"),
                                    Measurement(0.99, 0.1, "s"), Measurement(0.24, 0.1, "m"), None, ("from periods",)),
     "Fit": fit_by_hand,
