@@ -18,10 +18,12 @@ import numpy as np
 from integrators import METHODS, Method
 from pendulum_env.common.version import __version__
 from pendulum_env.exercise.figures import ENDS, LOWEST, SIGN, STRIP, WIDTH, Labels, colour, recording_label, spans
+from pendulum_env.exercise.given import Given
 from pendulum_env.exercise.large_angles import AMPLITUDES, PERIODS, Series
 from pendulum_env.exercise.motion import STEP, ExerciseMotion, times
 from pendulum_env.exercise.recorded import FIRST_SWINGS
 from pendulum_env.exercise.worked import Worked
+from pendulum_env.lab.kater import DEGREES, KaterSheet
 from pendulum_env.lab.measures import crossings
 from pendulum_env.lab.noise import noise_level
 from pendulum_env.lab.turning import CLEAR
@@ -49,7 +51,9 @@ def program_names(worked: Worked) -> tuple[str, ...]:
     sheet = worked.given.sheet
     first = () if worked.given.simulated or not same_period(sheet.recording, sheet.oscillations,
                                                             sheet.period.value) else ("1_1",)
-    return tuple(f"part_{part}.py" for part in (*first, "1_2", "1_4", "2_1", "2_2", "2_3", "2_4", "2_5", "2_6"))
+    by_hand = [f"3_{name}" for name in ("lengths", "kater") if getattr(worked.given, name) is not None]
+    parts = (*first, "1_2", "1_4", "2_1", "2_2", "2_3", "2_4", "2_5", "2_6", *by_hand)
+    return tuple(f"part_{part}.py" for part in parts)
 
 
 def programs(worked: Worked, labels: Labels, templates: Environment) -> Iterator[tuple[str, str]]:
@@ -63,7 +67,7 @@ def programs(worked: Worked, labels: Labels, templates: Environment) -> Iterator
             file=name, stem=stem, version=__version__, labels=labels, width=WIDTH, strip=STRIP, lowest=LOWEST,
             sign=SIGN, grey=EXACT["color"], blue=OKABE_ITO["blue"], first_swings=FIRST_SWINGS, dt=STEP,
             colours={one: colour(one) for one in worked.small.runs}, simulated=worked.given.simulated,
-            recording_label=recording_label(worked, labels), **given[stem],
+            recording_label=recording_label(worked, labels), by_hand=worked.given.amplitudes is not None, **given[stem],
         )
         yield name, text.lstrip()
 
@@ -73,8 +77,9 @@ def data_tables(worked: Worked) -> Iterator[tuple[str, tuple[str, ...], tuple[An
     swing, points = worked.given.sheet.recording, worked.recorded.points
     if not worked.given.simulated:
         yield "readings.csv", ("time_s", "angle_rad"), (swing.time, swing.angle)
-    yield ("half_swings.csv", ("time_s", "amplitude_rad", "error_rad"),
-           (points.time, points.amplitude, points.error))
+    if worked.given.amplitudes is None:
+        yield ("half_swings.csv", ("time_s", "amplitude_rad", "error_rad"),
+               (points.time, points.amplitude, points.error))
 
 
 def same_period(series: Any, cycles: int, period: float) -> bool:
@@ -123,8 +128,7 @@ def values(worked: Worked, labels: Labels) -> dict[str, dict[str, Any]]:
         "part_2_3": {**top, "steps": len(times(PERIODS * math.tau / small.omega)) - 1, "amplitudes": list(AMPLITUDES),
                      "loops": loops(free, symplectic)},
         "part_2_4": {
-            "readings": [row.tolist() for row in np.transpose([
-                friction.readings.time, friction.readings.amplitude, friction.readings.error])],
+            "readings": rows_of(friction.readings.time, friction.readings.amplitude, friction.readings.error),
             "density": repr(friction.flows[0].scene.medium.density),
             "viscosity": repr(friction.flows[0].scene.medium.viscosity),
             "flows": [(one.whose, float(math.degrees(one.amplitude)), one.scene.omega0, one.scene.body.reach,
@@ -142,7 +146,33 @@ def values(worked: Worked, labels: Labels) -> dict[str, dict[str, Any]]:
             "ends": [(0.0, float(end)), (float(whole - end), float(whole))] if whole > 2.0 * end else [
                 (0.0, float(whole))],
         },
+        **tables_by_hand(given),
     }
+
+
+def tables_by_hand(given: Given) -> dict[str, dict[str, Any]]:
+    """Return what the templates of tables by hand take: periods against lengths, timings of a reversible pendulum."""
+    found: dict[str, dict[str, Any]] = {}
+    if (lines := given.lengths) is not None:
+        found["part_3_lengths"] = {"rows": rows_of(lines.length + lines.size, lines.period, lines.error)}
+    if (swung := given.kater) is not None:
+        found["part_3_kater"] = {"rows": rows_of(swung.position, swung.first, swung.second),
+                                 "edges": repr(swung.edges.value), "degree": degree_of(swung)}
+    return found
+
+
+def degree_of(swung: KaterSheet) -> int:
+    """Return the degree of the polynomials through the periods of a reversible pendulum; 0 without any."""
+    if not swung.crossings:
+        return 0
+    fine, *curves = swung.curve
+    return min(DEGREES, key=lambda degree: (round(max(float(np.max(np.abs(curve - np.polynomial.Polynomial.fit(
+        fine, curve, degree)(fine)))) for curve in curves), 12), degree))
+
+
+def rows_of(*columns: Any) -> list[list[float]]:
+    """Return the rows of columns of numbers."""
+    return [[float(x) for x in row] for row in zip(*columns, strict=True)]
 
 
 def rounded(number: float) -> str:

@@ -20,7 +20,7 @@ from scipy.special import ellipk
 
 from pendulum_env.exercise import report
 from pendulum_env.exercise.figures import FIGURES
-from pendulum_env.exercise.given import Given
+from pendulum_env.exercise.given import Given, by_hand
 from pendulum_env.exercise.programs import program_names, programs
 from pendulum_env.exercise.values import values
 from pendulum_env.exercise.worked import Worked, work_out
@@ -70,7 +70,7 @@ class Done:
         for name in names:
             with (folder / name.replace(".py", "_numbers.csv")).open(encoding="utf-8", newline="") as file:
                 found = {row["quantity"]: float(row["value"]) for row in csv.DictReader(file)}
-            self.parts[name[5:8].replace("_", ".")] = found
+            self.parts[name[5:-3].replace("_", ".")] = found
             self.numbers |= found
 
     def curves(self, part: str) -> dict[str, np.ndarray]:
@@ -206,3 +206,46 @@ def test_a_step_of_one_s_own_that_branches_is_left_out(step: str) -> None:
     text = dict(programs(work_out(Given.of(), step=step), LABELS, report.environment()))["part_2_1.py"]
     assert "own_step" not in text
     assert "def symplectic_euler(" in text
+
+
+# --- readings by hand -----------------------------------------------------------------------------------------------
+
+READ = "0:30, 10:25.9, 20:22.2, 30:19.1, 45:15.4, 60:12.2"
+"""Amplitudes read by hand, those of gamma = 0.03/s."""
+GRAVITY = 9.81
+
+
+def tables(folder: Path, centre: bool) -> tuple[Path, Path]:
+    """Write the periods of five lengths, 5 mm too short, and of a reversible pendulum of 1 m: two curves that cross
+    twice, or a centre of mass at 0.3 m with a radius of gyration of 0.44 m."""
+    lengths, kater, period = folder / "lengths.csv", folder / "kater.csv", 2.0 * math.pi / math.sqrt(GRAVITY)
+    lengths.write_text("length (cm),10 T (s)\n" + "".join(
+        f"{100 * one - 0.5},{10 * period * math.sqrt(one):.3f}\n" for one in (0.2, 0.4, 0.6, 0.8, 1.0)))
+    if centre:
+        rows = [(h, *(period * math.sqrt((0.44**2 + x * x) / x) for x in (h, 1.0 - h))) for h in (0.28, 0.3, 0.32)]
+        kater.write_text("h1 (m),T1 (s),T2 (s)\n" + "".join(f"{h},{a:.7f},{b:.7f}\n" for h, a, b in rows))
+    else:
+        bend = [0.0001 * (x - 4) * (x - 16) for x in range(0, 21, 2)]
+        kater.write_text("position (cm),T1 (s),T2 (s)\n" + "".join(
+            f"{2 * k},{period + one:.7f},{period - 2 * one:.7f}\n" for k, one in enumerate(bend)))
+    return lengths, kater
+
+
+@pytest.mark.parametrize("centre", [False, True])
+def test_programs_of_readings_by_hand(centre: bool, tmp_path: Path) -> None:
+    """The truths are the formulas that the tables were written from, and the report."""
+    lengths, kater = tables(tmp_path, centre)
+    worked = work_out(by_hand(Given.of(period=1.19), READ, lengths, kater, "1.0000"))
+    done = Done(worked, tmp_path)
+    known = {row.quantity: row.value for row in values(worked)}
+    for name in ("gamma from these amplitudes", "gravity from T² against the length", "offset of the length",
+                 "gravity from T² against the length, offset 0", "period of the reversible pendulum",
+                 "gravity from the reversible pendulum"):
+        assert done.numbers[name] == pytest.approx(known[name], rel=1e-8), name
+    assert done.numbers["gamma from these amplitudes"] == pytest.approx(0.03, rel=0.02)
+    assert done.numbers["gravity from T² against the length"] == pytest.approx(GRAVITY, rel=2e-3)
+    assert done.numbers["gravity from the reversible pendulum"] == pytest.approx(GRAVITY, rel=1e-5)
+    assert done.numbers["root mean square of recording minus simulation"] == pytest.approx(
+        known["root mean square of recording minus simulation"], rel=1e-8)
+    assert {"lengths", "kater", "envelope"} <= {path.stem.split("_", 3)[3] for path in tmp_path.glob("part_*.png")}
+    assert "half_swings" not in (tmp_path / "part_2_4.py").read_text(encoding="utf-8")
