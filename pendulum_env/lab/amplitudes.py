@@ -14,7 +14,7 @@ import numpy as np
 from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, one_number
-from pendulum_env.lab.hand import HandTable, complete, half_a_digit, numbers_of, student_range
+from pendulum_env.lab.hand import HandTable, check_size, complete, half_a_digit, numbers_of, student_range
 from pendulum_env.lab.measures import LAWS, Line, Measurement, line_through, powers, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, COUNT, DISTANCE, PERIOD, TIME
 from pendulum_env.lab.turning import TurningPoints, equilibrium
@@ -29,6 +29,12 @@ FEWEST = 3
 RULED_OUT = 9.0
 """A law is ruled out if its chi² is larger than that of the best law by this much (three errors), in units of the
 scatter."""
+TINY = 1e-4
+"""Amplitude [rad] below which the laws of small angles are exact to rounding."""
+SMALLEST = 1e-5
+"""Smallest amplitude [rad]; a smaller one is that of a bob at rest."""
+LATEST = 1e7
+"""Latest time [s]."""
 LEAST = 1e-9
 """Least error of an amplitude, as a share of it."""
 EXAMPLE = "0:30, 1.42:29.4, 2.84:28.8"
@@ -57,6 +63,7 @@ def envelope_function(amplitude: FloatArray, law: str) -> FloatArray:
     power = LAWS.index(law)
     small = (amplitude, np.log(amplitude), -1.0 / amplitude)[power]
     size = 0.5 * amplitude[:, None] * (_NODES + 1.0)
+    size = np.maximum(size, TINY)  # below, the difference of both terms is rounding
     more = slope_of(size, law) - size ** -float(power)
     return np.asarray(small + 0.5 * amplitude * (more @ _WEIGHTS))
 
@@ -278,6 +285,7 @@ def measure_amplitudes(
     sigma = own if error is None else np.full(len(time), one_number(error, "error", above=0.0, unit="rad"))
     if len(time) < FEWEST:
         raise RecordingError(f"{source}: the decay needs at least {FEWEST} amplitudes, there are {len(time)}")
+    check_size(source, "times", time, -LATEST, LATEST, "s")
     if not (np.diff(time) > 0.0).all():
         at = int(np.flatnonzero(np.diff(time) <= 0.0)[0])
         raise RecordingError(f"{source}: times must increase, and {time[at + 1]:g} s follows {time[at]:g} s")
@@ -288,7 +296,7 @@ def measure_amplitudes(
         points = TurningPoints(time, angle - zero, sigma)
         how = (*how, f"The amplitudes are on both sides in turn, about the middle at {math.degrees(zero):.3g}°.")
     size = points.amplitude
-    if not ((size > 0.0).all() and (size < math.pi).all()):
+    if not ((size > SMALLEST).all() and (size < math.pi).all()):
         raise RecordingError(f"{source}: amplitudes must be above 0 and below 180 degrees; leave out readings of a bob "
                              "at rest")
     if not ((points.error > LEAST * size) & (points.error < math.pi)).all():
@@ -341,9 +349,8 @@ def _read(
     if swings is not None and period is not None:
         time, how = time * period, (f"Times are the numbers of swings times the period, {period:g} s.",)
     if error is None:
-        unit = ruler.pop() if ruler else next(iter(ANGLE.units_in([table.titles[place]])), "deg")
-        texts = [text.removesuffix("°") for text in table.fields(place) if text[-1:].strip("°").isdigit()]
-        error = np.full(len(size), half_a_digit(texts or ["1"]) * kind.units[unit].size)
+        least = LEAST * float(np.abs(size).max(initial=0.0))
+        error = np.full(len(size), max(table.half_a_digit(place, kind, usual), least))
     if kind is DISTANCE:
         size, error = _by_ruler(table.source, size, error, length)
     return table.source, time, size, error, how
@@ -367,8 +374,9 @@ def _of_pairs(text: str, length: float | None) -> tuple[str, FloatArray, FloatAr
     kind = DISTANCE if unit in DISTANCE.units else ANGLE
     factor = kind.units[unit].size
     time, size = (np.array([float(pair[i]) for pair in found]) for i in range(2))
-    error = np.full(len(size), half_a_digit([pair[1] for pair in found]) * factor)
     size = size * factor
+    digit = half_a_digit([pair[1] for pair in found]) * factor
+    error = np.full(len(size), max(digit, LEAST * float(np.abs(size).max(initial=0.0))))
     if kind is DISTANCE:
         size, error = _by_ruler("readings", size, error, length)
     return "readings", time, size, error, ()

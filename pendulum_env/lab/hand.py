@@ -27,6 +27,8 @@ _COUNT = re.compile(r"(?<![\w.,])(\d{1,4})\s*(?:[*x·]\s*)?(?:t(?![a-z])|periods
 """Number of oscillations in a title, as in "20 T (s)", "time of 20 oscillations" or "t20"."""
 _TRIAL = re.compile(r"(?<=[a-z_ #])[1-9](?![\d.])|trial|run|#", re.IGNORECASE)
 """Number of a trial in a title, as in "t 2 (s)"."""
+BENCH = (1e-3, 1e4)
+"""Periods of pendulums on a bench [s], and lengths [m]."""
 MOST = 1_000_000
 """Largest number of oscillations that are timed together."""
 LEAST = 1e-12
@@ -99,10 +101,13 @@ class HandTable:
 
     def rounding(self, place: int, units: Quantity, usual: str) -> float:
         """Return the standard error of rounding the numbers of a column, its last digit over sqrt(12), in SI units."""
+        return self.half_a_digit(place, units, usual) / math.sqrt(3.0)
+
+    def half_a_digit(self, place: int, units: Quantity, usual: str) -> float:
+        """Return half a unit of the last digit of the numbers in a column, in SI units."""
         named = units.units_in([self.titles[place]])
-        texts = [text for text in self.fields(place) if NUMBERS[".,"].fullmatch(text)]
-        unit = units.units[named.pop() if len(named) == 1 else usual].size
-        return half_a_digit(texts or ["1"]) * unit / math.sqrt(3.0)
+        texts = [text for one in self.fields(place) if NUMBERS[".,"].fullmatch(text := one.removesuffix("°"))]
+        return half_a_digit(texts or ["1"]) * units.units[named.pop() if len(named) == 1 else usual].size
 
     def fields(self, place: int) -> list[str]:
         """Return the texts of a column."""
@@ -146,6 +151,13 @@ def check_errors(source: str, error: FloatArray | None, value: FloatArray) -> No
         raise RecordingError(f"{source}: errors must be above 0 and below their values")
 
 
+def check_size(source: str, what: str, values: FloatArray, least: float, most: float, unit: str) -> None:
+    """Raise RecordingError unless there are values, all from ``least`` to ``most``; ``what`` names them."""
+    if not values.size or not ((values >= least) & (values <= most)).all():
+        found = f", got {values[~((values >= least) & (values <= most))][0]:g}" if values.size else ", there are none"
+        raise RecordingError(f"{source}: {what} must be from {least:g} to {most:g} {unit}{found}")
+
+
 def small_periods(
     source: str, times: FloatArray, count: int | None, amplitude: FloatArray | float | None
 ) -> FloatArray:
@@ -157,8 +169,7 @@ def small_periods(
     if count is not None and count > MOST:
         raise RecordingError(f"{source}: the number of oscillations must be at most {MOST}")
     sizes = np.asarray(0.0 if amplitude is None else amplitude, dtype=np.float64)
-    if not (times > 0.0).all():
-        raise RecordingError(f"{source}: periods must be above 0 s")
+    check_size(source, "periods", times / (count or 1), *BENCH, "s")
     if not ((sizes >= 0.0) & (sizes < math.pi)).all():
         raise RecordingError(f"{source}: amplitudes must be from 0 to below 180 degrees")
     return np.asarray(times / (count or 1) / exact.period(sizes, math.tau))

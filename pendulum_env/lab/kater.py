@@ -14,7 +14,16 @@ from numpy.typing import ArrayLike
 from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number
-from pendulum_env.lab.hand import HandTable, check_errors, complete, numbers_of, small_periods, student_range
+from pendulum_env.lab.hand import (
+    BENCH,
+    HandTable,
+    check_errors,
+    check_size,
+    complete,
+    numbers_of,
+    small_periods,
+    student_range,
+)
 from pendulum_env.lab.measures import UNLIKELY, Measurement, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, DISTANCE, TIME
 from pendulum_env.physics.units import shown
@@ -201,6 +210,7 @@ def measure_kater(
     angle = None if amplitude is None else one_number(amplitude, "amplitude", least=0.0, unit="rad")
     sigma = None if period_error is None else one_number(period_error, "period_error", above=0.0, unit="s")
     read = _read(table)
+    check_size(read.source, "positions", read.position, -BENCH[1], BENCH[1], "m")
     sizes = read.amplitude if angle is None else angle
     first, second = (small_periods(read.source, one, swings or number, sizes)
                      for one, number in ((read.first, read.numbers[0]), (read.second, read.numbers[1])))
@@ -281,7 +291,7 @@ def _curves(x: FloatArray, first: FloatArray, second: FloatArray, sigma: float |
         score += 2 * (degree + 1) * math.log(2 * len(x))
         own = least if sigma is None else sigma
         error = own * scatter_factor(squares / own**2, freedom)
-        covariance = np.asarray(np.linalg.inv(powers.T @ powers), dtype=np.float64)
+        covariance = np.asarray(np.linalg.pinv(powers.T @ powers), dtype=np.float64)
         curves = Curves(fits[0], fits[1], covariance, middle, scale, error, freedom)
         if best is None or score < best[0]:
             best = score, curves

@@ -1,4 +1,4 @@
-"""Periods of pendulums of several lengths: gravity from the straight line of T² against the length, with its offset."""
+"""Periods of pendulums of several lengths: gravity from the line of T² against the length, with its offset."""
 
 from __future__ import annotations
 
@@ -14,7 +14,16 @@ from numpy.typing import ArrayLike
 from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number
-from pendulum_env.lab.hand import HandTable, check_errors, complete, numbers_of, small_periods, student_range
+from pendulum_env.lab.hand import (
+    BENCH,
+    HandTable,
+    check_errors,
+    check_size,
+    complete,
+    numbers_of,
+    small_periods,
+    student_range,
+)
 from pendulum_env.lab.measures import UNLIKELY, Line, Measurement, line_through, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, LENGTH, PERIOD, TIME
 from pendulum_env.physics.units import shown
@@ -220,6 +229,7 @@ def measure_lengths(
              for one, name, unit in ((length_error, "length_error", "m"), (period_error, "period_error", "s"))]
     read = _read(table)
     number = swings or read.number or 1
+    check_size(read.source, "lengths", read.length, *BENCH, "m")
     period = small_periods(read.source, read.times, number, read.amplitude if angle is None else angle)
     dl = read.length_error if given[0] is None else np.full(len(period), given[0])
     dt = read.time_error if given[1] is None else np.full(len(period), given[1] * number)
@@ -229,11 +239,9 @@ def measure_lengths(
     if len(np.unique(read.length)) < FEWEST:
         raise RecordingError(f"{read.source}: the line needs at least {FEWEST} different lengths, there are "
                              f"{len(np.unique(read.length))}")
-    if not (read.length > 0.0).all():
-        raise RecordingError(f"{read.source}: lengths must be above 0 m")
     told = dl is not None or dt is not None
     if not told and read.rounding > 0.0:
-        dt = read.rounding * period / read.times
+        dt = max(read.rounding, 1e-9 * float(read.times.min())) * period / read.times
     if bob >= read.length.min():
         raise RecordingError(f"{read.source}: radius must be below the lengths, got {bob:g} m")
     x, y, slope, offset = read.length, period**2, 0.0, 0.0

@@ -103,7 +103,7 @@ LINES = (np.array([0.0, 0.1, 0.2]), np.array([2.0, 2.1, 2.2]), np.array([2.2, 2.
 @pytest.mark.parametrize(("table", "keywords", "said"), [
     ((LINES[0], LINES[1], LINES[1] + 0.1), {}, "T1 and T2 do not become equal between 0 and 0.2 m, T2 stays longer"),
     ((LINES[0][:2], LINES[1][:2], LINES[2][:2]), {}, "at least 3 different positions, there are 2"),
-    ((LINES[0], LINES[1], -LINES[2]), {}, "periods must be above 0 s"),
+    ((LINES[0], LINES[1], -LINES[2]), {}, "periods must be from 0.001 to 10000 s"),
     ((LINES[0], LINES[1]), {}, "table must be a file, or positions and both periods"),
     ((LINES[0], LINES[1], LINES[2][:2]), {}, "finite arrays of one length"),
     (LINES, {"edges": 0.0}, "edges must be"), (LINES, {"edges_error": 2.0}, "edges_error must be below edges"),
