@@ -217,7 +217,7 @@ def _chosen(
     check(name, "rows", max(map(len, columns)))
     head = [titles] if any(titles) else []
     return _tabbed([*head, *zip(*columns, strict=True)]), [
-        f"{program}: {entry} is read{_besides(entry, list(tables), part)}"]
+        f"{program}: {entry} {'are' if ', ' in entry else 'is'} read{_besides(entry, list(tables), part)}"]
 
 
 def _tabbed(rows: Iterable[Iterable[str]]) -> str:
