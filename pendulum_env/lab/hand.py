@@ -117,7 +117,7 @@ class HandTable:
 def half_a_digit(texts: Sequence[str]) -> float:
     """Return half a unit of the last digit of the numbers in texts, of the one with most decimals: 0.005 for 1.19."""
     numbers = (Decimal(text.replace(",", ".")) for text in texts)
-    return 0.5 * 10.0 ** min(int(number.as_tuple().exponent) for number in numbers)
+    return 0.5 * 10.0 ** max(-300, min(300, *(int(number.as_tuple().exponent) for number in numbers)))
 
 
 def complete(*columns: FloatArray | None) -> list[FloatArray | None]:

@@ -84,6 +84,15 @@ def test_sections_questions_and_answers_are_there(worked: Worked) -> None:
     assert plain.count('class="key"') == 16
 
 
+def test_bessels_formula_has_its_own_words(tmp_path: Path) -> None:
+    (tmp_path / "b.csv").write_text("h1 (cm),T1 (s),T2 (s)\n85,2.0061,2.0062\n86,2.0062,2.0061\n")
+    filled = page(work_out(by_hand(Given.of(), kater=tmp_path / "b.csv", edges="1.000")), True)
+    assert "Bessel's formula gives" in filled
+    assert "3.1 The reversible pendulum" in filled
+    assert "period of a point pendulum of length L" in filled
+    assert "A weight is moved" not in filled
+
+
 @pytest.mark.parametrize("draw", [envelope, *BY_HAND])
 def test_figures_have_their_legend_and_no_title(worked: Worked, draw: Any) -> None:
     figure = draw(worked, LABELS)

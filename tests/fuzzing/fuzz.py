@@ -96,6 +96,9 @@ def corpus() -> dict[str, list[bytes]]:
     return {"Recording.read": swings, "DrivenLog.read": [log.encode(), *swings], "gate": swings,
             "Scene.load": [json.dumps(scene.to_dict()).encode() for scene in SCENES.values()],
             "load": [path.read_bytes() for path in SAVED], "result.json": [member(path) for path in SAVED],
+            "by hand": [head + b"".join(b"\n%d,%d.5,%d" % (10 * i, 9 - i, 2 + i) for i in range(6)) for head in (
+                b"time (s),amplitude (deg),n", b"length (cm),10 T (s),error", b"x (cm),T1 (s),T2 (s)",
+                b"h1 (cm),50 T1 (s),50 T2 (s)")],
             "rollout file": [array.getvalue()], "journal": [b'{"sweep": {"scene": "lab"}}\n{"point": {}, "row": []}\n']}
 
 
@@ -121,12 +124,25 @@ def readers() -> dict[str, tuple[Callable[[Path], Any], tuple[type[Exception], .
     """Return the package's readers of files, each with the errors that it declares."""
     from pendulum_env import Recording, Scene, SceneError, load
     from pendulum_env.engine.growing_file import read
-    from pendulum_env.lab import DrivenLog, RecordingError, measure_gate
+    from pendulum_env.lab import (
+        DrivenLog,
+        RecordingError,
+        measure_amplitudes,
+        measure_gate,
+        measure_kater,
+        measure_lengths,
+    )
     from pendulum_env.study.sweep.journal import Journal
+
+    def by_hand(path: Path) -> None:
+        for read_table in (measure_amplitudes, measure_lengths, lambda path: measure_kater(path, 1.0)):
+            with contextlib.suppress(RecordingError):
+                print(read_table(path).text, file=io.StringIO())
 
     return {
         "Recording.read": (Recording.read, (RecordingError,)), "DrivenLog.read": (DrivenLog.read, (RecordingError,)),
         "gate": (measure_gate, (RecordingError,)), "Scene.load": (Scene.load, (SceneError,)),
+        "by hand": (by_hand, (RecordingError,)),
         "load": (load, (SceneError,)), "result.json": (lambda path: load(with_text(path)), (SceneError,)),
         "rollout file": (read, (ValueError, OSError, EOFError)),
         "journal": (lambda path: Journal(path, {"scene": "lab"}, ("scene",)), (ValueError, OSError)),
