@@ -19,8 +19,10 @@ def code(
 ) -> None:
     """Print the program of a scene and an integrator: a plain loop with NumPy and Matplotlib that runs as it is.
 
-    The plain loop is for explicit one-step methods; add > loop.py to store it in a file. With --language javascript
-    it is a module for Node or a web page that computes the same bits as Python.
+    The plain loop is for explicit one-step methods and, in linear scenes such as exercise, for backward_euler and its
+    like, which solve two linear equations in a step; it draws angle, velocity, phase plot and energy. Add > loop.py to
+    store it in a file. With --language javascript it is a module for Node or a web page that computes the same bits as
+    Python.
     """
     from pendulum_env.engine.code import code as program
 

@@ -44,8 +44,9 @@ def exercise(
     The angular frequency comes from --recording, else from --period, else from --length and g; an error that is not
     given is half a unit of the last digit. The damping and the comparison need a recording; without --recording they
     use a simulated one, and every page that shows it says so; --amplitudes read by hand give the damping, too.
-    --lengths and --kater add sections on gravity. Each question has a blank for the student's own words;
-    --key fills it in for the teacher. The page keeps what is typed into it, and its button Save writes that into the
+    --lengths and --kater add sections on gravity. Each question has a blank for the student's own words; --key fills it
+    in for the teacher. The programs behind the figures, one a part, run with NumPy and Matplotlib alone and compute the
+    same numbers. The page keeps what is typed into it, and its button Save writes that into the
     file. A new report in the same folder keeps saved answers.
     """
     from pendulum_env.exercise.answers import earlier

@@ -46,6 +46,7 @@ class Flow:
         reynolds: Reynolds number of the ball there [1].
         stokes: damping rate by Stokes' linear drag [1/s].
         sphere: rate of linear damping that takes as much energy as the drag C_d(Re) of a sphere [1/s].
+        scene: the ball on its wire in air, without losses.
     """
 
     whose: str
@@ -54,6 +55,7 @@ class Flow:
     reynolds: float
     stokes: float
     sphere: float
+    scene: Scene
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ class Compared:
     Attributes:
         time, recorded, simulated: arrays of the times [s] and angles [rad] from the first turning point on.
         model: the simulated run; its time is 0 at the first turning point.
+        gamma: its damping rate [1/s].
         start: time of the first turning point in the recording, from the release [s].
         amplitudes: time [s], recorded and simulated amplitude [rad], at the start, in the middle and at the end.
         cycles: number of oscillations that both periods are averaged over.
@@ -82,6 +85,7 @@ class Compared:
     recorded: Array
     simulated: Array
     model: ExerciseMotion
+    gamma: float
     start: float
     amplitudes: tuple[tuple[float, float, float], ...]
     cycles: int
@@ -191,7 +195,8 @@ def flow(scene: Scene, amplitude: float, whose: str) -> Flow:
     speed = bottom_speed(scene, amplitude)
     stokes = scene.with_effects((Gravity(), LinearDrag())).coefficients["linear_drag_rate"]
     sphere = scene.omega0 / quality_factor(scene.with_effects((Gravity(), SphereDrag())), amplitude)
-    return Flow(whose, amplitude, speed, reynolds_number(speed, scene.body, scene.medium), stokes, sphere)
+    return Flow(whose, amplitude, speed, reynolds_number(speed, scene.body, scene.medium), stokes, sphere,
+                scene)
 
 
 # --- the comparison -------------------------------------------------------------------------------------------------
@@ -211,7 +216,7 @@ def compared(given: Given, gamma: float) -> Compared:
     ends = sorted({0, (len(at) - 1) // 2, len(at) - 1})
     cycles, means = periods(time, angle, model)
     return Compared(
-        time, angle, np.interp(time, model.time, model.angle), model, start,
+        time, angle, np.interp(time, model.time, model.angle), model, gamma, start,
         tuple((float(at[i]), float(sizes[i]), float(envelope[i])) for i in ends), cycles, *means,
         tuple(sorted(reasons(given, at, sizes, envelope), key=lambda one: -one.size)),
     )

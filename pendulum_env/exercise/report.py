@@ -22,6 +22,7 @@ from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.replacing import replacing
 from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency, further
+from pendulum_env.exercise.programs import data_tables, program_names, programs
 from pendulum_env.exercise.values import digits, fixed, values, with_error
 from pendulum_env.exercise.worked import Worked
 from pendulum_env.physics.units import SceneError, line
@@ -66,9 +67,10 @@ def write(
     """Write the report of a worked exercise, and return the paths of the files.
 
     ``report.html`` is complete in itself; every figure is also written as PNG and SVG, the numbers as ``numbers.csv``
-    and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``. Everything is
-    made in a temporary folder first, so that an error or Ctrl-C leaves earlier files unchanged. What a student typed
-    into an earlier ``report.html`` of the folder, and saved, is in the new one, too.
+    and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``. The programs
+    behind the figures, ``part_1_2.py`` and so on, run alone; :mod:`pendulum_env.exercise.programs` writes them.
+    Everything is made in a temporary folder first, so that an error or Ctrl-C leaves earlier files unchanged. What a
+    student typed into an earlier ``report.html`` of the folder, and saved, is in the new one, too.
 
     Args:
         worked: the exercise worked out.
@@ -99,6 +101,9 @@ def write(
             figure = draw(worked, labels)
             paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
             figures[draw.__name__] = Drawing(i + 1, inlined(paths[-1].read_text(encoding="utf-8"), draw.__name__))
+        for file, text in programs(worked, labels, environment()):
+            paths.append(made / file)
+            paths[-1].write_text(text, encoding="utf-8")
         tell(1.0, "writing the report")
         paths[0].write_text(page(worked, figures, owner, key, facts, kept), encoding="utf-8")
         return [moved(path, place / path.name) for path in paths]
@@ -129,7 +134,7 @@ def page(
     return template.render(
         worked=worked, figures=figures, name=name, key=key, kept=kept, facts=facts, language=LANGUAGE,
         next_question=lambda: next(numbers), next_section=lambda: next(sections), sqrt=math.sqrt, exp=math.exp,
-        log=math.log, sin=math.sin, atan=math.atan, pi=math.pi,
+        log=math.log, sin=math.sin, atan=math.atan, pi=math.pi, programs=program_names(worked),
         whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
     )
 
@@ -194,6 +199,8 @@ def tables(worked: Worked, key: bool, folder: Path, facts: dict[str, str]) -> It
                    columns(run.time, run.angle, run.velocity, run.energy))
     yield save("recording.csv", ("time_s", "recorded_rad", "simulated_rad"),
                columns(compared.time, compared.recorded, compared.simulated))
+    for name, titles, series in data_tables(worked):
+        yield save(name, titles, columns(*series))
 
 
 def csv_file(folder: Path, facts: dict[str, str], name: str, head: tuple[str, ...], rows: Iterable[Any]) -> Path:

@@ -1,4 +1,4 @@
-"""The text of a recording's file: plain text, or the table in a zip archive, a workbook or a Tracker project.
+"""The text of a recording's file: plain text, or the table in an archive, a workbook, or a file of another program.
 
 Journals of live acquisitions are plain text that may end in the middle of a line, because a run was cut off.
 """
@@ -8,9 +8,10 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
+from pendulum_env.lab import arrays, logger_pro, microbit, phyphox
 from pendulum_env.lab.checked import RecordingError, chosen
 from pendulum_env.lab.decoding import (
     check,
@@ -65,13 +66,54 @@ _LEAST = 3
 """Fewest rows of numbers of a sheet that holds a recording."""
 
 
+class FileFormat(NamedTuple):
+    """A format of files that are not plain tables of text, as a row of the table of formats.
+
+    Attributes:
+        name: the format, with the program or device that writes it.
+        endings: endings of its files' names; what a file is, its first bytes say.
+        reading: how it is read, and what is refused.
+    """
+
+    name: str
+    endings: str
+    reading: str
+
+    @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """Row of the table of formats, under the titles quantity, words, units, and how it is read."""
+        return self.name, self.endings, "-", self.reading
+
+
+UNSEEN = "built from its description, never seen from a real device"
+"""What the row of a format says of which no file of the device or program was at hand."""
+FORMATS = (
+    FileFormat("archive", ".zip", "the table with a sensor's readings; part= chooses another one"),
+    FileFormat("workbook", ".xlsx, .xls, .ods", "the sheet with a sensor's readings; part= chooses another one; needs "
+               "pip install 'lab-pendulum[sheets]'"),
+    FileFormat("Tracker project", ".trk", "the track of the point mass; of several, part= chooses one"),
+    FileFormat("Logger Pro", ".cmbl", "the columns of the data set, with their names and units; of several data sets, "
+               f"part= chooses one; refused: columns of text ({UNSEEN})"),
+    FileFormat("phyphox with data", ".phyphox", "the table that phyphox would export, with a sensor's readings; "
+               f"refused: an experiment without data: save its state after the measurement ({UNSEEN})"),
+    FileFormat("micro:bit log", "MY_DATA.HTM, .csv", "the table of the log; acc x, acc y, acc z in milli-g are an "
+               "acceleration; of several tables, part= chooses one; refused: a log without data: unplug the micro:bit, "
+               f"plug it in and copy the file again ({UNSEEN})"),
+    FileFormat("MATLAB", ".mat", "vectors of one length are columns, named as the variables; refused: version 7.3, "
+               "structures and tables: save the vectors by save('swing.mat', 't', 'angle', '-v7')"),
+    FileFormat("NumPy", ".npz, .npy", "arrays of one length are columns, named as the arrays; refused: arrays of "
+               "Python objects, which are never unpickled: save numbers"),
+)
+"""The formats of files that are not plain tables of text."""
+
+
 def text_of(name: str, part: str | None = None) -> tuple[str, list[str]]:
     """Return the text of a file with a table, and notes on where the table was.
 
     A text may be UTF-16 with a byte-order mark, UTF-8, or else Latin-1 (older sensor software). Of a zip archive the
     table of numbers is read, as phyphox exports it; of a workbook (.xlsx, .xls) the sheet; of a Tracker project (.trk)
-    the track of a point mass, in metres. Of several tables, such as phyphox's Raw Data, Autocorrelation and Resonance,
-    it is the one whose titles name the readings of a sensor.
+    the track of a point mass, in metres; :data:`FORMATS` are all formats. Of several tables, such as phyphox's Raw
+    Data, Autocorrelation and Resonance, it is the one whose titles name the readings of a sensor.
 
     Args:
         name: the file's name.
@@ -94,6 +136,12 @@ def _text(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
         return _unpacked(name, data, part)
     if data[:4] == _OLD_WORKBOOK:
         return _sheet(name, data, part)
+    if data.startswith(arrays.NUMPY):
+        return _chosen(name, arrays.tables_of(name, {"array": arrays.array_in(name, data)}), part, "NumPy")
+    if data.startswith(arrays.MATLAB) or name.lower().endswith(".mat"):
+        return _chosen(name, arrays.matlab_tables(name, data), part, "MATLAB")
+    if microbit.MARK in data:
+        return _chosen(name, microbit.microbit_tables(name, data), part, "micro:bit")
     notes: list[str] = []
     if is_journal(data):
         data, notes = whole_lines(data)
@@ -102,9 +150,14 @@ def _text(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
         from pendulum_env.lab.tracker import track_table
 
         return track_table(name, text, part)
+    if text.lstrip().startswith("<"):
+        if logger_pro.MARK in text:
+            return _chosen(name, logger_pro.logger_pro_tables(name, text), part, "Logger Pro")
+        if phyphox.MARK in text:
+            return _chosen(name, phyphox.phyphox_tables(name, text), part, "phyphox")
     if part is not None:
-        raise RecordingError(f"{name}: part={shown(part)} is for archives, workbooks and Tracker projects; "
-                             "this is a file of text")
+        raise RecordingError(f"{name}: part={shown(part)} is for archives, workbooks and projects; this is a file of "
+                             "text")
     return text, notes
 
 
@@ -128,6 +181,8 @@ def _unpacked(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]
     if "xl/workbook.xml" in names or "content.xml" in names:
         check_workbook(name, archive)
         return _sheet(name, data, part)
+    if names and all(entry.endswith(".npy") for entry in names):
+        return _chosen(name, arrays.numpy_tables(name, archive), part, "NumPy")
     tables = [entry for entry in names if entry.lower().endswith(_TABLES) and not _META.search(entry)]
     readings = [entry for entry in tables if _of_a_sensor(re.split(r"[\t;,]", first_line(archive, entry)))]
     entry = chosen(name, "table", tables, part, readings)
@@ -148,9 +203,28 @@ def _sheet(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
     tables = [title for title, rows in sheets.items() if _numeric(rows) >= _LEAST]
     readings = [title for title in tables if _of_a_sensor(map(_cell, sheets[title][0]))]
     entry = chosen(name, "sheet", tables, part, readings)
+    return _tabbed(map(_cell, row) for row in sheets[entry]), [
+        f"workbook: sheet {entry} is read{_besides(entry, tables, part)}"]
+
+
+def _chosen(
+    name: str, tables: Mapping[str, tuple[list[str], list[list[str]]]], part: str | None, program: str
+) -> tuple[str, list[str]]:
+    """Return one of several tables of titles and columns as text with tabs, and a note on its name."""
+    readings = [title for title, (titles, _) in tables.items() if _of_a_sensor(titles)]
+    entry = chosen(name, "table", list(tables), part, readings)
+    titles, columns = tables[entry]
+    check(name, "rows", max(map(len, columns)))
+    head = [titles] if any(titles) else []
+    return _tabbed([*head, *zip(*columns, strict=True)]), [
+        f"{program}: {entry} {'are' if ', ' in entry else 'is'} read{_besides(entry, list(tables), part)}"]
+
+
+def _tabbed(rows: Iterable[Iterable[str]]) -> str:
+    """Return rows as text with tabs between columns."""
     lines = io.StringIO()
-    csv.writer(lines, delimiter="\t", lineterminator="\n").writerows([map(_cell, row) for row in sheets[entry]])
-    return lines.getvalue(), [f"workbook: sheet {entry} is read{_besides(entry, tables, part)}"]
+    csv.writer(lines, delimiter="\t", lineterminator="\n").writerows(rows)
+    return lines.getvalue()
 
 
 def _of_a_sensor(titles: Iterable[str]) -> bool:

@@ -87,7 +87,7 @@ class Quantity:
     @property
     def cells(self) -> tuple[str, str, str, str]:
         """Row of the table of formats: the quantity, words, units, and how it is read or refused."""
-        words = ", ".join(dict.fromkeys(word.replace("*", "") for word in self.words if word.isascii()))
+        words = ", ".join(dict.fromkeys(word.replace("*", "") for word in self.words if word.isascii())) or "-"
         read = self.reading if self.reading else f"refused: {self.remedy}"
         read = f"{read}; {self.remedy}" if self.reading and self.remedy else read
         bare = self.name.removeprefix("an ").removeprefix("a ")
@@ -144,9 +144,9 @@ FORCE = Quantity(
      "g": Unit(STANDARD, ("(g)", "gf*", "*g force*")),
      "mg": Unit(1e-3 * STANDARD, ("(mg)", "*milli g*"))},
     "fitted as specific force, with the sensor's distance from the pivot and the tilt; without a unit, the mean "
-    "decides between m/s², g and mg",
+    "decides between m/s², g, mg and, for whole numbers, counts of an MPU-6050 and its like (a power of two per g)",
     "sensor= gives the distance, columns='time=1,acceleration=2' chooses it",
-    "phyphox, Physics Toolbox, MPU-6050",
+    "phyphox, Physics Toolbox, MPU-6050, micro:bit in milli-g",
 )
 NO_FORCE = Quantity(
     "an acceleration without gravity", ("*linear*", "*without g*", "*ohne g*", "*user*", "*angular*"),
@@ -197,6 +197,25 @@ COUNTS = Quantity(
     "a count of an encoder", ("count", "counts", "ticks", "pulses"),
     remedy="give the size of one count, as scale=360/4096, unit=deg for 4096 counts a turn",
 )
+RAW = Quantity(
+    "a count of a converter", ("raw", "*raw", "adc*", "lsb", *(f"*{bits} bit*" for bits in (10, 12, 14, 16))),
+    remedy="give the size of one count: scale=360/4096, unit=deg for a magnetic encoder of 12 bits a turn (360/16384 "
+           "for 14 bits, 360/65536 for 16), scale=270/4095, unit=deg for a potentiometer of 270 degrees at 12 bits; "
+           "the name AS5600, AS5048 or AS5047 above the readings gives it, too",
+    files="Arduino and its like",
+)
+TURNS = {"AS5600": 4096, "AS5048": 16384, "AS5047": 16384}
+"""Name of a magnetic encoder in a title or a header -> its counts in a turn."""
+GYROSCOPE = Quantity(
+    "an angular velocity in counts", (),
+    remedy="give the size of one count, as scale=1/131, unit=deg for an MPU6050 that measures up to 250 degrees per "
+           "second (1/65.5 up to 500, 1/32.8 up to 1000, 1/16.4 up to 2000); a header such as MPU6050 ±250 °/s gives "
+           "it, too", files="MPU-6050, MPU-6500, MPU-9250, ICM-20948",
+)
+RANGES = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}
+"""Range of these gyroscopes [deg/s] -> counts per deg/s (MPU-6050, InvenSense PS-MPU-6000A-00, section 6.1)."""
+PER_G = tuple(2**bits for bits in range(8, 15))
+"""Counts per g of accelerometers: 16384 of an MPU-6050 at ±2 g, half of it at ±4 g, and so on."""
 OTHER_ANGLE = Quantity(
     "an angle in another unit",
     ("mrad", "milliradian*", "gon", "rev", "revolution*", "turn", "turns", "arcmin", "arcsec"),
@@ -232,6 +251,6 @@ ACTION = Quantity(
 
 QUANTITIES: Sequence[Quantity] = (
     TIME, COUNT, ANGLE, RATE, FORCE, DISTANCE, TRACK, GATE, PERIOD, AMPLITUDE, LENGTH, ERROR, TORQUE, CURRENT, ACTION,
-    NO_FORCE, RATE_OF_CHANGE, CORRELATION, COUNTS, OTHER_ANGLE, OTHER_UNIT, OTHER,
+    NO_FORCE, RATE_OF_CHANGE, CORRELATION, COUNTS, RAW, GYROSCOPE, OTHER_ANGLE, OTHER_UNIT, OTHER,
 )
 """All quantities, in the order of the table of formats."""

@@ -22,11 +22,16 @@ from pendulum_env.lab.quantities import (
     ANGLE,
     COUNTS,
     FORCE,
+    GYROSCOPE,
     OTHER_ANGLE,
     OTHER_UNIT,
+    PER_G,
+    RANGES,
+    RAW,
     STANDARD,
     TIME,
     TRACK,
+    TURNS,
 )
 from pendulum_env.lab.table import DAY, DECIMALS, SEPARATORS, TextTable
 from pendulum_env.lab.tracks import Y_AXES, about_pivot
@@ -40,11 +45,21 @@ _PIXELS = re.compile(r"(\d+(?:[.,]\d+)?)\s*(?:px|pixels?)\s*(?:per|/|a)\s*(mm|cm
 """Scale of a track in a header line, such as "480 pixels per metre"."""
 _ERROR = re.compile(r"(?:angle )?error\b", re.IGNORECASE)
 """Title of the errors of the angles, in their unit."""
+_RANGE = re.compile(r"(?:mpu|icm)[ -]?(?:6050|6500|9250|20948).*?(?<!\d)(250|500|1000|2000)\s*(?:°|deg|dps)",
+                    re.IGNORECASE)
+"""Range of a gyroscope [deg/s] in a header line, such as "MPU6050 ±250 °/s"."""
+_PER_SECOND = re.compile(r"/\s*s|dps", re.IGNORECASE)
+"""Unit of an angular velocity in a title, which counts do not have."""
+_FASTEST = 100.0
+"""No pendulum on a bench turns faster [rad/s]; one of 1 cm that falls over its top reaches 63."""
+_NEAR_G = 1.25
+"""Counts of an accelerometer are recognised if their mean is that of gravity within this factor."""
 BENCH = (0.2, 20.0)
 """Periods of pendulums on a bench [s], of 1 cm to 100 m."""
 _BACK, _LEAST = 3, 300  # times that go back so often or less, once in so many readings or more, are dropped
 _LATE = 0.05  # largest share of the readings that are dropped as their time goes back
 _LOST = 3  # number of successive readings of exactly 0 that show that the sensor lost its signal
+_TURN = 360.0
 _COARSE = 0.05  # coarser steps are not radians, since no sensor reads in steps of 3 degrees
 _ROUNDED = 0.75  # steps of rounded times by which they differ from a straight line at most
 COMMAS = "decimal commas need tab or ; between columns"
@@ -170,7 +185,11 @@ def read_file(name: str, options: ReadOptions) -> FileReadings:
             raise RecordingError(f"{name}: {error}") from None
         notes.append(how)
     else:
-        unit, why = _unit(table, layout, values[:, 0], options.unit)
+        given = options.unit is not None or options.scale != 1.0
+        turn = 0 if given else _counts_in_turn(table, layout, values[:, 0])
+        values = values * 360.0 / turn if turn else values
+        unit, why = ("deg", f"as the title names an encoder of {turn} counts a turn") if turn else _unit(
+            table, layout, values[:, 0], options.unit)
         if options.columns is None and why.startswith("inferred") and len(values):
             _refuse_other_numbers(table, layout, values[:, 0], unit)
         notes.append(f"unit: {unit}, {why}")
@@ -243,18 +262,38 @@ def _rates(
     table: TextTable, layout: ColumnLayout, options: ReadOptions, time: FloatArray, values: FloatArray, notes: list[str]
 ) -> FileReadings:
     """Return the readings of a file that holds angular velocities; RecordingError if they cannot be integrated."""
-    unit = options.unit or layout.rate
+    unit, size, counted = options.unit or layout.rate, 1.0, list[str]()
     names = [" ".join(table.titles[i]) for i in layout.values]
+    if options.unit is None and options.scale == 1.0:
+        unit, size, counted = _unit_of_rate(table, layout, values, unit)
     try:
         rate, how = along_axis(values, names)
         if len(names) == 1 and np.min(rate) >= 0.0:
             rate, how = with_sign(rate), f"{how}, an absolute value, which changes its sign where it is nearly 0"
-        rate = rate * UNITS[unit] * options.scale
+        rate = rate * UNITS[unit] * size * options.scale
         angle = integrated(time, rate)
     except RecordingError as error:
         raise RecordingError(f"{table.name}: {error}") from None
-    notes += [how, "angle: the integral of the angular velocity; a fit compares the angular velocity itself"]
-    return FileReadings(time, angle, notes, UNITS[unit] * options.scale, rate)
+    notes += [*counted, how, "angle: the integral of the angular velocity; a fit compares the angular velocity itself"]
+    return FileReadings(time, angle, notes, UNITS[unit] * size * options.scale, rate)
+
+
+def _unit_of_rate(
+    table: TextTable, layout: ColumnLayout, values: FloatArray, unit: str
+) -> tuple[str, float, list[str]]:
+    """Return the unit of angular velocities, the size of one count in it, and a list with a note on a size not 1.
+
+    Raises RecordingError for readings that are too fast for a pendulum, as counts of a gyroscope are.
+    """
+    titles = [" ".join(table.titles[i]) for i in layout.values]
+    named = next((found for line in (*table.header, *table.comments) if (found := _RANGE.search(line))), None)
+    if named and not any(map(_PER_SECOND.search, titles)) and bool((values == np.round(values)).all()):
+        count = RANGES[int(named[1])]
+        return "deg", 1.0 / count, [f"counts: {count:g} per degree per second, as the header says ±{named[1]}"]
+    if float(np.abs(values).max(initial=0.0)) * UNITS[unit] > _FASTEST:
+        raise RecordingError(f"{table.name}: readings of {titles[0]!r} reach {float(np.abs(values).max()):g}, too fast "
+                             f"for a pendulum in {unit}/s, as {GYROSCOPE.name} is: {GYROSCOPE.remedy}")
+    return unit, 1.0, []
 
 
 def _forces(
@@ -263,7 +302,11 @@ def _forces(
     """Return the readings of a file that holds accelerations; RecordingError if no angle follows from them."""
     titles = [" ".join(table.titles[i]) for i in layout.values]
     unit = layout.force if layout.force > 0.0 else _unit_of_force(values)
-    if unit != 1.0:
+    counts = _counts_per_g(values, unit) if layout.force < 0.0 and options.scale == 1.0 else 0
+    if counts:
+        unit = STANDARD / counts
+        notes.append(f"acceleration: in counts, {counts} per g, as their mean is that of gravity (scale= overrides)")
+    elif unit != 1.0:
         notes.append(f"acceleration: in {'mg' if unit < 1.0 else 'g'} of {unit:g} m/s²")
     try:
         found = felt(time, values * unit * options.scale, titles, is_absolute(titles), options.sensor)
@@ -280,6 +323,15 @@ def _unit_of_force(values: FloatArray) -> float:
     mean = float(np.linalg.norm(values.mean(axis=0)))
     return next((unit.size for unit in FORCE.units.values() if unit.size != 1.0 and
                  0.5 < mean * unit.size / STANDARD < 2.0), 1.0)
+
+
+def _counts_per_g(values: FloatArray, unit: float) -> int:
+    """Return the power of two that is the mean size of accelerations in whole numbers, the counts per g; 0 if none is,
+    or if the mean is that of gravity in the ``unit`` [m/s²]."""
+    mean = float(np.linalg.norm(values.mean(axis=0)))
+    if not bool((values == np.round(values)).all()) or 1.0 / _NEAR_G < mean * unit / STANDARD < _NEAR_G:
+        return 0
+    return next((count for count in PER_G if count / _NEAR_G < mean < count * _NEAR_G), 0)
 
 
 def _times(
@@ -392,6 +444,24 @@ def _steady_rate(time: FloatArray) -> str:
     return f"they look rounded to {size:.3g} s: if readings come at a constant rate, give rate={float(short):g}"
 
 
+def _counts_in_turn(table: TextTable, layout: ColumnLayout, values: FloatArray) -> int:
+    """Return the counts in a turn of an encoder that a title or a header names, if the readings are such counts.
+
+    The result is 0 for other readings. Raises RecordingError if they may be degrees, too.
+    """
+    title = " ".join(table.titles[layout.values[0]] if table.width > 1 else [])
+    text = " ".join((title, *table.header, *table.comments)).upper()
+    turn = next((counts for name, counts in TURNS.items() if name in text), 0)
+    whole = bool((values == np.round(values)).all()) and bool(((values >= 0.0) & (values < turn)).all())
+    if not whole or table.unit(layout.values[0]) is not None:
+        return 0
+    sure = RAW.names(title) or any(one in title.upper() for one in TURNS)
+    if turn and float(values.max(initial=0.0)) < _TURN and not sure:
+        raise RecordingError(f"{table.name}: readings of {title!r} are whole numbers below 360, which may be degrees "
+                             f"or counts of the encoder: give unit=deg, or scale=360/{turn} and unit=deg")
+    return turn
+
+
 def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str | None) -> tuple[str, str]:
     """Return the unit of a file's angle, "deg" or "rad", and the reason; ``given`` is the caller's unit, or None."""
     if given is not None:
@@ -400,11 +470,14 @@ def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str 
     if written is not None:
         return written, "as the header says"
     title = " ".join(table.titles[layout.values[0]] if table.width > 1 else table.header)
-    for other in (COUNTS, OTHER_ANGLE, OTHER_UNIT):
+    for other in (COUNTS, RAW, OTHER_ANGLE, OTHER_UNIT):
         if other.names(title):
             raise RecordingError(f"{table.name}: expected an angle in degrees or radians, the header names {title!r}, "
                                  f"{other.name}; {other.remedy}")
     largest, quantum = float(np.abs(angle).max(initial=0.0)), quantum_level(angle)
+    if ANGLE.names(title) and largest > _TURN and float(angle.min()) >= 0.0 and bool((angle == np.round(angle)).all()):
+        raise RecordingError(f"{table.name}: readings of {title!r} are whole numbers up to {largest:g}, which may be "
+                             f"{RAW.name} or degrees: {RAW.remedy}; for degrees give unit=deg")
     if largest <= 2 * math.pi and quantum > _COARSE:
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"
     unit, side = ("deg", "above") if largest > 2 * math.pi else ("rad", "not above")

@@ -9,7 +9,7 @@ import math
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,17 +23,26 @@ from scipy.integrate import solve_ivp
 
 from integrators import METHODS, MethodError, from_step
 from pendulum_env import SCENES, Scene, SceneError, code, rollout
-from pendulum_env.engine.code import is_plain
+from pendulum_env.engine.code import is_linear_solve, is_plain
 from pendulum_env.engine.machine import fitting
 from pendulum_env.engine.source import constants_of, with_callees
-from pendulum_env.physics.effects import EFFECTS, BearingFriction, Effect, Gravity, LinearDrag, QuadraticDrag
+from pendulum_env.physics.effects import (
+    EFFECTS,
+    BearingFriction,
+    Effect,
+    Gravity,
+    LinearDrag,
+    PeriodicTorque,
+    QuadraticDrag,
+)
 from pendulum_env.physics.elementary import sin
 from pendulum_env.physics.medium import air
 
 pytestmark = pytest.mark.usefixtures("all_interpreted")
 STEPS = 40
-LINES = 40
+LINES = 55
 """Largest length of a program for up to four stages."""
+SOLVED = [name for name, method in METHODS.items() if is_linear_solve(method)]
 NAMES = [name for name, method in METHODS.items() if is_plain(method)]
 
 
@@ -66,6 +75,8 @@ def check(scene: str | Scene, method: Any) -> str:
     assert len(found["angles"]) == STEPS + 1
     np.testing.assert_allclose(found["angles"], run.angle, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(found["velocities"], run.velocity, rtol=1e-10, atol=1e-10)
+    scale = float(np.max(np.abs(run.energy)))
+    np.testing.assert_allclose(found["energies"], run.energy, rtol=1e-9, atol=1e-9 * scale)
     return program
 
 
@@ -158,7 +169,7 @@ def scene_with(torque: Callable[..., float]) -> Scene:
 
         name, kind, equation, source = "mine", "drive", "mine", "none"
 
-        def coefficients(self, scene: Any) -> Mapping[str, float]:
+        def coefficients(self, scene: Any) -> dict[str, float]:
             return {"mine_rate": 50.0}
 
     Mine.torque = staticmethod(torque)
@@ -191,6 +202,64 @@ def test_the_program_of_symplectic_euler_is_the_lab_sheet_s() -> None:
                                                                                                      "symplectic_euler")
 
 
+def pushed() -> Scene:
+    """Return the torsion pendulum with a torque that swings with 3 rad/s: a linear scene with a drive."""
+    scene = SCENES["torsion"]
+    return scene.with_effects((*scene.effects, PeriodicTorque(drive_torque=2e-4, drive_rate=3.0)))
+
+
+def test_the_methods_that_solve_two_linear_equations_are_those_of_one_stage_at_a_time() -> None:
+    assert {"backward_euler", "implicit_midpoint", "trapezoid", "sdirk2", "sdirk4"} <= set(SOLVED)
+    assert not {"gauss4", "radau5", "rk4", "discrete_gradient"} & set(SOLVED)
+
+
+@pytest.mark.parametrize("scene", ["exercise", "torsion", "pushed"])
+@pytest.mark.parametrize("method", SOLVED)
+def test_implicit_methods_of_linear_scenes_solve_two_equations(method: str, scene: str) -> None:
+    """Rollouts solve them by Newton's method."""
+    assert "np.linalg.solve(system, (" in check(pushed() if scene == "pushed" else scene, method)
+
+
+def test_backward_euler_is_the_two_equations_of_the_lab_sheet() -> None:
+    """theta1 - dt omega1 = theta and omega1 + dt Omega**2 theta1 = omega, solved here by Cramer's rule."""
+    place = short("exercise")
+    program = code(place, "backward_euler")
+    found = executed(program)
+    theta, omega, dt, square = place.run.angle, place.run.velocity, place.run.dt, 9.8 / 0.353
+    for angle, velocity in zip(found["angles"], found["velocities"], strict=True):
+        assert (angle, velocity) == (pytest.approx(theta, abs=1e-14), pytest.approx(omega, abs=1e-14))
+        shrink = 1.0 + square * dt * dt
+        theta, omega = (theta + dt * omega) / shrink, (omega - dt * square * theta) / shrink
+    assert "    theta, omega = np.linalg.solve(system, (theta, omega))\n" in program
+    np.testing.assert_allclose(found["system"], [[1.0, -dt], [dt * square, 1.0]], rtol=1e-14)
+
+
+def test_the_energy_of_a_program_is_that_of_the_textbook() -> None:
+    """I omega**2/2 + m g L (1 - cos(theta)), with I = m L**2 + 2/5 m a**2 left at m L**2 as in the exercise."""
+    found = executed(code(short("exercise_large"), "rk4"))
+    angle, velocity = np.array(found["angles"]), np.array(found["velocities"])
+    mass, length = 0.04, 0.353
+    truth = 0.5 * mass * (length * velocity) ** 2 + mass * 9.8 * length * (1.0 - np.cos(angle))
+    np.testing.assert_allclose(found["energies"], truth, rtol=1e-12)
+
+
+def test_a_program_draws_angle_velocity_phase_plot_and_energy(monkeypatch: pytest.MonkeyPatch) -> None:
+    import matplotlib.pyplot as plt
+
+    drawn: list[list[Any]] = []
+    monkeypatch.setattr(plt, "show", lambda: drawn.append([
+        (at.get_xlabel(), at.get_ylabel(), *at.lines[0].get_data()) for at in plt.gcf().axes]))
+    found = executed(code(short("exercise"), "symplectic_euler"))
+    time, angle, velocity = 0.01 * np.arange(STEPS + 1), np.degrees(found["angles"]), found["velocities"]
+    truth = [("time [s]", "angle [degrees]", time, angle), ("time [s]", "angular velocity [rad/s]", time, velocity),
+             ("angle [degrees]", "angular velocity [rad/s]", angle, velocity),
+             ("time [s]", "energy [J]", time, found["energies"])]
+    for (below, left, x, y), (true_below, true_left, true_x, true_y) in zip(*drawn, truth, strict=True):
+        assert (below, left) == (true_below, true_left)
+        np.testing.assert_allclose(x, true_x)
+        np.testing.assert_allclose(y, true_y)
+
+
 def test_the_program_solves_the_equation_in_its_first_line() -> None:
     place = short("water")
     found = executed(code(place, "dopri5"))
@@ -213,12 +282,40 @@ def test_the_program_solves_the_equation_in_its_first_line() -> None:
 # --- refusals, and the command --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["backward_euler", "ab2", "gauss4", "taylor", "discrete_gradient", "exact"])
+@pytest.mark.parametrize("method", ["ab2", "gauss4", "taylor", "discrete_gradient", "exact"])
 def test_other_methods_are_refused(method: str) -> None:
     assert not is_plain(METHODS[method])
     with pytest.raises(MethodError, match=rf"{method} has no plain loop, .* explicit one-step methods .* rk4"):
         code("vacuum", method)
     assert "def run(" in code("vacuum", method, "engine")
+
+
+@pytest.mark.parametrize(("scene", "names"), [
+    ("vacuum", "gravity"), ("lab", "gravity, quadratic_drag"), ("chaotic", "gravity")])
+def test_implicit_methods_are_refused_in_scenes_that_are_not_linear(scene: str, names: str) -> None:
+    with pytest.raises(MethodError, match=rf"only in linear scenes, .* and {names} of the scene '{scene}' is not"):
+        code(scene, "backward_euler")
+    with pytest.raises(MethodError, match="own_angle of the scene 'torsion' is not linear"):
+        code(SCENES["torsion"].with_effects((*SCENES["torsion"].effects, Bent())), "trapezoid")
+    assert "def run(" in code(scene, "backward_euler", "engine")
+
+
+@dataclass(frozen=True)
+class Bent(Effect):
+    """A torque of one's own that branches, and so has no slope that is one number."""
+
+    name, kind, equation, source = "own_angle", "drive", "bent", "none"
+
+    def coefficients(self, scene: Any) -> dict[str, float]:
+        return {"bent_rate": 1.0}
+
+    @staticmethod
+    def torque(angle: float, bent_rate: float) -> float:
+        return bent_rate * angle if angle > 0.1 else 0.0
+
+    @staticmethod
+    def by_angle(angle: float, bent_rate: float) -> float:
+        return bent_rate if angle > 0.1 else 0.0
 
 
 def test_a_branch_of_one_s_own_and_moving_air_are_refused() -> None:

@@ -13,6 +13,7 @@ from bench_files import BENCH_FILES, written
 from readme_code import check_listed
 
 from pendulum_env.lab import Recording, RecordingError, fit, measure, measure_gate
+from pendulum_env.lab.containers import FORMATS as FILES
 from pendulum_env.lab.driven.log import is_driven
 from pendulum_env.lab.quantities import ANGLE, DISTANCE, FORCE, GATE, PERIOD, QUANTITIES, RATE, TRACK
 from pendulum_env.study.lists.tables import TABLES
@@ -93,7 +94,7 @@ KINDS = {"angle": ANGLE, "rate": RATE, "acceleration": FORCE, "track": TRACK, "d
 def test_the_table_of_formats_is_made_from_the_declaration() -> None:
     check_listed("formats")
     rows = TABLES["formats"]().rows
-    assert rows == tuple(quantity.cells for quantity in QUANTITIES)
+    assert rows == (*(quantity.cells for quantity in QUANTITIES), *(file.cells for file in FILES))
     assert {one.kind for one in BENCH_FILES} == set(KINDS)
     assert all(quantity.reading and quantity.cells in rows for quantity in KINDS.values())
 
@@ -169,7 +170,7 @@ REFUSALS = {
               "if the clock began again, leave one part out by until="),
     "words": ("t,angle (deg)\n" + "".join(f"{i},{i % 9}\nhello\n" for i in range(100)), "found 'hello'"),
     "raw": ("millis,ax,ay,az\n" + "".join(f"{i},{300 * (i % 7)},{16384 - i % 9},{i % 5}\n" for i in range(300)),
-            "m/s², not that of gravity"),
+            "expected at least two swings of the acceleration"),
     "columns": ("n,time,KE,GateState\n" + "".join(f"{i},{i / 100},{i % 7},{i % 2}\n" for i in range(60)),
                 "1 (n) begins with 0, 1, 2 (a counter of readings, or a time); 2 (time) begins with 0.0, 0.01, 0.02 "
                 "(a time); 3 (KE) begins with 0, 1, 2 (no angle); 4 (GateState) begins with 0, 1, 0 (a gate state)"),

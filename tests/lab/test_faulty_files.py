@@ -53,7 +53,7 @@ READ: dict[str, dict[str, Any]] = {
 }
 REFUSED = {
     "times_rounded_to_tenths": "they look rounded to 0.1 s: if readings come at a constant rate, give rate=40)",
-    "encoder_counts_12_bit": "give the size of one count, as scale=360/4096, unit=deg for 4096 counts a turn",
+    "encoder_counts_12_bit": "give the size of one count: scale=360/4096, unit=deg for a magnetic encoder",
     "autocorrelation": "'Autocorrelation of sum' is a result calculated from a swing: export the readings",
     "period_against_length": "'length (m)' is a length: lab-pendulum measure reads lengths beside periods",
     "driven_without_viscous_friction": "is a log of a driven run; lab-pendulum fit reads it",
@@ -482,7 +482,7 @@ TITLES = {
     declared.LENGTH: ("length (m)", "L"), declared.CORRELATION: ("Autocorrelation", "Spectrum", "Frequency (Hz)"),
     declared.COUNTS: ("counts", "ticks"), declared.OTHER_ANGLE: ("A (mrad)", "turns"),
     declared.OTHER_UNIT: ("Potential (V)", "A (px)"), declared.PERIOD: ("Period (s)",),
-    declared.GATE: ("Gate State",),
+    declared.GATE: ("Gate State",), declared.RAW: ("raw", "ADC", "angle (12-bit)"),
 }
 """Quantities that are refused -> titles that name them."""
 
@@ -505,7 +505,7 @@ def test_a_title_of_another_quantity_is_refused_by_its_declaration(
 
 def test_every_refused_quantity_is_tried_or_has_a_place_of_its_own() -> None:
     refused = {quantity.name for quantity in declared.QUANTITIES if not quantity.reading}
-    own = {declared.COUNT.name, declared.RATE_OF_CHANGE.name, declared.OTHER.name}
+    own = {declared.COUNT.name, declared.RATE_OF_CHANGE.name, declared.OTHER.name, declared.GYROSCOPE.name}
     assert refused <= {quantity.name for quantity in TITLES} | own
 
 

@@ -291,7 +291,7 @@ def test_a_plain_program_of_a_dc_motor_is_the_rollout() -> None:
     for law, method in (("voltage", "rk4"), ("voltage", "velocity_verlet"), ("line", "rk4")):
         scene = scene_with(LAWS[law])
         space: dict[str, Any] = {}
-        exec(code(scene, method).split("plt.plot")[0].replace("import matplotlib.pyplot as plt", ""), space)
+        exec(code(scene, method).split("figure, axes")[0].replace("import matplotlib.pyplot as plt", ""), space)
         run = rollout(scene, integrator=method, backend="python", warn=False)
         assert np.abs(np.array(space["angles"]) - run.angle).max() < 1e-12
 

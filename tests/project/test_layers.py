@@ -47,7 +47,7 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.jax": (*BASE, "pendulum_env.engine", "pendulum_env.tasks", "pendulum_env.envs"),
     "pendulum_env.testing": ("pendulum_env.common",),
     "pendulum_env.adapters": ("pendulum_env.common",),
-    "pendulum_env.exercise": (*BASE, "pendulum_env.lab", "pendulum_env.render", "pendulum_env.plots"),
+    "pendulum_env.exercise": (*BASE, *(f"pendulum_env.{room}" for room in ("engine", "lab", "render", "plots"))),
     "pendulum_env.web": (*BASE, "pendulum_env.engine", "pendulum_env.render"),
     "pendulum_env.notebook": (*BASE, *(f"pendulum_env.{room}" for room in (
         "engine", "lab", "study", "hard_cases", "plots"))),

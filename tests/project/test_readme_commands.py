@@ -41,6 +41,7 @@ SHORTER = {
     'lab-pendulum measure --amplitudes "0:30, 10:25.9, 20:22.2, 45:15.4"': "",
     "lab-pendulum measure lengths.csv": "", "lab-pendulum measure kater.csv --length 0.9938": "",
     "lab-pendulum code --integrators rk4 --scene exercise_large": "",
+    "lab-pendulum code --integrators backward_euler --scene exercise": "",
     "lab-pendulum code --scene lab --integrators dop853 --language javascript": "",
     "lab-pendulum code --language engine": "",
     "lab-pendulum code --language engine --scene lab --integrators rk4": "",

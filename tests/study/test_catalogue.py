@@ -10,6 +10,7 @@ from readme_code import check_listed, check_table
 from pendulum_env import SCENES
 from pendulum_env.bench.sources import SOURCES
 from pendulum_env.engine.motion import EVENTS
+from pendulum_env.lab.containers import FORMATS
 from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.effects import EFFECTS
@@ -20,7 +21,8 @@ ELSEWHERE = "integrators"
 """List that another module tests, because its limits take seconds to compute."""
 REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "bodies": BODIES, "events": EVENTS, "tasks": TASKS,
               "sources": [kind.form() for kind in SOURCES.values()],
-              "formats": [re.sub("^an? ", "", quantity.name) for quantity in QUANTITIES]}
+              "formats": [re.sub("^an? ", "", quantity.name) for quantity in QUANTITIES] + [
+                  file.name for file in FORMATS]}
 
 
 @pytest.mark.parametrize("name", [name for name in TABLES if name != ELSEWHERE])

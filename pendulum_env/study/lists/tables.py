@@ -12,6 +12,7 @@ from integrators import METHODS
 from pendulum_env.bench.sources import SOURCES
 from pendulum_env.common.texts import Table
 from pendulum_env.engine.motion import EVENTS
+from pendulum_env.lab.containers import FORMATS
 from pendulum_env.lab.quantities import QUANTITIES
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.body import RigidBody
@@ -84,7 +85,7 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType({
     "events": lambda: Table(("event", "what it is"), tuple(EVENTS.items())),
     "formats": lambda: Table(
         ("quantity", "words in titles", "units", "how it is read, or what to do"),
-        tuple(quantity.cells for quantity in QUANTITIES)),
+        (*(quantity.cells for quantity in QUANTITIES), *(file.cells for file in FORMATS))),
     "sources": lambda: Table(
         ("source", "what it is", "extra", "tested with"),
         tuple((kind.form(), kind.about, kind.extra or "-", kind.tested) for kind in SOURCES.values())),
