@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pendulum_env.lab.driven.fit import fit_driven
     from pendulum_env.lab.driven.log import DrivenLog
     from pendulum_env.lab.driven.result import DrivenFit, DrivenPrediction
-    from pendulum_env.lab.film import FilmTrack, follow, track
+    from pendulum_env.lab.film.track import FilmTrack, follow, track
     from pendulum_env.lab.fitting.fit import fit
     from pendulum_env.lab.fitting.posterior import Posterior
     from pendulum_env.lab.fitting.result import Fit

@@ -23,7 +23,7 @@ _SURE = 6.0  # standard errors from which a bend is none of chance
 _BENDS = 0.005, 0.005  # squares and cubes of angles from which a bend matters
 _STREAK = 0.003  # of a streak's length, to which its middle is known across the arc, by drawn films
 _WHOLE_ARC = 1.7  # times by which readings share more over the whole arc, which tells the radius, than over 1/24 of it;
-# by the radii of 80 drawn films, whose distances from the truth are so many claimed errors (rms)
+# about right for the radii of some twenty drawn films
 _WIDE = 0.9  # rad from end to end, from which the third harmonic changes visibly with the amplitude
 _WINDOW = 1.6  # periods in which a swing is compared with harmonics whose amplitudes change linearly
 
