@@ -21,13 +21,13 @@ TRACK, PIVOT = OKABE_ITO["vermillion"], OKABE_ITO["blue"]
 _ROOM = 0.06  # of the picture's height, around a pivot outside it
 
 
-def draw(found: FilmTrack) -> Figure:
+def draw(found: FilmTrack, figure: Figure | None = None) -> Figure:
     """Draw the bob's places over a frame of the film with the circle through them, the angle against time with marks
     where a frame has no reading, and what a smooth swing leaves of it with the band of the claimed errors.
     """
     with styled():
         tall = found.picture.shape[0] > found.picture.shape[1]
-        made = blank((8.0, 11.0 if tall else 9.8))
+        made = blank((8.0, 11.0 if tall else 9.8), figure)
         above, angle, rest = made.subplots(3, 1, height_ratios=(3.4 if tall else 2.5, 1.0, 0.8))
         angle.sharex(rest)
         _place(above, found)
@@ -38,13 +38,13 @@ def draw(found: FilmTrack) -> Figure:
                          label="frames without a reading")
             angle.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
         angle.tick_params(labelbottom=False)
-        angle.set(ylabel="angle in degrees", xlim=(0.0, found.end))
+        angle.set(ylabel="angle [deg]", xlim=(0.0, found.end))
         band = 1.96 * np.degrees(found.error)
         rest.fill_between(found.time, -band, band, step="mid", color=FAINT_INK, alpha=0.3, lw=0.0,
                           label="95 % of the claimed error")
         rest.plot(found.time, np.degrees(found.rest), ".", color=INK, ms=2.0)
         rest.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), borderaxespad=0.0)
-        rest.set(xlabel="time in s", ylabel="residual in degrees")
+        rest.set(xlabel="time [s]", ylabel="residual [deg]")
         made.align_ylabels((angle, rest))
     return made
 
@@ -66,6 +66,6 @@ def _place(axes: Axes, found: FilmTrack) -> None:
         axes.plot([x], [y], "+", color=tone, ms=size, mew=wide)
     room = _ROOM * height
     axes.set(xlim=(min(-0.5, x - room), max(width - 0.5, x + room)),
-             ylim=(max(height - 0.5, y + room), min(-0.5, y - room)), xlabel="x in pixels", ylabel="y in pixels",
+             ylim=(max(height - 0.5, y + room), min(-0.5, y - room)), xlabel="x [pixels]", ylabel="y [pixels]",
              title=for_figure(f"The track in {found.source}"))
     axes.grid(False)

@@ -106,6 +106,7 @@ def test_figures_have_their_legend_and_no_title(worked: Worked, draw: Any) -> No
     assert all("<" in text for text in texts), "texts are those of the labels"
 
 
+@pytest.mark.slow
 def test_the_command_writes_figures_and_numbers(tmp_path: Path, run_here: Here) -> None:
     tables(tmp_path)
     code, printed, said = run_here("exercise", "--period", "1.19", "--amplitudes", READINGS, "--lengths", "lengths.csv",

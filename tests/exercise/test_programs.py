@@ -231,6 +231,7 @@ def tables(folder: Path, centre: bool) -> tuple[Path, Path]:
     return lengths, kater
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("centre", [False, True])
 def test_programs_of_readings_by_hand(centre: bool, tmp_path: Path) -> None:
     """The truths are the formulas that the tables were written from, and the report."""

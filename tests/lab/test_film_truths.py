@@ -14,8 +14,8 @@ from film_marks import Marks, mark
 
 from pendulum_env.lab import Recording, RecordingError, track
 
-QUICK = ("plain", "hand", "uneven")
-"""Films of the quick tests; the slow ones take all, and all kinds once more with other numbers."""
+QUICK = ("hand",)
+"""The film of the quick tests; the slow ones take all, and all kinds once more with other numbers."""
 PERIOD = 3e-4
 SHARE = {"crf_38": 0.9, "patterned": 0.9, "faint": 0.95, "colour": 0.95, "behind": 0.85}
 """Least share of the frames in which the bob is seen whole; 0.97 elsewhere. A bob of the wall's brightness is seen at

@@ -14,12 +14,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
 import matplotlib
 import numpy as np
 import pytest
+from drawn_films import NAMES, draw
 from figure_texts import cut_off, overlapping, written
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -48,7 +50,7 @@ from pendulum_env import (
     transfer,
 )
 from pendulum_env.common.provenance import provenance
-from pendulum_env.lab import measure_amplitudes, measure_kater, measure_lengths
+from pendulum_env.lab import follow, measure_amplitudes, measure_kater, measure_lengths
 from pendulum_env.physics import exact
 from pendulum_env.plots import titles
 from pendulum_env.plots.style import blank, decades
@@ -152,6 +154,14 @@ def transferred() -> Any:
     return transfer(lambda seen: np.sign(seen[:, 2:]), short, real, episodes=3)
 
 
+@cache
+def filmed() -> Any:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "swing.mp4"
+        draw(replace(NAMES["plain"], seconds=5.0), path)
+        return follow(path)
+
+
 METHODS_SHOWN = tuple(METHODS[name] for name in SHEET)
 TABLES = tuple(METHODS[name] for name in ("forward_euler", "backward_euler", "rk4"))
 FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
@@ -164,6 +174,7 @@ FROM: Mapping[str, Callable[[], tuple[Any, ...]]] = {
     "plots.motion.phase": lambda: (runs(),),
     "plots.motion.portraits": lambda: (runs(),),
     "plots.recorded.recorded": lambda: (fitted(),),
+    "plots.filmed.draw": lambda: (filmed(),),
     "plots.driven.driven": lambda: (small_driven_fit("run.csv", "run2.csv"),),
     "plots.corner.corner": lambda: (normal_posterior(fitted()),),
     "plots.swing.measured": lambda: (measure(swing()),),
