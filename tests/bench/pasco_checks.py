@@ -118,7 +118,7 @@ def test_a_rotary_motion_sensor_fits_the_scene_behind_it(near: list[Device], swi
     assert source.notes[0] == "pasco: Angle of Rotary Motion 123-456"
     assert "times are the host's" in source.notes[1]
     assert np.median(np.diff(recording.time)) == pytest.approx(0.02, abs=0.01)
-    found = fit(recording, "linear", mass=1.0).parameters
+    found = fit(recording, "linear", mass=1.0, robust=True).parameters  # a busy machine reads one late
     for name, truth in (("length", LENGTH), ("linear_drag.gamma", GAMMA)):
         assert abs(found[name].value - truth) < 4.0 * found[name].error, (name, found[name])
         assert found[name].error < 0.1 * truth
