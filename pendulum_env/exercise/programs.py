@@ -13,8 +13,6 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from integrators import METHODS, Method
 from pendulum_env.common.version import __version__
 from pendulum_env.exercise.figures import ENDS, LOWEST, SIGN, STRIP, WIDTH, Labels, colour, recording_label, spans
@@ -23,7 +21,6 @@ from pendulum_env.exercise.large_angles import AMPLITUDES, PERIODS, Series
 from pendulum_env.exercise.motion import STEP, ExerciseMotion, times
 from pendulum_env.exercise.recorded import FIRST_SWINGS
 from pendulum_env.exercise.worked import Worked
-from pendulum_env.lab.kater import DEGREES, KaterSheet
 from pendulum_env.lab.measures import crossings
 from pendulum_env.lab.noise import noise_level
 from pendulum_env.lab.turning import CLEAR
@@ -157,17 +154,8 @@ def tables_by_hand(given: Given) -> dict[str, dict[str, Any]]:
         found["part_3_lengths"] = {"rows": rows_of(lines.length + lines.size, lines.period, lines.error)}
     if (swung := given.kater) is not None:
         found["part_3_kater"] = {"rows": rows_of(swung.position, swung.first, swung.second),
-                                 "edges": repr(swung.edges.value), "degree": degree_of(swung)}
+                                 "edges": repr(swung.edges.value), "degree": swung.degree}
     return found
-
-
-def degree_of(swung: KaterSheet) -> int:
-    """Return the degree of the polynomials through the periods of a reversible pendulum; 0 without any."""
-    if not swung.crossings:
-        return 0
-    fine, *curves = swung.curve
-    return min(DEGREES, key=lambda degree: (round(max(float(np.max(np.abs(curve - np.polynomial.Polynomial.fit(
-        fine, curve, degree)(fine)))) for curve in curves), 12), degree))
 
 
 def rows_of(*columns: Any) -> list[list[float]]:

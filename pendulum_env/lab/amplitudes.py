@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pendulum_env.common.results import Plotted, one_line
-from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, one_number
 from pendulum_env.lab.hand import HandTable, check_size, complete, half_a_digit, numbers_of, student_range
-from pendulum_env.lab.measures import LAWS, Line, Measurement, line_through, powers, scatter_factor
+from pendulum_env.lab.measures import LAWS, FromFile, Line, Measurement, line_through, powers, scaled, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, COUNT, DISTANCE, PERIOD, TIME
 from pendulum_env.lab.turning import TurningPoints, equilibrium
 from pendulum_env.physics import exact
@@ -98,7 +97,7 @@ class Envelope:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AmplitudeSheet(Plotted):
+class AmplitudeSheet(FromFile, Plotted):
     """Amplitudes read by hand, and what follows from them; :func:`measure_amplitudes` returns it.
 
     Attributes:
@@ -116,10 +115,6 @@ class AmplitudeSheet(Plotted):
     envelopes: tuple[Envelope, ...]
     period: float | None
     how: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "source", clean(self.source))
-        object.__setattr__(self, "how", tuple(clean(sentence, NOTE) for sentence in self.how))
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.points.time)} amplitudes, gamma = {self.decay}")
@@ -246,11 +241,6 @@ class AmplitudeSheet(Plotted):
                 lines.append(f"At these angles the envelope falls {100.0 * off:.1g} % faster than at small ones: "
                              f"linear drag with sin(theta) has gamma = {self.gamma}.")
         return "\n".join(lines)
-
-
-def scaled(one: Measurement, factor: float, unit: str) -> Measurement:
-    """Return a measurement times a factor, in another unit."""
-    return Measurement(one.value * factor, one.error * abs(factor), unit)
 
 
 def measure_amplitudes(

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.results import Displayed, one_line
 from pendulum_env.common.saved import Savable
-from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, file_name, known, numbers, one_number
 from pendulum_env.lab.columns import described
 from pendulum_env.lab.containers import text_of
 from pendulum_env.lab.fitting.statistics import correlation_time
-from pendulum_env.lab.measures import Measurement, doubt_of_gravity, doubt_of_length
+from pendulum_env.lab.measures import FromFile, Measurement, doubt_of_gravity, doubt_of_length
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, GATE, LENGTH, PERIOD, TIME
 from pendulum_env.lab.table import TextTable
 from pendulum_env.physics import exact
@@ -41,7 +40,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GateSheet(Savable, Displayed):
+class GateSheet(FromFile, Savable, Displayed):
     """Periods measured with a photogate, and what follows from them; :func:`measure_gate` returns it.
 
     Attributes:
@@ -63,10 +62,6 @@ class GateSheet(Savable, Displayed):
     length: Measurement
     gravity: Measurement | None
     how: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "source", clean(self.source))
-        object.__setattr__(self, "how", tuple(clean(sentence, NOTE) for sentence in self.how))
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.periods)} periods, T0 = {self.small_period}")

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pendulum_env.common.results import Plotted, one_line
-from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number
 from pendulum_env.lab.hand import (
     BENCH,
@@ -24,7 +23,7 @@ from pendulum_env.lab.hand import (
     small_periods,
     student_range,
 )
-from pendulum_env.lab.measures import UNLIKELY, Measurement, scatter_factor
+from pendulum_env.lab.measures import UNLIKELY, FromFile, Measurement, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, DISTANCE, TIME
 from pendulum_env.physics.units import shown
 
@@ -68,7 +67,7 @@ class Curves(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class KaterSheet(Plotted):
+class KaterSheet(FromFile, Plotted):
     """The timings of a reversible pendulum, and what follows from them; :func:`measure_kater` returns it.
 
     Attributes:
@@ -83,6 +82,7 @@ class KaterSheet(Plotted):
         curve: positions [m] and both fitted periods [s], three rows, for figures; empty for Bessel's formula.
         scatter: standard error of one period [s].
         freedom: degrees of freedom that the errors follow from.
+        degree: degree of the polynomials through the periods; 0 for Bessel's formula.
         how: sentences on how the table was read and how gravity follows.
     """
 
@@ -97,11 +97,8 @@ class KaterSheet(Plotted):
     curve: FloatArray
     scatter: float
     freedom: int
+    degree: int = 0
     how: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "source", clean(self.source))
-        object.__setattr__(self, "how", tuple(clean(sentence, NOTE) for sentence in self.how))
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, reversible pendulum, g = {self.gravity}")
@@ -269,11 +266,12 @@ def _by_crossing(
     period = Measurement(float(np.average([one.value for one in times], weights=weights)),
                          float(weights.sum() ** -0.5), "s")
     fine = np.linspace(x.min(), x.max(), 200)
-    degree = ("a straight line", "a parabola", "a cubic")[len(curves.first) - 2]
-    how = f"Each of T1 and T2 is fitted by {degree} of the position."
+    degree = len(curves.first) - 1
+    shape = {1: "a straight line", 2: "a parabola", 3: "a cubic"}[degree]
+    how = f"Each of T1 and T2 is fitted by {shape} of the position."
     return KaterSheet(read.source, x, first, second, edges, tuple(place for place, _ in found), period,
                       _gravity(period, edges), np.stack([fine, *curves.at(fine)]), curves.error, curves.freedom,
-                      (how,))
+                      degree, (how,))
 
 
 def _curves(x: FloatArray, first: FloatArray, second: FloatArray, sigma: float | None, least: float) -> Curves:
@@ -346,7 +344,7 @@ def _by_bessel(
     error = own * math.sqrt(rows) / float(np.mean(by_period)) * (least if sigma is None else sigma)
     return KaterSheet(read.source, h1, first, second, edges, (), period,
                       Measurement(mean, math.hypot(own, by_edges), "m/s²"), np.empty((3, 0)), error, freedom,
-                      (f"Bessel's formula for {rows} row{'s' * (rows > 1)}.",))
+                      0, (f"Bessel's formula for {rows} row{'s' * (rows > 1)}.",))
 
 
 def is_kater(path: str | os.PathLike[str]) -> bool:

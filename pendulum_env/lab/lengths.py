@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pendulum_env.common.results import Plotted, one_line
-from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import FloatArray, RecordingError, count, numbers, one_number
 from pendulum_env.lab.hand import (
     BENCH,
@@ -24,7 +23,7 @@ from pendulum_env.lab.hand import (
     small_periods,
     student_range,
 )
-from pendulum_env.lab.measures import UNLIKELY, Line, Measurement, line_through, scatter_factor
+from pendulum_env.lab.measures import UNLIKELY, FromFile, Line, Measurement, line_through, scaled, scatter_factor
 from pendulum_env.lab.quantities import AMPLITUDE, ANGLE, LENGTH, PERIOD, TIME
 from pendulum_env.physics.units import shown
 
@@ -47,7 +46,7 @@ _ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LengthSheet(Plotted):
+class LengthSheet(FromFile, Plotted):
     """Periods against lengths, and what follows from them; :func:`measure_lengths` returns it.
 
     Attributes:
@@ -78,10 +77,6 @@ class LengthSheet(Plotted):
     through_origin: Measurement
     told: bool
     how: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "source", clean(self.source))
-        object.__setattr__(self, "how", tuple(clean(sentence, NOTE) for sentence in self.how))
 
     def __repr__(self) -> str:
         return one_line(self, f"{self.source}, {len(self.length)} lengths, g = {self.gravity}")
@@ -117,7 +112,7 @@ class LengthSheet(Plotted):
         from pendulum_env.common.texts import Table
 
         rows = (("gravity", str(self.gravity), f"4 pi²/slope of T² against L, {len(self.length)} lengths"),
-                ("offset of the length", str(scaled_mm(self.offset)), "intercept/slope: added to every length"),
+                ("offset of the length", str(scaled(self.offset, 1e3, "mm")), "intercept/slope: added to every length"),
                 ("gravity, offset 0", str(self.through_origin), "line through the origin"),
                 ("slope", f"{self.line.slope:.5g} s²/m", ""),
                 ("scatter of a period", f"{1e3 * self.scatter:.2g} ms", "about the line"))
@@ -161,13 +156,14 @@ class LengthSheet(Plotted):
         low, high = student_range(self.gravity, self.freedom)
         lines = [*self.how, f"T² against the length of {len(self.length)} pendulums gives g = {self.gravity}, with "
                  f"95 % between {low:.4g} and {high:.4g} m/s², whatever the offset of the lengths."]
-        if abs(self.offset.value) < 2.0 * self.offset.error:
-            lines.append(f"The offset of the lengths is 0 within two errors ({scaled_mm(self.offset)}); if the lengths "
-                         f"are from the pivot to the bob's centre, g = {self.through_origin}.")
+        offset = scaled(self.offset, 1e3, "mm")
+        if abs(offset.value) < 2.0 * offset.error:
+            lines.append(f"The offset of the lengths is 0 within two errors ({offset}); if the lengths are from the "
+                         f"pivot to the bob's centre, g = {self.through_origin}.")
         else:
-            lines.append(f"The lengths are {'too short' if self.offset.value > 0.0 else 'too long'} by "
-                         f"{scaled_mm(scaled_sign(self.offset))}: measure from the pivot to the bob's centre. g from "
-                         "the slope does not depend on it.")
+            short, by = offset.value > 0.0, scaled(offset, math.copysign(1.0, offset.value), "mm")
+            lines.append(f"The lengths are {'too short' if short else 'too long'} by {by}: measure from the pivot to "
+                         "the bob's centre. g from the slope does not depend on it.")
         if self.told and self.misfit > 1.5:
             lines.append(f"The periods scatter {self.misfit:.2g} times as much as their errors; the errors above allow "
                          "for that.")
@@ -181,16 +177,6 @@ class LengthSheet(Plotted):
                 abs(self.gravity.value - USUAL) > 3.0 * self.gravity.error):
             lines.append(self._doubt())
         return "\n".join(lines)
-
-
-def scaled_mm(one: Measurement) -> Measurement:
-    """Return a length in mm."""
-    return Measurement(1e3 * one.value, 1e3 * one.error, "mm")
-
-
-def scaled_sign(one: Measurement) -> Measurement:
-    """Return a measurement with its value's size."""
-    return Measurement(abs(one.value), one.error, one.unit)
 
 
 def measure_lengths(

@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.checked import (
     FloatArray,
     RecordingError,
@@ -54,6 +55,22 @@ class Measurement:
         size = self.error if 0 < self.error < math.inf else abs(self.value) * 1e-6
         digits = max(0, 1 - math.floor(math.log10(size))) if 0 < size < math.inf else 1
         return f"{self.value:.{digits}f} ± {self.error:.{digits}f} {self.unit}"
+
+
+class FromFile:
+    """Base of a sheet with a ``source`` and sentences ``how`` it was read: words of a file lose what is no text."""
+
+    source: str
+    how: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "source", clean(self.source))
+        object.__setattr__(self, "how", tuple(clean(sentence, NOTE) for sentence in self.how))
+
+
+def scaled(one: Measurement, factor: float, unit: str) -> Measurement:
+    """Return a measurement times a factor, in another unit."""
+    return Measurement(one.value * factor, one.error * abs(factor), unit)
 
 
 def bounded_text(one: Measurement, freedom: float) -> str:

@@ -85,7 +85,7 @@ class Film:
         self.path, self.name, self.channel = path, Path(path).name, channel
         self.until = math.inf if until is None else one_number(until, "until", above=0.0, unit="s")
         self._av, self._cv = packages(self.name)
-        self.broken = ""
+        self.broken, self.turned = "", 0
         steps, first, shape = [], None, None
         with self._opened() as container:
             stream = container.streams.video[0]
@@ -94,8 +94,8 @@ class Film:
                 container.duration / 1e6 if container.duration else 0.0)
             for time, frame in self._decoded(container):
                 first = time if first is None else first
-                shape = self._picture(frame).shape
                 self.turned = int(getattr(frame, "rotation", 0) or 0)
+                shape = self._picture(frame).shape
                 steps.append(time)
                 if len(steps) > 4 * _LEAST:
                     break
@@ -198,8 +198,7 @@ class Film:
 
     def _upright(self, picture: Picture) -> Picture:
         """Return a picture turned as the file's rotation flag says."""
-        return np.ascontiguousarray(np.rot90(picture, getattr(self, "turned", 0) // 90)) if getattr(
-            self, "turned", 0) else picture
+        return np.ascontiguousarray(np.rot90(picture, self.turned // 90)) if self.turned else picture
 
 
 class Shots:

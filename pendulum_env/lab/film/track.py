@@ -16,11 +16,12 @@ from pendulum_env.common.results import Plotted, one_line
 from pendulum_env.common.texts import Table
 from pendulum_env.lab.checked import Drop, FloatArray, RecordingError, file_name, numbers, one_number, spans
 from pendulum_env.lab.film.finding import CLEAR, FAINTEST, Sample, Swing, basis, gains, moved, sampled, spots_of, swings
-from pendulum_env.lab.film.frames import CHANNELS, Film, Picture, smaller
+from pendulum_env.lab.film.frames import CHANNELS, Film, Picture, packages, smaller
 from pendulum_env.lab.film.geometry import alone, angles_of, bent_of, blurred, calibrated, middle_of, rest_of
 from pendulum_env.lab.film.position import LARGE, Bob, Place, background_of
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.lab.recording import Filmed, Recording
+from pendulum_env.lab.tracks import fit_circle
 from pendulum_env.physics.units import shown
 
 _FINDING = 0.4  # of the progress bar
@@ -312,8 +313,6 @@ class Guess:
 
 def _rough_pivot(swing: Swing) -> tuple[float, float]:
     """Return the pivot by the places that were found, or one far above for an arc that is too flat to tell."""
-    from pendulum_env.lab.tracks import fit_circle
-
     try:
         circle = fit_circle(swing.x, swing.y)
     except RecordingError:
@@ -437,8 +436,6 @@ class _Reading:
 
     def _searched(self, picture: Picture, near: FloatArray) -> tuple[float, float] | None:
         """Return the place of the spot that is nearest to where the bob is expected; None if there is none alike."""
-        from pendulum_env.lab.film.frames import packages
-
         cv, bg, bob = packages()[1], self.bob.background, self.bob
         height, width = bg.picture.shape
         part = picture[bg.top : bg.top + height, bg.left : bg.left + width].astype(np.float32)
