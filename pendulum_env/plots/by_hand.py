@@ -62,7 +62,9 @@ def amplitudes_by_hand(sheet: AmplitudeSheet, figure: Figure | None = None, word
             below.plot(points.time, size - np.degrees(one.at(points.time)), marker="o", markersize=3.5, **style)
         amplitudes(above)
         low, high = float((size - error).min()), float((size + error).max())
-        above.set_ylim(max(0.8 * low, 0.4 * float(size.min())), 1.15 * high)
+        low = max(low, 0.5 * float(size.min()))
+        room = (high / low) ** 0.08
+        above.set_ylim(low / room, high * room)
         above.set(ylabel=words["amplitude"])
         above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=4)
         below.axhline(0.0, color=FAINT_INK, linewidth=0.8)

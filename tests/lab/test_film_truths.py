@@ -72,7 +72,7 @@ def shortcomings(film: Film, folder: Path) -> list[str]:
     assert recording.error is not None
     assert recording.radius is not None
     marks = mark(truth, recording.time, recording.angle, recording.error)
-    return faults(marks, film, recording.radius.error / recording.radius.value if "pivot" not in film.options else 0.01)
+    return faults(marks, film, recording.radius.error / recording.radius.value)
 
 
 def judge(name: str, seed: int, folder: Path) -> None:

@@ -24,6 +24,7 @@ _BENDS = 0.005, 0.005  # squares and cubes of angles from which a bend matters
 _STREAK = 0.003  # of a streak's length, to which its middle is known across the arc, by drawn films
 _WHOLE_ARC = 1.7  # times by which readings share more over the whole arc, which tells the radius, than over 1/24 of it;
 # about right for the radii of some twenty drawn films
+_CLICK = 0.5  # pixels, to which a pivot is known that was clicked on or read off
 _WIDE = 0.9  # rad from end to end, from which the third harmonic changes visibly with the amplitude
 _WINDOW = 1.6  # periods in which a swing is compared with harmonics whose amplitudes change linearly
 
@@ -57,7 +58,7 @@ def angles_of(name: str, x: FloatArray, y: FloatArray, covariance: FloatArray, p
     else:
         away = np.hypot(x - pivot[0], y - pivot[1])
         rms = float(away.std())
-        radius = Measurement(float(away.mean()), rms / math.sqrt(len(away)), "pixels")
+        radius = Measurement(float(away.mean()), math.hypot(_CLICK, rms / math.sqrt(len(away))), "pixels")
     angle = np.arctan2(x - pivot[0], y - pivot[1])
     along = np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     error = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", along, covariance, along), 0.0)) / radius.value
