@@ -144,7 +144,7 @@ class Bench:
         return [self._one(place) for place in range(len(self.envs))]
 
     def _one(self, place: int) -> Shown:
-        """Return the interface of one pendulum, in the colour that figures give to its method.
+        """Return the interface of one pendulum, in the colour that a figure of all methods gives to its method.
 
         A pendulum whose run has ended shows this until it starts again.
         """
@@ -153,14 +153,20 @@ class Bench:
         own = env.shown()
 
         def view() -> View:
-            tone = palette.colour(palette.place(env.integrator, list(METHODS))) if len(self.envs) > 1 else None
-            return replace(own.view(), accent=tone, stopped=self.over[place])
+            return replace(own.view(), accent=self._tone(place), stopped=self.over[place])
 
         def start(angle: float, velocity: float) -> None:
             own.start(angle, velocity)
             self.over[place] = False
 
         return replace(own, view=view, start=start)
+
+    def _tone(self, place: int) -> str | None:
+        """Return the colour of one pendulum beside the others; None is the default of a single one."""
+        if len(self.envs) == 1:
+            return None
+        indices = [palette.place(env.integrator, list(METHODS)) for env in self.envs]
+        return palette.colours(indices)[indices[place]]
 
     def new_step(self, factor: float) -> list[Shown]:
         """Return the interfaces of new pendulums with ``factor`` times the step; they have not started yet.

@@ -257,14 +257,15 @@ def _captions(machines: Sequence[Machine]) -> list[str]:
 
 
 def _tones(machines: Sequence[Machine]) -> list[str | None]:
-    """Return the colours of the bobs of several runs: those that figures give to their methods.
+    """Return the colours of the bobs of several runs: those that a figure of these methods has.
 
     If all methods are equal, each colour is None, which stands for the default.
     """
     if len({machine.method.name for machine in machines}) == 1:
         return [None] * len(machines)
-    known = list(METHODS)
-    return [palette.colour(palette.place(machine.method.name, known)) for machine in machines]
+    places = [palette.place(machine.method.name, list(METHODS)) for machine in machines]
+    tones = palette.colours(places)
+    return [tones[place] for place in places]
 
 
 def _one(values: list[Any]) -> Any:

@@ -22,7 +22,7 @@ from integrators import METHODS
 from pendulum_env.common.replacing import replacing
 from pendulum_env.common.texts import clean
 from pendulum_env.render import palette
-from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, colour, hue
+from pendulum_env.render.palette import FAINT_INK, METHOD_COLOURS, OKABE_ITO, colour, hues
 
 if TYPE_CHECKING:
     from pendulum_env.engine.rollout import Rollout
@@ -195,18 +195,21 @@ def place(name: str) -> int:
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:
-    """Return the colour "#RRGGBB" of every named method, which is the same in all figures and films."""
-    return {name: colour(place(name)) for name in names}
+    """Return the colour "#RRGGBB" of every named method in a figure or film of these methods, in which up to eight differ.
+
+    A method has its own colour, unless one before it has that colour.
+    """
+    names = list(names)
+    tones = palette.colours(map(place, names))
+    return {name: tones[place(name)] for name in names}
 
 
 def distinct(names: Iterable[str]) -> dict[str, str]:
-    """Return different colours for up to a dozen methods in one figure, by name: a method's own colour if it is free.
-    """
+    """Return different colours for up to a dozen methods in one figure, by name, none too pale for a thin line."""
     tones: dict[str, str] = {}
     for name, tone in colours(names).items():
         own = DARKER.get(tone, tone)
-        darker = (DARKER.get(other, other) for other in (*METHOD_COLOURS, *FURTHER))
-        free = [other for other in darker if other not in tones.values()]
+        free = [other for other in FURTHER if other not in tones.values()]
         tones[name] = free[0] if own in tones.values() and free else own
     return tones
 
@@ -219,7 +222,7 @@ def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
 def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     """Return the curve style of every label of ``names``, a dict of methods' names by label.
 
-    Colour, dash pattern and marker are those of the method, but a curve that is alone is solid and has no marker.
+    Colour, dash pattern and marker are those of the method (of one picture, :func:`colours`), but a curve that is alone is solid and has no marker.
     Widths are chosen so that curves do not hide each other. A second curve of one method gets the next dash pattern.
     """
     if len(names) == 1:
@@ -228,8 +231,9 @@ def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     styles: dict[str, Look] = {}
     methods: list[str] = []
     kinds: list[int] = []
+    tones = hues(map(place, names.values()))
     for label, name in names.items():
-        tone, turn = hue(place(name))
+        tone, turn = tones[place(name)]
         turns = turn + methods.count(name)
         kind = (tone + turn + turns) % len(LINES)
         dashes, width = LINES[kind]

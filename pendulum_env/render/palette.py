@@ -8,7 +8,7 @@ The light and the dark theme of frames differ in neutral colours only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -81,9 +81,28 @@ def hue(index: int) -> tuple[int, int]:
     return (place + SHIFT * turn) % len(METHOD_COLOURS), turn
 
 
+def hues(indices: Iterable[int]) -> dict[int, tuple[int, int]]:
+    """Return :func:`hue` of every method of one picture, by its index, with different colours for up to eight methods.
+
+    A method whose colour an earlier one has takes the first colour that is free.
+    """
+    given: dict[int, tuple[int, int]] = {}
+    for index in dict.fromkeys(indices):
+        own, turn = hue(index)
+        taken = [tone for tone, _ in given.values()]
+        free = [tone for tone in range(len(METHOD_COLOURS)) if tone not in taken]
+        given[index] = free[0] if own in taken and free else own, turn
+    return given
+
+
 def colour(index: int) -> str:
     """Return the hex colour that figures and films give to the `index`-th method, counted from 0."""
     return METHOD_COLOURS[hue(index)[0]]
+
+
+def colours(indices: Iterable[int]) -> dict[int, str]:
+    """Return the hex colour of every method of one picture, by its index; see :func:`hues`."""
+    return {index: METHOD_COLOURS[tone] for index, (tone, _) in hues(indices).items()}
 
 
 @cache

@@ -419,6 +419,9 @@ def test_methods_have_the_colours_of_figures_and_scenes_their_own_names(tmp_path
     tones = {name: colour(list(METHODS).index(name)) for name in ("rk4", "heun")}
     assert drawn == tuple((name, tone, "vacuum, dt = 0.01 s, 2 times slower") for name, tone in tones.items())
     shown.clear()
+    film("vacuum", tmp_path / "x.mp4", ["symplectic_euler", "gauss4", "rk4", "midpoint"], duration=0.02)
+    assert len({view.accent for _, view in shown[0]}) == 4
+    shown.clear()
     short = SCENES["lab"].replace(length=0.2)
     film(["lab", short, "water"], tmp_path / "x.mp4", "rk4", duration=0.02)
     assert [(view.caption, view.accent, thing.title) for thing, view in shown[0]] == [

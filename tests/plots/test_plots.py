@@ -107,19 +107,23 @@ def test_the_distance_from_the_exact_motion_is_the_largest_in_each_half_swing(sh
     assert np.all(np.diff(time) > 0.0)
 
 
-def test_a_method_has_one_colour_whatever_else_is_drawn():
+def test_a_method_has_its_own_colour_unless_one_before_has_it():
     every = list(integrators.METHODS)
-    tones = plots.colours(every)
-    for name in every:
-        assert plots.colours([name]) == {name: tones[name]}
-        assert plots.colours([*reversed(every), "nobody"])[name] == tones[name]
-    assert len(set(tones.values())) == len(METHOD_COLOURS) == 8
+    own = {name: plots.colours([name])[name] for name in (*every, "nobody")}
+    assert set(own.values()) == set(METHOD_COLOURS)
+    assert plots.colours(every) == {name: own[name] for name in every}  # once all eight are taken, they are used again
     assert len(set(plots.colours(SHEET).values())) == len(SHEET)
-    assert plots.colours(["nobody", "rk4"])["nobody"] == plots.colours(["nobody"])["nobody"]
-    drawn = runs("rk4", "conformal_symplectic_euler")
+    alike = [name for name in every if own[name] == own["rk4"]][:8]
+    assert len(alike) == 8
+    assert set(plots.colours(alike).values()) == set(METHOD_COLOURS)
+    for name in (*every, "nobody"):
+        assert plots.colours([name, "rk4"])[name] == own[name]
+        assert (plots.colours(["rk4", name])[name] == own[name]) is (own[name] != own["rk4"] or name == "rk4")
+    drawn = runs("rk4", "midpoint")
+    assert own["rk4"] == own["midpoint"]
     for draw in DRAWN:
         seen = {line.get_label(): to_hex(line.get_color()).upper() for line in draw(drawn).lines}
-        assert {name: seen[name] for name in drawn} == {name: tones[name] for name in drawn}
+        assert {name: seen[name] for name in drawn} == plots.colours(drawn)
 
 
 @pytest.mark.slow

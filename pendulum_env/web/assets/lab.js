@@ -365,13 +365,12 @@ function rebuild() {
   restart();
 }
 
-/** The hue of a pendulum: that of its method in our figures, or the next free one if another pendulum has it. */
+/** The hue of a pendulum: that of its method in our figures, or the first free one if another pendulum has it. */
 function hueOf(lane) {
   const taken = lab.lanes.slice(0, lab.lanes.indexOf(lane)).map((other) => other.hue);
-  let hue = PAGE.methods[lane.method].hue;
-  while (taken.includes(hue)) hue = (hue + 1) % 8;
-  lane.hue = hue;
-  return hue;
+  const own = PAGE.methods[lane.method].hue;
+  lane.hue = taken.includes(own) ? [0, 1, 2, 3, 4, 5, 6, 7].find((hue) => !taken.includes(hue)) : own;
+  return lane.hue;
 }
 
 /** Write the present numbers into equation and start. */
