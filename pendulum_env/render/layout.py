@@ -131,16 +131,23 @@ def _arranged(body: Box, rooms: Rooms, font: int) -> tuple[dict[str, Box], float
 def _stacked(region: Box, rooms: Rooms, columns: int, font: int) -> dict[str, Box]:
     """Return areas for panels in rows of ``columns`` panels, which together fill a region of a frame.
 
-    The heights of the rows are in proportion to the heights at which their panels are comfortable to read.
+    The heights of the rows are in proportion to the heights at which their panels are comfortable to read. Where there
+    is less room than that, the energy bars keep their height, because their names cannot become smaller, as long as the
+    graphs stay readable.
     """
     names = [*rooms]
     rows = [names[i : i + columns] for i in range(0, len(names), columns)]
     gap = 0.7 * font
     needs = [max(rooms[name][1] for name in row) for row in rows]
-    unit = max(region.height - gap * (len(rows) - 1), 0.0) / sum(needs)
+    room = max(region.height - gap * (len(rows) - 1), 0.0)
+    heights = [need * room / sum(needs) for need in needs]
+    kept = [need * font if "energy" in row else 0.0 for row, need in zip(rows, needs, strict=True)]
+    graphs = sum(need for need, own in zip(needs, kept, strict=True) if not own)
+    if LEAST_ROOM * font * graphs < room - sum(kept) < font * graphs:
+        heights = [own or need * (room - sum(kept)) / graphs for need, own in zip(needs, kept, strict=True)]
     areas, top = {}, region.top
-    for row, need in zip(rows, needs, strict=True):
-        bottom = top + need * unit
+    for row, height in zip(rows, heights, strict=True):
+        bottom = top + height
         wide = (region.width - gap * (len(row) - 1)) / len(row)
         for place, name in enumerate(row):
             left = region.left + place * (wide + gap)

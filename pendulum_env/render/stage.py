@@ -77,7 +77,7 @@ PANELS: Mapping[str, Panel] = MappingProxyType({
         "a bar for each entry of the energy ledger, with its value", (10.0, ENERGY_ROW),
         lambda at: Bars(at.area, at.font, at.bars, at.theme), frozenset({"energies"}), per_bar=True),
     "history": Panel(
-        "the energies of the last ten seconds, on the scale of the energy bars if it suits", (10.0, 4.5),
+        "the energies of the last ten seconds, on the scale of the energy bars if it suits", (11.0, 4.5),
         lambda at: History(at.area, at.font, at.theme, at.lettered, at.bars, "energy" not in at.panels),
         frozenset({"past", "energies"})),
     "phase": Panel(
@@ -85,7 +85,7 @@ PANELS: Mapping[str, Panel] = MappingProxyType({
         (8.0, 7.0),
         lambda at: Portrait(at.area, at.font, at.theme, at.lettered), frozenset({"past", "curves"})),
     "residual": Panel(
-        "the residual of the energy balance over the last ten seconds, on its own scale", (10.0, 4.0),
+        "the residual of the energy balance over the last ten seconds, on its own scale", (11.0, 4.0),
         lambda at: Residual(at.area, at.font, at.theme, at.lettered), frozenset({"past", "energies"})),
 })
 """All kinds of panels by name."""

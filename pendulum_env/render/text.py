@@ -5,6 +5,7 @@ Pygame is imported when the first text is painted.
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import sys
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 _FONTS: dict[int, pygame.font.Font] = {}
 _MOST_FONTS, _MOST_PICTURES = 32, 512
-_PART = re.compile(r"[0-9]{1,2}(?:\.(?=[0-9]))?|[^0-9]+")
+_PART = re.compile(r"[0-9]{1,2}(?:\.(?=[0-9]))?|°|[^0-9°]+")
 """Part of a text that recurs in others: up to two digits, with a decimal point after them, or what is between."""
 _DIGITS = frozenset("0123456789")
 MINUS = "\N{MINUS SIGN}"
@@ -65,6 +66,8 @@ def piece(text: str, size: int) -> NDArray[np.uint8]:
     """
     if len(text) > 1 and text[0] in _DIGITS:
         return np.concatenate([piece(sign, size) for sign in text], axis=1)
+    if text == "°":
+        return _degree(size)
     surface = _render(text, size)
     import pygame.surfarray
 
@@ -72,6 +75,17 @@ def piece(text: str, size: int) -> NDArray[np.uint8]:
     rows = min(len(cover), surface.get_height())
     cover[:rows] = pygame.surfarray.pixels_alpha(surface).T[:rows]
     return cover
+
+
+def _degree(size: int) -> NDArray[np.uint8]:
+    """Return the opacity of every pixel of a degree sign; the font's own is a dot in small sizes."""
+    digit = piece("0", size)
+    top = int(np.flatnonzero(digit.max(axis=1) > 127)[0])
+    radius, half = max(1.6, 0.1 * size), max(0.5, 0.03 * size)
+    side = 2 * math.ceil(radius + half)
+    across = np.arange(side + 1) + 0.5 - side / 2  # a free column to the right
+    down = np.arange(len(digit))[:, None] + 0.5 - top - radius - half
+    return np.rint(255 * np.clip(half + 0.5 - np.abs(np.hypot(across, down) - radius), 0, 1)).astype(np.uint8)
 
 
 @lru_cache(maxsize=64)
