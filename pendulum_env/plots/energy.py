@@ -24,6 +24,8 @@ FLOOR, CEILING = 1e-3, 1e6
 above the upper end, the axis is linear."""
 TAME = 0.1
 """Runs with relative energy errors up to this determine the linear axis of the energy residual."""
+PERCENT = 1e-3
+"""Smallest relative energy error that is given in percent."""
 LEAST = 1e-17
 """Relative energy errors below this are not drawn."""
 PREFIXES = ((0.1, 1.0, "J"), (1e-4, 1e-3, "mJ"), (1e-7, 1e-6, "µJ"), (0.0, 1e-9, "nJ"))
@@ -63,27 +65,26 @@ def energy(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes 
 
 
 def energy_residual(runs: Mapping[str, Rollout], *, span: Span | None = None, axes: Axes | None = None) -> Axes:
-    """Draw the energy residual of every run, with its sign, in percent of the initial energy against time [s].
+    """Draw the energy residual of every run, with its sign, over the initial energy against time [s].
 
     The axis is linear and fits the methods that keep the energy within 10 % (TAME), so that one sees the energy of a
     symplectic method swing about the true one; other curves leave the axes. Without such a method the axis fits the
-    smallest error. An initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for
+    smallest error. It is in percent if it reaches 0.1 % (PERCENT). An initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for
     runs that cannot be drawn.
     """
-    sizes = []
     with over_time(runs, span, axes) as (at, shown):
         moving = any(float(run.energy[0]) for run in runs.values())
+        parts = {key: within(run.time, shown) for key, run in runs.items()}
+        shares = {key: run.energy_residual[parts[key]] / (abs(float(run.energy[0])) or 1.0) for key, run in runs.items()}
+        sizes = [float(np.max(np.abs(share[np.isfinite(share)]), initial=0.0)) for share in shares.values()]
+        limit = max((size for size in sizes if size <= TAME), default=min(sizes))
+        unit = 0.01 if moving and limit >= PERCENT else 1.0
         for key, look in looks(runs).items():
-            run = runs[key]
-            part = within(run.time, shown)
-            share = run.energy_residual[part] / (abs(float(run.energy[0])) or 1.0)
-            sizes.append(float(np.max(np.abs(share[np.isfinite(share)]), initial=0.0)))
-            at.plot(run.time[part], 100.0 * share if moving else share, label=named(key, run), **look.line)
-        limit = max((size for size in sizes if size <= TAME), default=min(sizes)) * (100.0 if moving else 1.0)
+            at.plot(runs[key].time[parts[key]], shares[key] / unit, label=named(key, runs[key]), **look.line)
         if limit > 0.0:
-            at.set_ylim(-1.15 * limit, 1.15 * limit)
+            at.set_ylim(-1.15 * limit / unit, 1.15 * limit / unit)
         at.axhline(0.0, color=FAINT_INK, linewidth=0.9, linestyle=(0, (4, 3)), zorder=1.2)
-        at.set_ylabel("energy residual" + (" / E$_0$ [%]" if moving else " [J]"))
+        at.set_ylabel("energy residual" + (" [J]" if not moving else " / E$_0$" if unit == 1.0 else " / E$_0$ [%]"))
     return at
 
 

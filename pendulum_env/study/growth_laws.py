@@ -56,8 +56,12 @@ class Law:
         return type(other) is type(self) and [*vars(self).values()] == [*vars(other).values()]
 
     def text(self) -> str:
-        """Return the kind of growth as text, with the times [periods] at which the motion was lost or diverged."""
+        """Return the kind of growth as text, with the times [periods] at which the motion was lost or diverged.
+
+        Errors from rounding also say how they grow, as "round-off, as t^1.5".
+        """
         parts = [self.kind] if self.kind not in ("lost", "diverged") else []
+        parts += [f"as t^{self.slope:.1f}"] if self.kind == "round-off" and self.slope > 0.1 else []
         parts += [f"lost at {_plain(self.lost)}"] if self.lost < self.stopped else []
         parts += [f"diverged at {_plain(self.stopped)}"] if math.isfinite(self.stopped) else []
         return ", ".join(parts)

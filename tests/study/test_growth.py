@@ -63,6 +63,7 @@ def test_laws_of_powers(error, kind, slope):
     assert found.kind in KINDS
     assert slope is None or found.slope == pytest.approx(slope, abs=1e-9)
     assert found.lost == math.inf
+    assert found.text() == (f"{kind}, as t^{slope}" if kind == "round-off" else kind)
 
 
 def test_an_exponential_is_told_from_every_power():

@@ -96,7 +96,7 @@ def figure_of(comparison: Comparison, name: str) -> Figure:
     else:
         drawn, rows = plots.figure(3)
         plots.energy(runs, axes=rows[0])
-        plots.energy_residual(runs, span=first, axes=rows[1])
+        plots.energy_residual(runs, span=spans[0], axes=rows[1])  # of a long run the first swings, as of the angle
         plots.energy_error(runs, axes=rows[2])
     _trim(rows)
     return drawn
