@@ -155,7 +155,10 @@ def vector(envs: Any) -> Iterator[str]:
     """Yield the parts of a vector's card: its scene, its size and its settings."""
     yield f"{'LabPendulum-v0' if envs.spec is None else envs.spec.id}: {envs.scene.name}, {envs.num_envs} environments"
     yield equation(envs.scene)
+    own = envs.own_parameters
     yield html.facts((
+        ("equation", "with the numbers of environment 0" if own else ""),
+        *((name, f"{values.min():g} to {values.max():g}, one for each") for name, values in own.items()),
         *settings(envs),
         ("threads", str(envs.num_threads)),
         ("autoreset_mode", str(envs.autoreset_mode.value)),
@@ -253,7 +256,9 @@ def own_study(one: Any) -> Iterator[str]:
     """Yield the parts of the card of a Study's result, with its settings below its title."""
     title, *rest = result(one, one.title)
     yield title
-    yield html.facts((entry.name, str(getattr(one.study, entry.name))) for entry in fields(one.study))
+    values = ((entry.name, getattr(one.study, entry.name)) for entry in fields(one.study))
+    yield html.facts((name, ", ".join(map(str, value)) if isinstance(value, (tuple, list, np.ndarray)) else str(value))
+                     for name, value in values)  # str of a sequence shows NumPy's numbers as np.float64(0.1)
     yield from rest
 
 

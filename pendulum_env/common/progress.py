@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +10,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from functools import wraps
 from html import escape
 from importlib import import_module
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from pendulum_env.common.checks import function
 
@@ -69,8 +70,12 @@ def with_bar(title: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
 def in_notebook() -> bool:
     """Return True in a Jupyter kernel, such as those of JupyterLab, VS Code and Colab."""
-    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return getattr(shell, "kernel", None) is not None
+    return getattr(_shell(), "kernel", None) is not None
+
+
+def _shell() -> Any:
+    """Return IPython's shell; None outside of it."""
+    return getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
 
 
 def _ignore(_done: float, _activity: str) -> None:
@@ -99,15 +104,22 @@ def progress_bar(title: str, begun: float | None = None) -> Iterator[Progress]:
         yield lambda done, activity: bar.update(task, completed=done, description=activity)
 
 
+_LINES: dict[tuple[int, str], tuple[Any, list[float]]] = {}
+"""The last finished line of a notebook, by its cell and title: the output, and the times of its runs [s]."""
+
+
 @contextmanager
 def notebook_bar(title: str, begun: float) -> Iterator[Progress]:
     """Show a progress bar below a notebook's cell, without widgets; yield its callback.
 
-    At the end a line with the time takes its place, because an output that was emptied would leave a gap.
+    At the end a line with the time takes its place, because an output that was emptied would leave a gap. Bars of one
+    title in one cell share the line, which then counts them.
     """
     page = import_module("IPython.display")
     last = time.monotonic()
-    output = page.display(page.HTML(_bar(title, 0.0, "")), display_id=True)
+    cell = (getattr(_shell(), "execution_count", 0), title)
+    output, times = _LINES.get(cell) or (page.display(page.HTML(_bar(title, 0.0, "")), display_id=True), [])
+    _LINES.clear()
 
     def tell(done: float, activity: str) -> None:
         nonlocal last
@@ -120,7 +132,10 @@ def notebook_bar(title: str, begun: float) -> Iterator[Progress]:
         yield tell
         word = "took"
     finally:
-        output.update(page.HTML(f"<small>{escape(title)} {word} {time.monotonic() - begun:.1f} s</small>"))
+        times.append(time.monotonic() - begun)
+        often = f", the last of {len(times)}, which took {math.fsum(times):.1f} s" if len(times) > 1 else ""
+        output.update(page.HTML(f"<small>{escape(title)} {word} {times[-1]:.1f} s{often}</small>"))
+        _LINES[cell] = output, times
 
 
 def _bar(title: str, done: float, activity: str) -> str:

@@ -89,6 +89,11 @@ class Each:
         self.numbers = {name: float(column[0]) if np.all(column == column[0]) else column
                         for name, column in columns.items()}
 
+    @property
+    def given(self) -> dict[str, Array]:
+        """Parameters that were given as one number for each: name -> array ``(size,)``."""
+        return {name: _floats(column) for name, column in self._own.items()}
+
     def _columns(
         self, which: Places, values: Mapping[str, Array], validity: Validity | None = None
     ) -> dict[str, Array]:

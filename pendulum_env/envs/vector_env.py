@@ -431,6 +431,11 @@ class LabPendulumVectorEnv(Members):
         return {"parameters": rows, "_parameters": shown}
 
     @property
+    def own_parameters(self) -> dict[str, Array]:
+        """Parameters that were given as one number for each environment: name -> array ``(num_envs,)``."""
+        return self._each.given
+
+    @property
     def episode_parameters(self) -> dict[str, Array]:
         """Parameters of the present episodes that were drawn, or set by options: name -> array ``(num_envs,)``.
 

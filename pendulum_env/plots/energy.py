@@ -69,13 +69,14 @@ def energy_residual(runs: Mapping[str, Rollout], *, span: Span | None = None, ax
 
     The axis is linear and fits the methods that keep the energy within 10 % (TAME), so that one sees the energy of a
     symplectic method swing about the true one; other curves leave the axes. Without such a method the axis fits the
-    smallest error. It is in percent if it reaches 0.1 % (PERCENT). An initial energy of 0 is replaced by 1 J. Arguments as of :func:`energy`. Raises ValueError for
-    runs that cannot be drawn.
+    smallest error. It is in percent if it reaches 0.1 % (PERCENT). An initial energy of 0 is replaced by 1 J. Arguments
+    as of :func:`energy`. Raises ValueError for runs that cannot be drawn.
     """
     with over_time(runs, span, axes) as (at, shown):
         moving = any(float(run.energy[0]) for run in runs.values())
         parts = {key: within(run.time, shown) for key, run in runs.items()}
-        shares = {key: run.energy_residual[parts[key]] / (abs(float(run.energy[0])) or 1.0) for key, run in runs.items()}
+        shares = {key: run.energy_residual[parts[key]] / (abs(float(run.energy[0])) or 1.0)
+                  for key, run in runs.items()}
         sizes = [float(np.max(np.abs(share[np.isfinite(share)]), initial=0.0)) for share in shares.values()]
         limit = max((size for size in sizes if size <= TAME), default=min(sizes))
         unit = 0.01 if moving and limit >= PERCENT else 1.0

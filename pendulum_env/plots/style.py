@@ -195,9 +195,9 @@ def place(name: str) -> int:
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:
-    """Return the colour "#RRGGBB" of every named method in a figure or film of these methods, in which up to eight differ.
+    """Return the colour "#RRGGBB" of every named method in a figure or film of these methods.
 
-    A method has its own colour, unless one before it has that colour.
+    A method has its own colour, unless one before it has that colour, so that up to eight colours differ.
     """
     names = list(names)
     tones = palette.colours(map(place, names))
@@ -222,8 +222,9 @@ def looks(runs: Mapping[str, Rollout]) -> dict[str, Look]:
 def looks_of(names: Mapping[str, str]) -> dict[str, Look]:
     """Return the curve style of every label of ``names``, a dict of methods' names by label.
 
-    Colour, dash pattern and marker are those of the method (of one picture, :func:`colours`), but a curve that is alone is solid and has no marker.
-    Widths are chosen so that curves do not hide each other. A second curve of one method gets the next dash pattern.
+    Colour (see :func:`colours`), dash pattern and marker are those of the method, but a curve that is alone is solid
+    and has no marker. Widths are chosen so that curves do not hide each other. A second curve of one method gets the
+    next dash pattern.
     """
     if len(names) == 1:
         (label, name), = names.items()

@@ -5,7 +5,6 @@ Pygame is imported when the first text is painted.
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import sys
@@ -81,11 +80,11 @@ def _degree(size: int) -> NDArray[np.uint8]:
     """Return the opacity of every pixel of a degree sign; the font's own is a dot in small sizes."""
     digit = piece("0", size)
     top = int(np.flatnonzero(digit.max(axis=1) > 127)[0])
-    radius, half = max(1.6, 0.1 * size), max(0.5, 0.03 * size)
-    side = 2 * math.ceil(radius + half)
+    side, half = max(4, round(0.26 * size)), max(0.5, 0.03 * size)
     across = np.arange(side + 1) + 0.5 - side / 2  # a free column to the right
-    down = np.arange(len(digit))[:, None] + 0.5 - top - radius - half
-    return np.rint(255 * np.clip(half + 0.5 - np.abs(np.hypot(across, down) - radius), 0, 1)).astype(np.uint8)
+    down = np.arange(len(digit))[:, None] + 0.5 - top - side / 2
+    cover: NDArray[np.float64] = np.clip(half + 0.5 - np.abs(np.hypot(across, down) - side / 2 + half), 0, 1)
+    return np.rint(255 * cover).astype(np.uint8)
 
 
 @lru_cache(maxsize=64)

@@ -80,7 +80,7 @@ RESULTS: Mapping[str, tuple[Callable[[], Any], str]] = {
     "LabPendulumEnv": (environment, "0.25 rad (14.32°), 0 rad/s"),
     "LabPendulumVectorEnv": (lambda: gym.make_vec(
         "LabPendulum-v0", num_envs=3, vectorization_mode="vector_entry_point", backend="python",
-        length=[0.3, 0.4, 0.5]), "3 environments"),
+        length=[0.3, 0.4, 0.5]), "0.3 to 0.5, one for each"),
     "Rollout": (lambda: rollout(replace(SCENES["vacuum"], name=EVIL), angle=1.0, **SHORT), "1 rad (57.3°), 0 rad/s"),
     "batch": (lambda: rollout("vacuum", angle=[0.5, 1.0], **SHORT), "2, arrays of shape (2, 101)"),
     "Comparison": (lambda: compare(replace(SCENES["vacuum"], name=EVIL), "rk4,heun", angle=1.0, duration=1.0), "heun"),
@@ -332,6 +332,7 @@ def outputs(monkeypatch: pytest.MonkeyPatch) -> Outputs:
     monkeypatch.setattr(progress, "in_notebook", lambda: True)
     monkeypatch.setitem(sys.modules, "IPython.display", kept)  # type: ignore[arg-type]
     monkeypatch.setattr(progress, "OFTEN", 0.0)
+    monkeypatch.setattr(progress, "_LINES", {})
     return kept
 
 
@@ -352,6 +353,27 @@ def test_the_line_counts_the_time_before_the_bar(outputs: Outputs) -> None:
     with progress.progress_bar("work", time.monotonic() - 60.0):
         pass
     assert outputs.shown[-1].startswith("<small>work took 60.")
+
+
+def test_bars_of_one_title_share_the_line_of_their_cell(outputs: Outputs, monkeypatch: pytest.MonkeyPatch) -> None:
+    def work(title: str, seconds: float) -> None:
+        with progress.progress_bar(title, time.monotonic() - seconds):
+            pass
+
+    shell = SimpleNamespace(execution_count=3, kernel=True)
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    displayed: list[str] = []
+    monkeypatch.setattr(outputs, "display", lambda text, display_id: (
+        displayed.append(text), SimpleNamespace(update=outputs.shown.append))[1])
+    for title, seconds in (("8 runs", 20.0), ("8 runs", 40.0), ("8 runs", 60.0), ("a study", 5.0), ("8 runs", 7.0)):
+        work(title, seconds)
+    shell.execution_count = 4
+    work("8 runs", 8.0)
+    ended = [re.sub("<.*?>", "", text) for text in outputs.shown if "progress" not in text]
+    assert ended == ["8 runs took 20.0 s", "8 runs took 40.0 s, the last of 2, which took 60.0 s",
+                     "8 runs took 60.0 s, the last of 3, which took 120.0 s", "a study took 5.0 s",
+                     "8 runs took 7.0 s", "8 runs took 8.0 s"]
+    assert len(displayed) == 4
 
 
 @pytest.mark.parametrize("study", [

@@ -33,6 +33,7 @@ from pendulum_env.render.layout import Box
 from pendulum_env.render.palette import ENERGY_COLOURS, rgb
 from pendulum_env.render.stage import Place
 from pendulum_env.render.strip import WINDOW, round_up
+from pendulum_env.render.text import mask
 
 ROD = Apparatus(length=0.353, bob_radius=0.0107, suspension="rod", rod_radius=0.002, title="lab")
 OMEGA = 5.0
@@ -73,6 +74,24 @@ def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monk
         texts = inked(monkeypatch, lambda names=names, view=view: frame(ROD, view, size, FrameStyle("light", names)))
         assert not overlaps(texts), names
         assert "t = 1234.56 s" in [text for text, *_ in texts]
+
+
+@pytest.mark.parametrize("size", [280, 320, 500])
+def test_bars_have_names_and_graphs_scales_beside_all_other_panels(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    texts = [text for text, *_ in inked(monkeypatch, lambda: frame(ROD, BUSY, size, FrameStyle("light", (*PANELS,))))]
+    assert set(texts) >= set(ENERGY_COLOURS)
+    assert sum(text.endswith("J") for text in texts) >= 2, texts
+
+
+@pytest.mark.parametrize("size", range(14, 60, 5))
+def test_a_degree_sign_is_a_ring(size: int) -> None:
+    cover = mask("°", size)
+    rows, columns = (np.flatnonzero(cover.max(axis=axis) > 0) for axis in (1, 0))
+    ring = cover[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    assert ring.shape[0] == ring.shape[1] < 0.5 * size
+    middle = ring.shape[0] // 2
+    assert ring[middle, middle] < 60 < 100 < min(ring[0].max(), ring[-1].max(), ring[:, 0].max(), ring[:, -1].max())
+    assert rows[0] == np.flatnonzero(mask("0", size).max(axis=1) > 127)[0]
 
 
 @pytest.mark.parametrize("name", PANELS)
