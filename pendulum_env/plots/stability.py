@@ -61,9 +61,9 @@ def regions(methods: Sequence[Method], figure: Figure | None = None) -> Figure:
     """
     explicit, implicit = ([m for m in methods if m.implicit is kind] for kind in (False, True))
     looks = _looks(methods)
-    panels = [("explicit: stable inside the curves", explicit, False)] if explicit else []
+    panels = [("explicit: stable where shaded", explicit, False)] if explicit else []
     panels += [("explicit, per force evaluation", explicit, True)] if any(m.evaluations > 1 for m in explicit) else []
-    panels += [("implicit: unstable where shaded", implicit, False)] if implicit else []
+    panels += [("implicit: stable where shaded", implicit, False)] if implicit else []
     note = (r"$R(\lambda h)$: growth factor of a step on $y' = \lambda y$. Undamped oscillators stand on the "
             r"vertical axis, $\lambda = \pm i\omega_0$;" "\n" r"drag alone stands on the horizontal one, "
             r"$\lambda = -\gamma$.")
@@ -99,12 +99,11 @@ def _window(method: Method, scaled: bool) -> tuple[float, float, float]:
 def _region(
     axes: Axes, method: Method, look: Look, edges: Sequence[float], scale: int, alpha: float
 ) -> None:
-    """Draw the boundary of one method's stability region and shade it inside, or outside for implicit methods."""
+    """Draw the boundary of one method's stability region and shade the region."""
     x, y = (np.linspace(low, high, GRID) for low, high in (edges[:2], edges[2:]))
     size = np.abs(stability_function(method, scale * (x + 1j * y[:, None])))
     size = np.minimum(size, 1e3)
-    shaded = [1.0, 1e4] if method.implicit else [0.0, 1.0]
-    axes.contourf(x, y, size, shaded, colors=[look.colour], alpha=alpha)
+    axes.contourf(x, y, size, [0.0, 1.0], colors=[look.colour], alpha=alpha)
     drawn = axes.contour(x, y, size, [1.0], colors=[look.colour], linestyles=[look.dashes], linewidths=[look.width],
                          zorder=look.height)
     drawn.set(**look.edge())

@@ -52,7 +52,7 @@ def overlaps(figure: Figure) -> list[tuple[str, str]]:
 def test_regions_are_where_the_factor_is_at_most_one() -> None:
     made = figures.regions(RK)
     assert [axes.get_title("left") for axes in made.axes] == [
-        "explicit: stable inside the curves", "explicit, per force evaluation", "implicit: unstable where shaded"]
+        "explicit: stable where shaded", "explicit, per force evaluation", "implicit: stable where shaded"]
     curves = [child for axes in made.axes for child in axes.get_children()
               if isinstance(child, QuadContourSet) and not child.filled]
     reach = [(path.vertices[:, 0].min(), path.vertices[:, 0].max(), path.vertices[:, 1].max())
