@@ -38,7 +38,7 @@ from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of
 from pendulum_env.render.palette import ENERGY_COLOURS, METHOD_COLOURS, THEMES, Theme, hue, place
 from pendulum_env.web.formulas import NumberSetting, explicit, formulas_of
-from pendulum_env.web.links import MOST_PENDULUMS, VERSION
+from pendulum_env.web.links import LONGEST, MOST_PENDULUMS, NUMBER_FORM, SHORTEST, VERSION
 
 ASSETS = Path(__file__).with_name("assets")
 """Folder of the page's layout, styles and scripts."""
@@ -122,6 +122,8 @@ def page(
     data: dict[str, Any] = {
         "version": VERSION, "software": f"LabPendulum {__version__}", "most": MOST_PENDULUMS, "scenes": scene_data,
         "methods": {method.name: method_of(method) for method in methods},
+        "aliases": {alias: method.name for method in methods for alias in method.aliases},
+        "number": NUMBER_FORM, "shortest": SHORTEST, "longest": LONGEST,
         "stops": {code: DESCRIBED.get(name, name) for code, name in STOP_REASONS.items()},
         "first": [name for name in FIRST if name in {method.name for method in methods}] or [methods[0].name],
         "recording": None if recording is None else readings(recording),
@@ -254,7 +256,8 @@ def equation(scene: Scene) -> str:
 def variables() -> str:
     """Return the colours of frames and figures as variables of CSS, for light and dark."""
     light, dark = (_variables(THEMES[name]) for name in ("light", "dark"))
-    return f":root {{\n{light}\n}}\n@media screen and (prefers-color-scheme: dark) {{\n:root {{\n{dark}\n}}\n}}"
+    return (f":root {{\n{light}\n}}\n"
+            f"@media screen and (prefers-color-scheme: dark) {{\n:root:not(.paper) {{\n{dark}\n}}\n}}")
 
 
 def _variables(theme: Theme) -> str:

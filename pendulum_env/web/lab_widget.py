@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import anywidget
 import traitlets
 
@@ -23,6 +25,16 @@ class LabWidget(anywidget.AnyWidget):
     page = traitlets.Unicode().tag(sync=True)
     link = traitlets.Unicode().tag(sync=True)
     height = traitlets.Int(900).tag(sync=True)
+
+    def _ipython_display_(self) -> None:
+        """Show the page below a line that says what belongs here: a notebook that does not run leaves it empty."""
+        from IPython.display import HTML, display
+
+        display(HTML("<small>The page below needs a running notebook. Without one, write a page by "  # type: ignore[no-untyped-call]
+                     "<code>lab-pendulum web</code> and open it with this behind its address: "
+                     f"<code>#{escape(self.link)}</code></small>"))
+        data, more = self._repr_mimebundle_() or ({"text/plain": repr(self)}, {})
+        display(data, metadata=more, raw=True)  # type: ignore[no-untyped-call]
 
     def spec(self, pendulum: int = 1) -> RunSpec:
         """Return the run of one of the pendulums, counted from 1, as :func:`pendulum_env.web.read_link` does."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
-from urllib.parse import parse_qsl
+from urllib.parse import unquote
 
 from integrators import get
 from pendulum_env.engine.spec import RunSpec
@@ -19,6 +20,10 @@ VERSION = "1"
 """Version of the form of links; a link of another version is refused."""
 MOST_PENDULUMS = 4
 """Largest number of pendulums side by side."""
+NUMBER_FORM = r"[+-]?([0-9]+[.]?[0-9]*|[.][0-9]+)([eE][+-]?[0-9]+)?"
+"""Numbers in links, for Python's and JavaScript's regular expressions: no spaces, no 0x10, no 1_0, no nan."""
+SHORTEST, LONGEST = 1e-6, 10.0
+"""Smallest and largest step of a link [s]."""
 USUAL_DURATION = 10.0
 """Length of a run whose link does not say how long it is [s]."""
 NUMBERS = ("angle", "velocity", "time", "control")
@@ -43,8 +48,8 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     """
     if not isinstance(text, str):
         raise SceneError(f"A link must be text, not {shown(text)}.")
-    pairs = parse_qsl(text.rpartition("#")[2].replace("+", "%2B"), keep_blank_values=True)
-    entries = dict(pairs)
+    pairs = [part.partition("=") for part in text.rpartition("#")[2].split("&") if part]
+    entries = {decoded(name): decoded(value) for name, _, value in pairs}
     if len(entries) < len(pairs):
         raise SceneError("The link gives an entry twice.")
     if entries.pop("v", None) != VERSION:
@@ -59,10 +64,14 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     angle, velocity, time, control = (number_in(entries.pop(entry, str(usual)), entry) for entry, usual in zip(
         NUMBERS, (scene.run.angle, scene.run.velocity, USUAL_DURATION, 0.0), strict=True))
     time, dt = max(time, 0.0), number_in(step, f"the step of {name}")
+    if not SHORTEST <= dt <= LONGEST:
+        raise SceneError(f"In the link, the step of {name} must be from {SHORTEST:g} to {LONGEST:g} s, "
+                         f"not {shown(step)}.")
+    if not abs(control) <= 1.0 or (control and not scene.has("motor")):
+        raise SceneError("In the link, control must be from -1 to 1, in a scene with a motor.")
     changed = with_numbers(scene, {entry: number_in(value, entry) for entry, value in entries.items()})
-    if dt > 0.0:
-        checked_steps(time, dt)
-    steps = max(1, math.floor(time / dt + 1e-9)) if dt > 0.0 else 1
+    checked_steps(time, dt)
+    steps = max(1, math.floor(time / dt + 1e-9))
     return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=steps * dt, control=control,
                       warn=False)
 
@@ -97,6 +106,16 @@ def link_of(
     return text
 
 
+def decoded(part: str) -> str:
+    """Return a part of a link with its percent signs read, as in %20; SceneError where one stands for no character."""
+    try:
+        if not re.search("%(?![0-9a-fA-F]{2})", part):
+            return unquote(part, errors="strict")
+    except UnicodeDecodeError:
+        pass
+    raise SceneError(f"In the link, {shown(part)} is no part of an address: a percent sign is written %25.")
+
+
 def with_numbers(scene: Scene, numbers: dict[str, float]) -> Scene:
     """Return a scene with other values of the numbers named; SceneError for an unknown name, with the nearest."""
     settings = settings_of(scene)
@@ -108,10 +127,7 @@ def with_numbers(scene: Scene, numbers: dict[str, float]) -> Scene:
 
 def number_in(text: str, name: str) -> float:
     """Return the finite number that a link's entry gives; SceneError for any other text."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = float(text) if re.fullmatch(NUMBER_FORM, text) else math.nan
     if not math.isfinite(value):
         raise SceneError(f"In the link, {name} must be a finite number, not {shown(text)}.")
     return value

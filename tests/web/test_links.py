@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from link_cases import LINKS
 
 from pendulum_env import SCENES, rollout
 from pendulum_env.engine.rollout import run
@@ -56,10 +57,13 @@ BAD = {
     "v=1&scene=lab&methods=rk5:0.01": "did you mean", "v=1&scene=lab&methods=rk4:x": "the step of rk4 must be a finite",
     "v=1&scene=lab&methods=rk4:0.01&angle=nan": "angle must be a finite number, not 'nan'",
     "v=1&scene=lab&methods=rk4:0.01&body.lenght=1": "did you mean body.length",
-    "v=1&scene=lab&methods=rk4:0.01&body.length=-1": "length", "v=1&scene=lab&methods=rk4:-1": "dt",
+    "v=1&scene=lab&methods=rk4:0.01&body.length=-1": "length", "v=1&scene=lab&methods=rk4:-1": "from 1e-06 to 10 s",
     "v=1&scene=lab&methods=rk4:0.01&angle=1&angle=2": "twice",
     "v=1&scene=lab&methods=rk4:0.01&time=1e308": "takes inf steps, more than the 1e\\+10 allowed",
-    "v=1&scene=lab&methods=rk4:1&time=1e308": "shorter run", "v=1&scene=lab&methods=rk4:5e-324&time=1": "longer steps",
+    "v=1&scene=lab&methods=rk4:1&time=1e308": "shorter run",
+    "v=1&scene=lab&methods=rk4:5e-324&time=1": "the step of rk4 must be from 1e-06 to 10 s, not '5e-324'",
+    "v=1&scene=lab&methods=rk4:0.01&angle=%": "'%' is no part of an address: a percent sign is written %25",
+    "v=1&scene=exercise&methods=rk4:0.01&control=1": "in a scene with a motor",
     "v=1&scene=lab&methods=" + ",".join(["rk4:0.01"] * 5): "1 to 4 methods",
 }
 
@@ -72,3 +76,13 @@ def test_bad_links_end_in_a_sentence(link: str) -> None:
         read_link(LINK, 3)
     with pytest.raises(SceneError, match="must be text"):
         read_link(1)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_the_grammar_of_links(link: str) -> None:
+    """The page reads the same table: see test_page.py."""
+    if LINKS[link]:
+        assert read_link(link, 1).scene.name in ("lab", "exercise")
+    else:
+        with pytest.raises(ValueError, match=r"\.$|did you mean"):
+            read_link(link, 1)

@@ -18,6 +18,7 @@ from command_line import Here
 from folder_contents import contents
 from in_browser import Opened, opened
 from in_firefox import evaluated
+from link_cases import LINKS as GRAMMAR
 
 import integrators
 import pendulum_env
@@ -338,6 +339,128 @@ def test_bad_links_end_in_a_sentence_on_the_page(file: Path) -> None:
             assert do(seen, "LabPendulum.lab.lanes.length") == 3
 
 
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A page of few programs."""
+    return write(tmp_path_factory.mktemp("page") / "lab.html", ["exercise", "lab", "kapitza"], ["rk4", "forward_euler"])
+
+
+@pytest.mark.slow
+def test_the_page_and_python_read_links_alike(small: Path) -> None:
+    script = """(links) => links.map((link) => [LabPendulum.readLink(link),
+        LabPendulum.lab.lanes.map(({ method, dt }) => [method, dt]), LabPendulum.lab.angle,
+        LabPendulum.lab.values[0]])"""
+    with opened(small, reduced_motion="reduce") as seen:
+        found = seen.page.evaluate(script, list(GRAMMAR))
+    for (link, good), (said, lanes, angle, length) in zip(GRAMMAR.items(), found, strict=True):
+        assert (said == "") is good, (link, said)
+        if good:
+            specs = [read_link(link, i) for i in range(1, len(lanes) + 1)]
+            assert [[spec.method.name, spec.h] for spec in specs] == lanes
+            assert (angle, length) == (float(specs[0].start[0]), specs[0].scene.body.reach), link  # type: ignore[index]
+        else:
+            assert said.startswith("The link cannot be used: ")
+
+
+@pytest.mark.slow
+def test_focus_torque_theme_and_address(small: Path) -> None:
+    """A person at the keyboard loses neither focus nor run nor motor; a link does not tell where the file lies."""
+    with opened(small, reduced_motion="reduce", viewport={"width": 1400, "height": 1000}) as seen:
+        wait_for_check(seen)
+        page = seen.page
+
+        def focused() -> str:
+            return str(do(seen, "document.activeElement.id"))
+
+        page.select_option("#scene", "lab")
+        page.click("#add")
+        for control in ("method-0", "step-0", "step-0-slider", "setting-0", "setting-0-slider", "angle", "velocity",
+                        "torque"):
+            page.focus(f"#{control}")
+            before = do(seen, "LabPendulum.lab.torque")
+            page.keyboard.press("ArrowRight" if "slider" in control or control == "torque" else "ArrowUp")
+            page.keyboard.press("Enter")
+            page.wait_for_timeout(20)
+            assert focused() == control
+            assert (do(seen, "LabPendulum.lab.torque") == before) is (control != "torque")
+        page.focus("#remove-1")
+        page.keyboard.press("Enter")
+        assert focused() in ("add", "remove-0")
+        do(seen, "LabPendulum.lab.torque = 0, document.activeElement.blur(), LabPendulum.advance(0.5)")
+        for lost in ("window.dispatchEvent(new Event('blur'))", "document.getElementById('angle').focus()"):
+            page.keyboard.down("ArrowRight")
+            assert do(seen, "LabPendulum.lab.torque") == 1
+            do(seen, lost)
+            assert do(seen, "LabPendulum.lab.torque") == 0
+            page.keyboard.up("ArrowRight")
+            do(seen, "document.activeElement.blur()")
+        page.click("#link")
+        assert "pushed during this run" in page.inner_text("#message")
+        assert page.input_value("#text").startswith("lab.html#v=1&scene=lab")
+        assert "/" not in page.input_value("#text")
+        time = do(seen, "LabPendulum.lab.time")
+        paper = "getComputedStyle(document.documentElement).getPropertyValue('--paper')"
+        white = do(seen, paper)
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_timeout(50)
+        assert do(seen, paper) != white
+        assert do(seen, "LabPendulum.lab.time") == time
+        do(seen, "window.dispatchEvent(new Event('beforeprint'))")
+        assert do(seen, paper) == white
+        corner = "[...document.getElementById('plot-angle').getContext('2d').getImageData(80, 20, 1, 1).data]"
+        do(seen, "window.dispatchEvent(new Event('afterprint'))")
+        assert do(seen, paper) != white
+        assert len(do(seen, corner)) == 4
+        do(seen, "location.hash = '%'")
+        page.wait_for_function("document.getElementById('message').textContent.includes('no part of an address')")
+
+
+WORDS_CUT = """() => {
+    const cut = [], contexts = [...document.querySelectorAll("canvas")].map((canvas) => canvas.getContext("2d"));
+    for (const c of contexts) {
+        c.fillText = (text, x, y) => {
+            const { actualBoundingBoxLeft: l, actualBoundingBoxRight: r, actualBoundingBoxAscent: a,
+                actualBoundingBoxDescent: d } = c.measureText(text);
+            const m = c.getTransform(), { width, height } = c.canvas;
+            for (const [u, v] of [[x - l, y - a], [x + r, y + d]]) {
+                const [p, q] = [m.a * u + m.c * v + m.e, m.b * u + m.d * v + m.f];
+                if (p < -1 || q < -1 || p > width + 1 || q > height + 1) cut.push([text, p, q]);
+            }
+            CanvasRenderingContext2D.prototype.fillText.call(c, text, x, y);
+        };
+    }
+    LabPendulum.show();
+    for (const c of contexts) delete c.fillText;
+    return cut;
+}"""
+"""Script that draws the page and returns the words that do not lie within their canvas."""
+
+
+@pytest.mark.slow
+def test_no_word_is_cut_in_any_canvas(small: Path) -> None:
+    link = "v=1&scene=lab&methods=rk4:0.01{}&angle=0.5&velocity=0"
+    with opened(small, reduced_motion="reduce") as seen:
+        for pendulums in (1, 2, 4):
+            do(seen, f"location.hash = {link.format(',forward_euler:0.01' * (pendulums - 1))!r}")
+            seen.page.wait_for_function(f"LabPendulum.lab.lanes.length === {pendulums}")
+            advance(seen, 2)
+            do(seen, "LabPendulum.lab.lanes.forEach(({ energies: e }) => { for (const k in e) e[k] = -4.567e-10; })")
+            for width in (280, 320, 360, 480, 600, 700, 840, 901, 1024, 1280, 1600):
+                seen.page.set_viewport_size({"width": width, "height": 800})
+                assert seen.page.evaluate(WORDS_CUT) == [], (pendulums, width)
+
+
+@pytest.mark.slow
+def test_a_swing_about_the_top_is_one_curve(small: Path) -> None:
+    """Kapitza's pendulum swings about 180 degrees: its phase portrait is not split there."""
+    with opened(small, reduced_motion="reduce") as seen:
+        do(seen, "location.hash = 'v=1&scene=kapitza&methods=rk4:0.0005&angle=3&velocity=0'")
+        seen.page.wait_for_function("LabPendulum.lab.scene === 'kapitza'")
+        advance(seen, 3)
+        ranges = do(seen, "LabPendulum.show(), LabPendulum.lab.phaseRange")
+    assert 120 < ranges[0] < 178 < 182 < ranges[1] < 240
+
+
 SMALLEST = """
 Math.min(...[...document.querySelectorAll("body *")].filter((x) => x.checkVisibility() && x.childNodes.length
     && [...x.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim())
@@ -448,6 +571,18 @@ def test_the_widget_and_python_share_a_link(tmp_path: Path) -> None:
         frame.wait_for_function("LabPendulum.lab.scene === 'vacuum'")
         shown = frame.evaluate("JSON.parse(document.getElementById('data').textContent).recording[0].length")
     assert 100 < shown <= 3000
+
+
+def test_a_widget_says_what_belongs_where_no_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("anywidget")
+    display = pytest.importorskip("IPython.display")
+    shown: list[Any] = []
+    monkeypatch.setattr(display, "display", lambda one, **more: shown.append(one))
+    made = pendulum_env.web.widget("exercise", ["rk4"], angle=0.5)
+    made._ipython_display_()
+    line, page = shown
+    assert f"#{made.link}".replace("&", "&amp;") in line.data
+    assert "application/vnd.jupyter.widget-view+json" in page
 
 
 def test_without_anywidget_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

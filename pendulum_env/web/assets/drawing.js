@@ -8,9 +8,12 @@ function paint() {
   return (name) => style.getPropertyValue(`--${name}`).trim();
 }
 
-/** Fit a canvas to its place on the screen; returns the context with lengths in CSS pixels, and the size. */
-function fitted(canvas, ratio) {
-  const width = Math.max(canvas.clientWidth, 40), height = Math.round(width * ratio);
+const LETTERS = "12px system-ui, sans-serif";
+
+/** Fit a canvas to its place on the screen; returns the context with lengths in CSS pixels, and the size.
+ * `tall` is a function from the width to the height. */
+function fitted(canvas, tall) {
+  const width = Math.max(canvas.clientWidth, 40), height = Math.round(tall(width));
   const dense = Math.min(globalThis.devicePixelRatio || 1, 2);
   if (canvas.width !== Math.round(width * dense) || canvas.height !== Math.round(height * dense)) {
     canvas.width = Math.round(width * dense);
@@ -30,7 +33,7 @@ function geometry(width) {
 
 /** Draw one pendulum: `lane` has machine, ghost, colour and, for the bars, energies and scale. */
 function drawApparatus(canvas, lane, torque, colour) {
-  const { context: c, width, height } = fitted(canvas, lane.energies ? 1.18 : 0.86);
+  const { context: c, width, height } = fitted(canvas, (wide) => 0.88 * wide + BARS.length * barRow(wide));
   const rest = geometry(width), { length } = rest;
   const now = lane.machine.last;
   const [x, y] = [rest.x + lane.shaken("horizontal", now.time) * length, rest.y - lane.shaken("vertical", now.time) * length];
@@ -53,7 +56,7 @@ function drawApparatus(canvas, lane, torque, colour) {
   c.lineTo(x, y);
   c.stroke();
   c.fillStyle = colour("faint-ink");
-  c.font = "12px system-ui, sans-serif";
+  c.font = LETTERS;
   c.textAlign = "center";
   c.textBaseline = "middle";
   for (let degrees = -150; degrees <= 180; degrees += 30) {
@@ -82,7 +85,7 @@ function drawApparatus(canvas, lane, torque, colour) {
     c.arc(x, y, 0.08 * width, 0.5 * Math.PI, 0.5 * Math.PI - 2.2 * torque, torque > 0);
     c.stroke();
   }
-  if (lane.energies) bars(c, lane, width, 0.88 * width, height, colour);
+  bars(c, lane, width, 0.88 * width, colour);
 }
 
 /** Draw suspension and bob, or the parts of a rigid body to scale, at an angle [rad]. */
@@ -124,34 +127,47 @@ function bob(c, x, y, length, angle, width, lane, tone, colour, strength) {
   c.globalAlpha = 1;
 }
 
+const NAMES = 62, NUMBERS = 76, TRACK = 70; // widths of the longest name, the longest number, the shortest bar [CSS pixels]
+
+/** Whether names and numbers have no room beside the bars, and stand above them. */
+function stacked(width) {
+  return width < NAMES + TRACK + NUMBERS;
+}
+
+/** The height of a bar with its name and its number [CSS pixels]. */
+function barRow(width) {
+  return stacked(width) ? 30 : Math.max(17, 0.06 * width);
+}
+
 /** Draw bars of kinetic, potential, heat, work and residual [J]; an arrow marks a bar that is longer than its track. */
-function bars(c, lane, width, top, height, colour) {
-  const left = 0.24 * width, right = 0.74 * width, zero = left + 0.3 * (right - left);
-  const step = (height - top) / BARS.length;
+function bars(c, lane, width, top, colour) {
+  const above = stacked(width), [left, right] = above ? [2, width - 2] : [NAMES, width - NUMBERS];
+  const zero = left + 0.3 * (right - left), row = barRow(width), thick = above ? 11 : 0.7 * row;
   c.textBaseline = "middle";
-  c.font = "12px system-ui, sans-serif";
+  c.font = LETTERS;
   for (const [i, name] of BARS.entries()) {
-    const value = lane.energies[name], y = top + (i + 0.5) * step;
+    const value = lane.energies[name], middle = top + (i + 0.5) * row;
+    const y = above ? middle + 7 : middle, words = above ? middle - 7 : middle;
     const room = value < 0 ? zero - left : right - zero;
     const full = (Math.abs(value) / lane.scale) * (right - zero);
     c.fillStyle = colour("track");
-    c.fillRect(left, y - 0.35 * step, right - left, 0.7 * step);
+    c.fillRect(left, y - 0.5 * thick, right - left, thick);
     c.fillStyle = colour(`energy-${name}`);
     const length = Math.min(full, room) || 0;
-    c.fillRect(value < 0 ? zero - length : zero, y - 0.35 * step, length, 0.7 * step);
+    c.fillRect(value < 0 ? zero - length : zero, y - 0.5 * thick, length, thick);
     if (full > room) {
       c.fillStyle = colour("ink");
       c.textAlign = value < 0 ? "left" : "right";
       c.fillText(value < 0 ? "◀" : "▶", value < 0 ? left : right, y);
     }
     c.fillStyle = colour("ink");
-    c.textAlign = "right";
-    c.fillText(name, left - 6, y);
-    c.textAlign = "left";
-    c.fillText(joules(value), right + 6, y);
+    c.textAlign = above ? "left" : "right";
+    c.fillText(name, above ? left : left - 6, words);
+    c.textAlign = above ? "right" : "left";
+    c.fillText(joules(value), above ? right : right + 6, words);
+    c.fillStyle = colour("rule");
+    c.fillRect(zero - 0.5, y - 0.5 * thick - 1, 1, thick + 2);
   }
-  c.fillStyle = colour("rule");
-  c.fillRect(zero - 0.5, top, 1, height - top);
 }
 
 /** An energy with its unit, as text. */

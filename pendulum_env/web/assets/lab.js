@@ -5,12 +5,12 @@ const BUDGET = 8; // milliseconds of computing in a frame
 const SLICE = 256; // steps of the finest pendulum between two looks at the clock
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50];
 const LEAST_STEP = 1e-4, MOST_STEP = 2; // of the sliders [s]
-const SHORTEST = 0.000001, LONGEST = 10; // steps that can be typed [s]
+const { shortest: SHORTEST, longest: LONGEST } = PAGE; // steps that can be typed [s]
 const SMALL = 20; // largest start angle at which nothing is said of small angles [degrees]
 
 const lab = {
   scene: Object.keys(PAGE.scenes)[0], values: [], angle: 0, velocity: 0, lanes: [], playing: true, speed: 1, time: 0,
-  torque: 0, drawn: 0,
+  torque: 0, pushed: false, drawn: 0,
 };
 
 /** Readings of a run, of which every other one is dropped whenever there are too many. */
@@ -28,6 +28,13 @@ class History {
       this.rows = this.rows.filter((_, i) => i % 2 === 0);
       this.stride *= 2;
     }
+  }
+
+  /** The smallest and largest value of a column, times a factor, as text. */
+  range(column, factor) {
+    let low = Infinity, high = -Infinity;
+    for (const row of this.rows) [low, high] = [Math.min(low, row[column]), Math.max(high, row[column])];
+    return `from ${(factor * low).toPrecision(3)} to ${(factor * high).toPrecision(3)}`.replaceAll("-", "−");
   }
 }
 
@@ -138,6 +145,7 @@ function wrapped(angle) {
 
 function restart() {
   lab.time = 0;
+  lab.pushed = false; // whether the torque was another one during the run
   const small = !PAGE.scenes[lab.scene].periodic && Math.abs(lab.angle) * DEGREES > SMALL;
   const recorded = PAGE.recording ? PAGE.recording[1][0] : NaN; // the first reading; 0 of a sensor that is zeroed at its start
   const apart = recorded !== 0 && Math.abs(recorded - lab.angle * DEGREES) > 0.1 * Math.max(Math.abs(recorded), Math.abs(lab.angle) * DEGREES);
@@ -185,6 +193,23 @@ function singleStep() {
 function play(wanted) {
   lab.playing = wanted;
   byId("play").textContent = wanted ? "Pause" : "Play";
+  if (!wanted) describe();
+}
+
+/** Set the share of the motor's torque. */
+function push(torque) {
+  if (torque === lab.torque) return;
+  lab.pushed ||= lab.time > 0;
+  lab.torque = torque;
+  byId("torque").value = String(torque);
+  byId("torque").setAttribute("aria-valuetext", `${short6(100 * torque)} % of the largest torque`);
+}
+
+/** Let go of a key that pushes: also when the key is released in another window, or in a field. */
+function letGo() {
+  if (!lab.held) return;
+  lab.held = false;
+  push(0);
 }
 
 // --- what is drawn -------------------------------------------------------------------------------------------------
@@ -199,6 +224,7 @@ const CAPTIONS = {
 };
 const TURNS = 3; // frames in which every plot is drawn once
 const REACH = 36; // distance from a bob within which it is grabbed [CSS pixels]
+const OFTEN = 20; // frames between two descriptions of what the canvases show
 const LANE_PICTURES = [];
 
 function show(now) {
@@ -208,7 +234,31 @@ function show(now) {
   PLOTS.forEach((name, i) => {
     if (now === undefined || i % TURNS === lab.drawn % TURNS) PLOTTED[name](colour);
   });
+  if (now === undefined || lab.drawn % OFTEN === 0) label();
   lab.drawn += 1;
+}
+
+/** One pendulum now, in words. */
+function words(lane) {
+  const { angle, velocity, energy_residual: lost } = lane.machine.last;
+  const share = 100 * lost / lane.reference;
+  const degrees = Math.abs(angle) < 100 ? (angle * DEGREES).toPrecision(3) : Math.round(angle * DEGREES);
+  return `${lane.name}, step ${lane.dt} s: ${degrees}°, ${velocity.toPrecision(3)} rad/s, energy ${
+    Math.abs(share) < 1e-6 ? "kept" : `${share > 0 ? "+" : ""}${share.toPrecision(2)} %`}${lane.ended ? ", stopped" : ""}`.replaceAll("-", "−");
+}
+
+/** Say what each canvas shows now, for people who do not see it. */
+function label() {
+  lab.lanes.forEach((lane, i) => LANE_PICTURES[i].setAttribute("aria-label", words(lane)));
+  const angles = lab.lanes.map((lane) => `${lane.name} ${lane.history.range(1, DEGREES)}°`).join(", ");
+  byId("plot-angle").setAttribute("aria-label", `${CAPTIONS.angle}; until ${lab.time.toFixed(1)} s: ${angles}`);
+  const losses = lab.lanes.map((lane) => `${lane.name} ${short6(Number((lane.energies.residual / lane.reference).toPrecision(2)))}`);
+  byId("plot-error").setAttribute("aria-label", `${CAPTIONS.error}; now: ${losses.join(", ")}`);
+}
+
+/** Tell a person who listens how the pendulums move: whenever they pause. */
+function describe() {
+  byId("spoken").textContent = `At ${lab.time.toFixed(2)} s: ${lab.lanes.map(words).join(". ")}.`;
 }
 
 /** The number of the pendulum with the shortest step, whose readings of the accurate solution are the densest. */
@@ -268,38 +318,56 @@ const PLOTTED = {
 /** Draw the phase portrait, in turns of 360 degrees if a pendulum goes over the top. */
 function phase(colour) {
   const rows = lab.lanes.map((lane) => lane.history.rows.slice(-1200));
-  const over = rows.some((some) => some.some((row) => Math.abs(row[1]) > 1.05 * Math.PI));
-  const path = (some, a, v) => {
+  const over = rows.some((some) => { // more than a turn; a swing about the top is none
+    const [low, high] = ends(some.map((row) => row[1]));
+    return high - low > 2.1 * Math.PI;
+  });
+  const middles = rows.map((some) => { const [low, high] = ends(some.map((row) => row[1])); return 0.5 * (low + high); });
+  const first = middles[0] - 2 * Math.PI * Math.floor((middles[0] + 0.5 * Math.PI) / (2 * Math.PI)); // bottom or top
+  const turned = middles.map((middle) => 2 * Math.PI * Math.round((middle - first) / (2 * Math.PI)));
+  const place = (angle, lane) => (over ? wrapped(angle) : angle - turned[lane]);
+  const path = (some, a, v, lane) => {
     const points = [];
     let before = 0;
     for (const row of some) {
-      const angle = over ? wrapped(row[a]) : row[a];
+      const angle = place(row[a], lane);
       if (over && Math.abs(angle - before) > Math.PI) points.push([NaN, NaN]);
       points.push([angle * DEGREES, row[v]]);
       before = angle;
     }
     return points;
   };
-  const curves = lab.lanes.map((lane, i) => ({ colour: lane.colour, points: path(rows[i], 1, 2) }));
-  const ghost = { colour: colour("faint-ink"), alpha: 0.45, width: 4, points: path(rows[finest()], 5, 6) };
+  const curves = lab.lanes.map((lane, i) => ({ colour: lane.colour, points: path(rows[i], 1, 2, i) }));
+  const ghost = { colour: colour("faint-ink"), alpha: 0.45, width: 4, points: path(rows[finest()], 5, 6, finest()) };
   const x = over ? [-180, 180] : around(valuesOf([ghost, ...curves], 0), 2);
   const y = around(valuesOf([ghost, ...curves]), 0.02);
   const { gravity_rate: rate } = parametersOf(lab.scene, lab.values);
   const edge = [];
   if (rate > 0 && PAGE.scenes[lab.scene].periodic) {
     for (const side of [1, -1]) {
-      for (let degrees = -180; degrees <= 180; degrees += 3) {
-        edge.push([degrees, side * 2 * Math.sqrt(rate) * Math.cos(degrees / DEGREES / 2)]);
+      for (let degrees = -540; degrees <= 540; degrees += 3) {
+        edge.push([degrees, side * 2 * Math.sqrt(rate) * Math.abs(Math.cos(degrees / DEGREES / 2))]);
       }
       edge.push([NaN, NaN]);
     }
   }
   const caption = `${CAPTIONS.phase}${edge.length ? ", the separatrix dashed" : ""}`;
   byId("plot-phase").parentElement.firstChild.textContent = caption;
-  const dots = lab.lanes.map((lane) => ({ colour: lane.colour, dots: true, width: 5, points: [
-    [(over ? wrapped(lane.machine.last.angle) : lane.machine.last.angle) * DEGREES, lane.machine.last.velocity]] }));
+  const dots = lab.lanes.map((lane, i) => ({ colour: lane.colour, dots: true, width: 5, points: [
+    [place(lane.machine.last.angle, i) * DEGREES, lane.machine.last.velocity]] }));
+  lab.phaseRange = x;
   drawPlot(byId("plot-phase"), { x, y, xlabel: "angle [°]", ylabel: "velocity [rad/s]", curves: [ghost,
     { colour: colour("ink"), dash: [5, 4], width: 1, points: edge }, ...curves, ...dots] }, colour);
+}
+
+/** The smallest and the largest finite number; [0, 0] for none. */
+function ends(values) {
+  let low = Infinity, high = -Infinity;
+  for (const value of values) {
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return low <= high ? [low, high] : [0, 0];
 }
 
 function valuesOf(curves, column = 1) {
@@ -328,8 +396,7 @@ function chooseScene(name) {
   lab.values = place.settings.map((setting) => setting.value);
   lab.angle = place.run.angle;
   lab.velocity = place.run.velocity;
-  lab.torque = 0;
-  byId("torque").value = "0";
+  push(0);
   for (const lane of lab.lanes) {
     if (!place.shown.includes(lane.method)) lane.method = place.shown[0];
     lane.dt = place.run.dt;
@@ -337,9 +404,9 @@ function chooseScene(name) {
   rebuild();
 }
 
-/** Make all controls and pictures anew for the present scene and pendulums. */
+/** Make all controls and pictures anew for the present scene and pendulums; the focus stays where it was. */
 function rebuild() {
-  const place = PAGE.scenes[lab.scene];
+  const place = PAGE.scenes[lab.scene], held = document.activeElement?.id;
   byId("scene").value = lab.scene;
   byId("about").textContent = place.about;
   byId("equation").innerHTML = place.equation;
@@ -355,14 +422,21 @@ function rebuild() {
       : [element("p", { className: "hint", textContent: id === "damping-settings" ? "Nothing: no energy is lost."
         : place.motor ? "" : "Nothing." })]));
   }
-  const colour = paint();
-  lab.lanes.forEach((lane) => { lane.colour = colour(`hue-${hueOf(lane)}`); });
+  recolour();
   LANE_PICTURES.length = 0;
   byId("pendulums").replaceChildren(...lab.lanes.map(lanePicture));
   byId("lanes").replaceChildren(...lab.lanes.map(laneControl));
   byId("add").disabled = lab.lanes.length >= PAGE.most;
   fill();
   restart();
+  if (held) (byId(held) ?? byId("add")).focus({ preventScroll: true }); // what was removed has no place any more
+}
+
+/** Give all pendulums the colours of the present theme. */
+function recolour() {
+  const colour = paint();
+  lab.lanes.forEach((lane) => { lane.colour = colour(`hue-${hueOf(lane)}`); });
+  document.querySelectorAll(".lane").forEach((one, i) => { one.style.borderColor = lab.lanes[i]?.colour; });
 }
 
 /** The hue of a pendulum: that of its method in our figures, or the first free one if another pendulum has it. */
@@ -391,7 +465,8 @@ function short6(value) {
 function settingControl(setting, i) {
   const id = `setting-${i}`, usual = setting.value;
   const box = element("input", { type: "number", step: "any", inputmode: "decimal", id, value: String(lab.values[i]) });
-  const slider = element("input", { type: "range", min: "-1", max: "1", step: "0.01", "aria-label": `${setting.label}, slider` });
+  const slider = element("input", { type: "range", min: "-1", max: "1", step: "0.01", id: `${id}-slider`,
+    "aria-label": `${setting.label}, slider`, "aria-valuetext": `${lab.values[i]}${setting.unit === "1" ? "" : ` ${setting.unit}`}` });
   slider.value = String(usual > 0 && lab.values[i] > 0 ? Math.log(lab.values[i] / usual) / Math.log(5) : 0);
   const unit = setting.unit === "1" ? "" : ` [${setting.unit}]`;
   const label = element("label", { htmlFor: id, title: setting.about },
@@ -405,7 +480,7 @@ function settingControl(setting, i) {
     }
     lab.values[i] = value;
     box.value = String(value);
-    slider.setAttribute("aria-valuetext", `${value}${unit}`);
+    slider.setAttribute("aria-valuetext", `${value}${setting.unit === "1" ? "" : ` ${setting.unit}`}`);
     fill();
     restart();
   };
@@ -417,7 +492,6 @@ function settingControl(setting, i) {
 function lanePicture(lane) {
   const canvas = element("canvas", { role: "img" });
   LANE_PICTURES.push(canvas);
-  canvas.setAttribute("aria-label", `pendulum by ${lane.name}, step ${lane.dt} s`);
   const caption = element("figcaption", {}, lane.name, element("small", { textContent: `step ${lane.dt} s` }));
   let dragged = false, played = false;
   const aim = (event) => {
@@ -456,7 +530,7 @@ function limitOf(lane) {
 }
 
 function laneControl(lane, i) {
-  const choose = element("select", { "aria-label": `method of pendulum ${i + 1}` }, ...PAGE.scenes[lab.scene].shown.map(
+  const choose = element("select", { id: `method-${i}`, "aria-label": `method of pendulum ${i + 1}` }, ...PAGE.scenes[lab.scene].shown.map(
     (name) => element("option", { value: name, textContent: `${PAGE.methods[name].title} (order ${PAGE.methods[name].order})` })));
   choose.value = lane.method;
   choose.addEventListener("change", () => {
@@ -465,8 +539,8 @@ function laneControl(lane, i) {
   });
   const place = (dt) => Math.log(dt / LEAST_STEP) / Math.log(MOST_STEP / LEAST_STEP);
   const slider = element("input", { type: "range", min: "0", max: "1", step: "0.001", value: String(place(lane.dt)),
-    "aria-label": `step of pendulum ${i + 1}, slider` });
-  const box = element("input", { type: "number", step: "any", inputmode: "decimal", value: String(lane.dt),
+    id: `step-${i}-slider`, "aria-label": `step of pendulum ${i + 1}, slider`, "aria-valuetext": `${lane.dt} s` });
+  const box = element("input", { type: "number", step: "any", inputmode: "decimal", value: String(lane.dt), id: `step-${i}`,
     "aria-label": `step of pendulum ${i + 1} in seconds` });
   const take = (dt) => {
     if (!(dt >= SHORTEST && dt <= LONGEST)) {
@@ -486,14 +560,14 @@ function laneControl(lane, i) {
   if (limit > 0 && place(limit) < 1) mark.append(element("i", { style: `left: ${100 * place(limit)}%` }));
   const words = limit === null ? "Stable in small swings at every step."
     : limit === 0 ? "Unstable in small swings at every step." : `Stable in small swings up to a step of ${limit.toPrecision(3)} s (mark).`;
-  const remove = element("button", { type: "button", textContent: "Remove", disabled: lab.lanes.length < 2,
+  const remove = element("button", { type: "button", id: `remove-${i}`, textContent: "Remove", disabled: lab.lanes.length < 2,
     "aria-label": `remove pendulum ${i + 1}` });
   remove.addEventListener("click", () => {
     lab.lanes.splice(i, 1);
     rebuild();
   });
   const made = element("div", { className: "lane" }, choose, element("div", { className: "setting" },
-    element("label", { textContent: "step [s]" }), box, slider), mark,
+    element("label", { htmlFor: `step-${i}`, textContent: "step [s]" }), box, slider), mark,
   element("p", { className: "hint", textContent: `${method.summary}. ${words} Source: ${method.source}.` }), remove);
   made.style.borderColor = lane.colour;
   return made;
@@ -519,27 +593,44 @@ function linkText(timed = true) {
   return entries.map(([name, value]) => `${name}=${value}`).join("&");
 }
 
+const NUMBER = new RegExp(`^(?:${PAGE.number})$`);
+
+/** The number that a link gives; NaN for any other text. Python reads them by the same grammar (links.py). */
+function numberIn(text) {
+  return NUMBER.test(text) ? Number(text) : NaN;
+}
+
+/** A part of a link, with its percent signs read. */
+function decoded(part) {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    throw new Error(`'${part}' is no part of an address: a percent sign is written %25`);
+  }
+}
+
 /** Take a link; returns a sentence on what is wrong with it, or "". */
 function readLink(text) {
-  const pairs = text.split("&").filter(Boolean).map((part) => {
-    const at = part.indexOf("=");
-    return [part.slice(0, at), part.slice(at + 1)].map(decodeURIComponent);
-  });
-  const entries = new Map(pairs);
-  const number = (name, usual) => {
-    if (!entries.has(name)) return usual;
-    const value = entries.get(name).trim() === "" ? NaN : Number(entries.get(name));
-    if (!Number.isFinite(value)) throw new Error(`${name} must be a finite number, not '${entries.get(name)}'`);
-    return value;
-  };
   try {
+    const pairs = text.split("&").filter(Boolean).map((part) => {
+      const at = part.indexOf("=");
+      return (at < 0 ? [part, ""] : [part.slice(0, at), part.slice(at + 1)]).map(decoded);
+    });
+    const entries = new Map(pairs);
+    const number = (name, usual) => {
+      if (!entries.has(name)) return usual;
+      const value = numberIn(entries.get(name));
+      if (!Number.isFinite(value)) throw new Error(`${name} must be a finite number, not '${entries.get(name)}'`);
+      return value;
+    };
     if (entries.size < pairs.length) throw new Error("it gives an entry twice");
     if (entries.get("v") !== PAGE.version) throw new Error(`it is not of version ${PAGE.version}`);
-    const place = PAGE.scenes[entries.get("scene")];
+    const place = Object.hasOwn(PAGE.scenes, entries.get("scene") ?? "") && PAGE.scenes[entries.get("scene")];
     if (!place) throw new Error(`this page has no scene '${entries.get("scene")}'; it has ${Object.keys(PAGE.scenes).join(", ")}`);
     if (!entries.get("methods")) throw new Error("it names no methods, as methods=rk4:0.01");
     const lanes = entries.get("methods").split(",").map((part) => {
-      const at = part.lastIndexOf(":"), name = part.slice(0, at), dt = Number(part.slice(at + 1));
+      const at = part.lastIndexOf(":"), given = part.slice(0, Math.max(at, 0)), dt = numberIn(part.slice(at + 1));
+      const name = Object.hasOwn(PAGE.aliases, given) ? PAGE.aliases[given] : given;
       if (!place.shown.includes(name)) throw new Error(`no method '${name}' for this scene on this page`);
       if (!(dt >= SHORTEST && dt <= LONGEST)) throw new Error(`the step of ${name} must be from ${SHORTEST} to ${LONGEST} s`);
       return new Lane(name, dt);
@@ -556,13 +647,19 @@ function readLink(text) {
     for (const name of entries.keys()) if (!known.has(name)) throw new Error(`the scene has no number '${name}'`);
     const [angle, velocity] = [number("angle", place.run.angle), number("velocity", place.run.velocity)];
     const torque = number("control", 0);
+    number("time", 0);
     if (!(Math.abs(torque) <= 1) || (torque && !place.motor)) throw new Error("control must be from -1 to 1, in a scene with a motor");
-    Object.assign(lab, { scene: entries.get("scene"), lanes, values, angle, velocity, torque });
-    byId("torque").value = String(torque);
+    Object.assign(lab, { scene: entries.get("scene"), lanes, values, angle, velocity });
+    push(torque);
     return "";
   } catch (error) {
     return `The link cannot be used: ${error.message}.`;
   }
+}
+
+/** What a link cannot say of this run, as a sentence; "" if it says all. */
+function unsaid() {
+  return lab.pushed ? "The motor was pushed during this run: the link and the program begin it again with the present torque." : "";
 }
 
 /** The Python code that computes the run of every pendulum. */
@@ -677,7 +774,7 @@ async function begin() {
   byId("play").addEventListener("click", () => play(!lab.playing));
   byId("step").addEventListener("click", singleStep);
   byId("restart").addEventListener("click", restart);
-  byId("torque").addEventListener("input", () => { lab.torque = Number(byId("torque").value); });
+  byId("torque").addEventListener("input", () => push(Number(byId("torque").value)));
   byId("add").addEventListener("click", () => {
     const free = PAGE.scenes[lab.scene].shown.find((name) => !lab.lanes.some((lane) => lane.method === name));
     lab.lanes.push(new Lane(free ?? lab.lanes[0].method, lab.lanes.at(-1).dt));
@@ -702,14 +799,19 @@ async function begin() {
   byId("tab-plots").addEventListener("click", () => tab(false));
   byId("tab-controls").addEventListener("click", () => tab(true));
   byId("link").addEventListener("click", () => {
+    say(unsaid());
     if (location.protocol === "about:") { // a page within a notebook has no address
       showText(`#${linkText()}`);
       return;
     }
     history.replaceState(null, "", `#${linkText()}`);
-    showText(location.href);
+    // of a file on a disk the name alone: its folders are nobody else's, and may tell who somebody is
+    showText(location.protocol === "file:" ? `${location.pathname.split("/").at(-1)}${location.hash}` : location.href);
   });
-  byId("python").addEventListener("click", () => showText(pythonText()));
+  byId("python").addEventListener("click", () => {
+    say(unsaid());
+    showText(pythonText());
+  });
   byId("csv").addEventListener("click", () => download("lab.csv", new Blob([csvText()], { type: "text/csv" })));
   byId("png").addEventListener("click", () => picture().toBlob((blob) => download("lab.png", blob)));
   document.addEventListener("keydown", (event) => {
@@ -719,17 +821,17 @@ async function begin() {
     else if (event.key === "r" || event.key === "R") restart();
     else if (event.key === "ArrowRight" || event.key === "ArrowLeft") {
       if (!PAGE.scenes[lab.scene].motor) return;
-      lab.torque = event.key === "ArrowRight" ? 1 : -1;
-      byId("torque").value = String(lab.torque);
+      lab.held = true;
+      push(event.key === "ArrowRight" ? 1 : -1);
     } else return;
     event.preventDefault();
   });
   document.addEventListener("keyup", (event) => {
-    if ((event.key === "ArrowRight" || event.key === "ArrowLeft") && !event.target.closest("input, select")) {
-      lab.torque = 0;
-      byId("torque").value = "0";
-    }
+    if (event.key === "ArrowRight" || event.key === "ArrowLeft") letGo();
   });
+  addEventListener("blur", letGo);
+  document.addEventListener("visibilitychange", letGo);
+  document.addEventListener("focusin", letGo);
   const link = () => (location.hash.length > 1 ? readLink(location.hash.slice(1)) : "");
   let wrong = link();
   if (!lab.values.length) {
@@ -745,7 +847,17 @@ async function begin() {
     if (wrong) say(wrong);
   });
   addEventListener("resize", () => show());
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => rebuild());
+  const repaint = () => {
+    recolour();
+    show();
+  };
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
+  for (const [moment, paper] of [["beforeprint", true], ["afterprint", false]]) {
+    addEventListener(moment, () => { // paper is white, whatever the screen is
+      document.documentElement.classList.toggle("paper", paper);
+      repaint();
+    });
+  }
   play(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   requestAnimationFrame((now) => {
     last = now;

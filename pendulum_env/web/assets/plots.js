@@ -1,6 +1,7 @@
 // Plots on canvases, with all pendulums in the colours of their bobs.
 
-const MARGIN = { left: 68, right: 8, top: 6, bottom: 32 };
+const MARGIN = { left: 68, right: 14, top: 6, bottom: 32 };
+const LEAST_HEIGHT = 190; // of a plot, so that the words beside its axis have room [CSS pixels]
 
 /** Round steps for the ticks of an axis from low to high. */
 function ticks(low, high, most) {
@@ -38,12 +39,12 @@ function short(value) {
  * Returns the frame of the plot in CSS pixels, { x, y, w, h }.
  */
 function drawPlot(canvas, plot, colour) {
-  const { context: c, width, height } = fitted(canvas, plot.ratio ?? 0.56);
+  const { context: c, width, height } = fitted(canvas, (wide) => Math.max(0.56 * wide, LEAST_HEIGHT));
   const area = { x: MARGIN.left, y: MARGIN.top, w: width - MARGIN.left - MARGIN.right, h: height - MARGIN.top - MARGIN.bottom };
   const [x0, x1] = plot.x, [y0, y1] = plot.y;
   const at = (x) => area.x + ((x - x0) / (x1 - x0)) * area.w;
   const up = (y) => area.y + area.h - ((y - y0) / (y1 - y0)) * area.h;
-  c.font = "12px system-ui, sans-serif";
+  c.font = LETTERS;
   c.lineWidth = 1;
   c.fillStyle = colour("ink");
   c.strokeStyle = colour("hairline");
