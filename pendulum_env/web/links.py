@@ -26,9 +26,8 @@ SHORTEST, LONGEST = 1e-6, 10.0
 """Smallest and largest step of a link [s]."""
 USUAL_DURATION = 10.0
 """Length of a run whose link does not say how long it is [s]."""
-NUMBERS = ("angle", "velocity", "time", "control")
-"""Entries of a link that are numbers: the start [rad, rad/s], the length of the run [s], and the share of the motor's
-torque."""
+START = ("angle", "velocity")
+"""Entries of a link that are the start [rad, rad/s]."""
 
 
 def read_link(text: str, pendulum: int = 1) -> RunSpec:
@@ -41,6 +40,7 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
         text: the address, or only the part behind "#", such as ``v=1&scene=lab&methods=rk4:0.01,heun:0.02``, then
             ``angle`` [rad], ``velocity`` [rad/s], ``time`` [s], ``control`` (share of the motor's
             torque), and numbers of the scene in SI units, such as ``body.length=0.4`` or ``effects.1.gamma=0.02``.
+            Start and numbers are those of all pendulums; ``2.body.length=0.5`` is that of the second one alone.
         pendulum: which of the pendulums side by side, counted from 1.
 
     Raises SceneError for a link of another version, an unknown entry, scene or number, with the nearest known name, and
@@ -61,15 +61,20 @@ def read_link(text: str, pendulum: int = 1) -> RunSpec:
     if pendulum not in range(1, len(methods) + 1):
         raise SceneError(f"pendulum must be from 1 to {len(methods)}, as many as the link has, not {shown(pendulum)}.")
     name, _, step = methods[pendulum - 1]
-    angle, velocity, time, control = (number_in(entries.pop(entry, str(usual)), entry) for entry, usual in zip(
-        NUMBERS, (scene.run.angle, scene.run.velocity, USUAL_DURATION, 0.0), strict=True))
+    time, control = (number_in(entries.pop(entry, str(usual)), entry) for entry, usual in (
+        ("time", USUAL_DURATION), ("control", 0.0)))
+    every = [_of_one(entries, k, len(methods)) for k in range(len(methods) + 1)]  # first what all share
+    for own in every:  # a link is wrong as a whole, whichever of its pendulums is wrong
+        with_numbers(scene, {name: number for name, number in own.items() if name not in START})
+    numbers = {**dict(zip(START, (scene.run.angle, scene.run.velocity), strict=True)), **every[pendulum]}
+    angle, velocity = (numbers.pop(entry) for entry in START)
     time, dt = max(time, 0.0), number_in(step, f"the step of {name}")
     if not SHORTEST <= dt <= LONGEST:
         raise SceneError(f"In the link, the step of {name} must be from {SHORTEST:g} to {LONGEST:g} s, "
                          f"not {shown(step)}.")
     if not abs(control) <= 1.0 or (control and not scene.has("motor")):
         raise SceneError("In the link, control must be from -1 to 1, in a scene with a motor.")
-    changed = with_numbers(scene, {entry: number_in(value, entry) for entry, value in entries.items()})
+    changed = with_numbers(scene, numbers)
     checked_steps(time, dt)
     steps = max(1, math.floor(time / dt + 1e-9))
     return RunSpec.of(changed, name, angle=angle, velocity=velocity, dt=dt, duration=steps * dt, control=control,
@@ -104,6 +109,18 @@ def link_of(
     for pendulum in range(1, max(1, len(integrators)) + 1):
         read_link(text, pendulum)
     return text
+
+
+def _of_one(entries: dict[str, str], pendulum: int, count: int) -> dict[str, float]:
+    """Return the start and the numbers of one of ``count`` pendulums: its own, and those of all that it has not."""
+    shared, own = {}, {}
+    for entry, text in entries.items():
+        whose, dot, name = entry.partition(".")
+        if not (dot and re.fullmatch("[1-9]", whose) and int(whose) <= count):
+            shared[entry] = number_in(text, entry)
+        elif int(whose) == pendulum:
+            own[name] = number_in(text, entry)
+    return shared | own
 
 
 def decoded(part: str) -> str:

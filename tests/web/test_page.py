@@ -154,6 +154,8 @@ LINKS = (
     "v=1&scene=exercise_large&methods=forward_euler:0.01,kahan_li8:0.02&angle=0.5&velocity=0&effects.1.gamma=0.5",
     "v=1&scene=chaotic&methods=rk4:0.02,discrete_gradient:0.01&angle=0.2&velocity=0.3&effects.2.drive_torque=1.07",
     "v=1&scene=lab&methods=rk4:0.013,velocity_verlet:0.0317&angle=-3&velocity=4&control=0.75",
+    "v=1&scene=lab&methods=rk4:0.01,rk4:0.01,gauss4:0.02&angle=1&2.angle=-0.5&2.velocity=3&2.body.length=0.5"
+    "&3.body.mass=0.2&3.effects.2.gamma=0.5&effects.1.c=0.02",
 )
 
 
@@ -220,7 +222,7 @@ def test_what_a_person_does(lab: Opened) -> None:
     assert page.is_hidden("#torque")
     page.fill("#angle", "30")
     page.press("#angle", "Enter")
-    assert do(lab, "LabPendulum.lab.angle") == pytest.approx(0.5235987755982988, abs=1e-15)
+    assert do(lab, "LabPendulum.lab.lanes[0].angle") == pytest.approx(0.5235987755982988, abs=1e-15)
     page.fill("#angle", "1e9")
     page.press("#angle", "Enter")
     assert "from -360 to 360" in page.inner_text("#message")
@@ -242,8 +244,15 @@ def test_what_a_person_does(lab: Opened) -> None:
     assert "length must be a number above 0" in page.inner_text("#message")
     assert setting.input_value() == "0.353"
     page.click("#link")
-    assert page.input_value("#text") == page.url
+    assert page.input_value("#text") == page.url.rpartition("/")[2]
     assert (read_link(page.url, 1).scene.name, read_link(page.url, 1).control) == ("lab", 0.5)
+    advance(lab, 1.234)
+    page.click("#whose-2")
+    page.fill("#setting-0", "0.5")
+    page.press("#setting-0", "Enter")
+    assert do(lab, "LabPendulum.lab.lanes.map((lane) => lane.values[0])") == [0.353, 0.5, 0.353]
+    assert "length 0.5 m" in page.locator("#pendulums figcaption").nth(1).inner_text()
+    assert "pendulum 2 alone" in page.inner_text("#whose-hint")
     advance(lab, 1.234)
     page.click("#python")
     code = page.input_value("#text")
@@ -348,16 +357,15 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_the_page_and_python_read_links_alike(small: Path) -> None:
     script = """(links) => links.map((link) => [LabPendulum.readLink(link),
-        LabPendulum.lab.lanes.map(({ method, dt }) => [method, dt]), LabPendulum.lab.angle,
-        LabPendulum.lab.values[0]])"""
+        LabPendulum.lab.lanes.map((lane) => [lane.method, lane.dt, lane.angle, lane.velocity, lane.values[0]])])"""
     with opened(small, reduced_motion="reduce") as seen:
         found = seen.page.evaluate(script, list(GRAMMAR))
-    for (link, good), (said, lanes, angle, length) in zip(GRAMMAR.items(), found, strict=True):
+    for (link, good), (said, lanes) in zip(GRAMMAR.items(), found, strict=True):
         assert (said == "") is good, (link, said)
         if good:
             specs = [read_link(link, i) for i in range(1, len(lanes) + 1)]
-            assert [[spec.method.name, spec.h] for spec in specs] == lanes
-            assert (angle, length) == (float(specs[0].start[0]), specs[0].scene.body.reach), link  # type: ignore[index]
+            assert [[spec.method.name, spec.h, *map(float, spec.start), spec.scene.body.reach]  # type: ignore[arg-type]
+                    for spec in specs] == lanes, link
         else:
             assert said.startswith("The link cannot be used: ")
 
@@ -530,7 +538,7 @@ def test_touch_on_a_phone(file: Path) -> None:
         wait_for_check(seen)
         box = seen.page.locator("#pendulums canvas").first.bounding_box()
         seen.page.touchscreen.tap(box["x"] + 0.5 * box["width"] + 30, box["y"] + 0.73 * box["width"])
-        assert 0.15 < do(seen, "LabPendulum.lab.angle") < 0.4
+        assert 0.15 < do(seen, "LabPendulum.lab.lanes[0].angle") < 0.4
         seen.page.tap("#play")
         seen.page.wait_for_function("LabPendulum.lab.time > 0.3")
         seen.page.tap("#tab-controls")
@@ -562,7 +570,7 @@ def test_the_widget_and_python_share_a_link(tmp_path: Path) -> None:
     with opened(tmp_path / "x.html", reduced_motion="reduce") as seen:
         frame = next(one for one in seen.page.frames if one != seen.page.main_frame)
         frame.wait_for_function("globalThis.LabPendulum && LabPendulum.lab.lanes.length === 2")
-        assert frame.evaluate("LabPendulum.lab.values[0]") == 0.4
+        assert frame.evaluate("LabPendulum.lab.lanes[0].values[0]") == 0.4
         frame.fill("#angle", "90")
         frame.press("#angle", "Enter")
         seen.page.wait_for_function("values.link.includes('angle=1.57')")

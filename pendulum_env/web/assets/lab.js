@@ -9,8 +9,8 @@ const { shortest: SHORTEST, longest: LONGEST } = PAGE; // steps that can be type
 const SMALL = 20; // largest start angle at which nothing is said of small angles [degrees]
 
 const lab = {
-  scene: Object.keys(PAGE.scenes)[0], values: [], angle: 0, velocity: 0, lanes: [], playing: true, speed: 1, time: 0,
-  torque: 0, pushed: false, drawn: 0,
+  scene: Object.keys(PAGE.scenes)[0], lanes: [], chosen: -1, playing: true, speed: 1, time: 0, torque: 0,
+  pushed: false, drawn: 0,
 };
 
 /** Readings of a run, of which every other one is dropped whenever there are too many. */
@@ -38,18 +38,18 @@ class History {
   }
 }
 
-/** One of the pendulums side by side: its method and step, its run and the accurate run beside it. */
+/** One of the pendulums side by side: its numbers and start, its method and step, its run and the accurate run beside it. */
 class Lane {
-  constructor(method, dt) {
-    this.method = method;
-    this.dt = dt;
+  constructor(method, dt, values = usualValues(), angle = PAGE.scenes[lab.scene].run.angle,
+    velocity = PAGE.scenes[lab.scene].run.velocity) {
+    Object.assign(this, { method, dt, values, angle, velocity });
   }
 
   start() {
     const place = PAGE.scenes[lab.scene];
-    this.machine = new Machine(lab.scene, this.method, lab.values, this.dt, lab.angle, lab.velocity);
+    this.machine = new Machine(lab.scene, this.method, this.values, this.dt, this.angle, this.velocity);
     this.parts = Math.max(1, Math.ceil(this.dt / place.run.dt - 1e-9)); // steps of the accurate run in one of this
-    this.ghost = new Machine(lab.scene, place.accurate, lab.values, this.dt / this.parts, lab.angle, lab.velocity);
+    this.ghost = new Machine(lab.scene, place.accurate, this.values, this.dt / this.parts, this.angle, this.velocity);
     this.radius = place.radius;
     this.reach = place.reach;
     this.suspension = place.suspension;
@@ -59,7 +59,7 @@ class Lane {
     this.history = new History();
     this.section = [];
     this.periods = 0; // of the drive, that are over
-    const info = this.machine.last, parameters = parametersOf(lab.scene, lab.values);
+    const info = this.machine.last, parameters = parametersOf(lab.scene, this.values);
     this.period = place.beat ? (2 * Math.PI) / Math.abs(parameters[place.beat]) : Infinity;
     // what errors of the energy are compared with: the energy at the start or, from rest, m g L
     const first = Math.abs(info.energy);
@@ -77,7 +77,7 @@ class Lane {
   shaken(way, time) {
     const find = (what) => {
       const at = PAGE.scenes[lab.scene].settings.findIndex((setting) => setting.label === `${way} ${what}`);
-      return at < 0 ? 0 : lab.values[at];
+      return at < 0 ? 0 : this.values[at];
     };
     const amplitude = find("amplitude");
     return amplitude && (amplitude / this.reach) * Math.cos(find("rate") * time + find("phase"));
@@ -136,6 +136,26 @@ class Lane {
   }
 }
 
+/** The usual numbers of the present scene. */
+function usualValues() {
+  return PAGE.scenes[lab.scene].settings.map((setting) => setting.value);
+}
+
+/** The pendulums that a change is for: the chosen one, or all. */
+function meant() {
+  return lab.chosen < 0 ? lab.lanes : [lab.lanes[lab.chosen]];
+}
+
+/** The pendulum whose numbers the controls show: the chosen one or, of all, the first. */
+function lead() {
+  return lab.lanes[Math.max(lab.chosen, 0)];
+}
+
+/** Whether two pendulums have the same numbers and the same start. */
+function alike(one, other) {
+  return one.angle === other.angle && one.velocity === other.velocity && one.values.every((value, i) => value === other.values[i]);
+}
+
 /** An angle within half a turn of the bottom [rad]. */
 function wrapped(angle) {
   return angle - 2 * Math.PI * Math.round(angle / (2 * Math.PI));
@@ -146,9 +166,11 @@ function wrapped(angle) {
 function restart() {
   lab.time = 0;
   lab.pushed = false; // whether the torque was another one during the run
-  const small = !PAGE.scenes[lab.scene].periodic && Math.abs(lab.angle) * DEGREES > SMALL;
+  const starts = lab.lanes.map((lane) => lane.angle * DEGREES);
+  const small = !PAGE.scenes[lab.scene].periodic && starts.some((degrees) => Math.abs(degrees) > SMALL);
   const recorded = PAGE.recording ? PAGE.recording[1][0] : NaN; // the first reading; 0 of a sensor that is zeroed at its start
-  const apart = recorded !== 0 && Math.abs(recorded - lab.angle * DEGREES) > 0.1 * Math.max(Math.abs(recorded), Math.abs(lab.angle) * DEGREES);
+  const apart = recorded !== 0 && starts.some((degrees) => Math.abs(recorded - degrees)
+    > 0.1 * Math.max(Math.abs(recorded), Math.abs(degrees)));
   say([small ? "This scene's force grows with the angle itself, which is right for small angles only." : "",
     apart ? `The recording begins at ${short6(recorded)}°: type it as the start angle to compare.` : ""].filter(Boolean).join(" "));
   for (const lane of lab.lanes) lane.start();
@@ -261,9 +283,15 @@ function describe() {
   byId("spoken").textContent = `At ${lab.time.toFixed(2)} s: ${lab.lanes.map(words).join(". ")}.`;
 }
 
-/** The number of the pendulum with the shortest step, whose readings of the accurate solution are the densest. */
+/** The numbers of the pendulums whose accurate solutions are drawn: of those alike the one with the shortest step. */
 function finest() {
-  return lab.lanes.reduce((best, lane, i) => (lane.dt < lab.lanes[best].dt ? i : best), 0);
+  const found = [];
+  lab.lanes.forEach((lane, i) => {
+    const at = found.findIndex((j) => alike(lane, lab.lanes[j]));
+    if (at < 0) found.push(i);
+    else if (lane.dt < lab.lanes[found[at]].dt) found[at] = i;
+  });
+  return found;
 }
 
 /** The axis of time, and the readings of every pendulum in it. */
@@ -284,8 +312,8 @@ function drawLogarithm(name, ylabel, quantity, colour) {
 const PLOTTED = {
   angle(colour) {
     const { time, rows } = recent();
-    const curves = [{ colour: colour("faint-ink"), alpha: 0.45, width: 4,
-      points: rows[finest()].map((row) => [row[0], row[5] * DEGREES]) }];
+    const curves = finest().map((i) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4,
+      points: rows[i].map((row) => [row[0], row[5] * DEGREES]) }));
     if (PAGE.recording) {
       const [times, degrees] = PAGE.recording;
       curves.push({ colour: colour("ink"), dots: true, points: times.map((t, i) => [t, degrees[i]]).filter(
@@ -338,13 +366,13 @@ function phase(colour) {
     return points;
   };
   const curves = lab.lanes.map((lane, i) => ({ colour: lane.colour, points: path(rows[i], 1, 2, i) }));
-  const ghost = { colour: colour("faint-ink"), alpha: 0.45, width: 4, points: path(rows[finest()], 5, 6, finest()) };
-  const x = over ? [-180, 180] : around(valuesOf([ghost, ...curves], 0), 2);
-  const y = around(valuesOf([ghost, ...curves]), 0.02);
-  const { gravity_rate: rate } = parametersOf(lab.scene, lab.values);
+  const ghosts = finest().map((i) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4, points: path(rows[i], 5, 6, i) }));
+  const x = over ? [-180, 180] : around(valuesOf([...ghosts, ...curves], 0), 2);
+  const y = around(valuesOf([...ghosts, ...curves]), 0.02);
+  const rates = new Set(lab.lanes.map((lane) => parametersOf(lab.scene, lane.values).gravity_rate));
   const edge = [];
-  if (rate > 0 && PAGE.scenes[lab.scene].periodic) {
-    for (const side of [1, -1]) {
+  for (const rate of PAGE.scenes[lab.scene].periodic ? rates : []) {
+    for (const side of rate > 0 ? [1, -1] : []) {
       for (let degrees = -540; degrees <= 540; degrees += 3) {
         edge.push([degrees, side * 2 * Math.sqrt(rate) * Math.abs(Math.cos(degrees / DEGREES / 2))]);
       }
@@ -356,7 +384,7 @@ function phase(colour) {
   const dots = lab.lanes.map((lane, i) => ({ colour: lane.colour, dots: true, width: 5, points: [
     [place(lane.machine.last.angle, i) * DEGREES, lane.machine.last.velocity]] }));
   lab.phaseRange = x;
-  drawPlot(byId("plot-phase"), { x, y, xlabel: "angle [°]", ylabel: "velocity [rad/s]", curves: [ghost,
+  drawPlot(byId("plot-phase"), { x, y, xlabel: "angle [°]", ylabel: "velocity [rad/s]", curves: [...ghosts,
     { colour: colour("ink"), dash: [5, 4], width: 1, points: edge }, ...curves, ...dots] }, colour);
 }
 
@@ -393,20 +421,36 @@ function decades(curves) {
 function chooseScene(name) {
   const place = PAGE.scenes[name];
   lab.scene = name;
-  lab.values = place.settings.map((setting) => setting.value);
-  lab.angle = place.run.angle;
-  lab.velocity = place.run.velocity;
   push(0);
-  for (const lane of lab.lanes) {
-    if (!place.shown.includes(lane.method)) lane.method = place.shown[0];
-    lane.dt = place.run.dt;
-  }
+  lab.lanes = lab.lanes.map(({ method }) => new Lane(place.shown.includes(method) ? method : place.shown[0], place.run.dt));
   rebuild();
 }
 
-/** Make all controls and pictures anew for the present scene and pendulums; the focus stays where it was. */
+/** Make all controls and pictures anew for the present scene and pendulums, and begin the run again. */
 function rebuild() {
-  const place = PAGE.scenes[lab.scene], held = document.activeElement?.id;
+  keepingFocus(() => {
+    LANE_PICTURES.length = 0;
+    byId("pendulums").replaceChildren(...lab.lanes.map(lanePicture));
+    makeControls();
+  });
+  restart();
+}
+
+/** Make the controls anew, as of another pendulum; the run goes on. */
+function rebuildControls() {
+  keepingFocus(makeControls);
+}
+
+/** Do what makes elements anew; the focus stays where it was, or goes to "Add" if its place is gone. */
+function keepingFocus(work) {
+  const held = document.activeElement?.id;
+  work();
+  if (held) (byId(held) ?? byId("add")).focus({ preventScroll: true });
+}
+
+function makeControls() {
+  const place = PAGE.scenes[lab.scene];
+  if (lab.chosen >= lab.lanes.length || lab.lanes.length < 2) lab.chosen = -1;
   byId("scene").value = lab.scene;
   byId("about").textContent = place.about;
   byId("equation").innerHTML = place.equation;
@@ -422,14 +466,11 @@ function rebuild() {
       : [element("p", { className: "hint", textContent: id === "damping-settings" ? "Nothing: no energy is lost."
         : place.motor ? "" : "Nothing." })]));
   }
-  recolour();
-  LANE_PICTURES.length = 0;
-  byId("pendulums").replaceChildren(...lab.lanes.map(lanePicture));
-  byId("lanes").replaceChildren(...lab.lanes.map(laneControl));
+  byId("whose").replaceChildren(...(lab.lanes.length < 2 ? [] : ["all", ...lab.lanes.map((_, i) => String(i + 1))]).map(whoseButton));
   byId("add").disabled = lab.lanes.length >= PAGE.most;
+  recolour();
+  byId("lanes").replaceChildren(...lab.lanes.map(laneControl));
   fill();
-  restart();
-  if (held) (byId(held) ?? byId("add")).focus({ preventScroll: true }); // what was removed has no place any more
 }
 
 /** Give all pendulums the colours of the present theme. */
@@ -437,6 +478,7 @@ function recolour() {
   const colour = paint();
   lab.lanes.forEach((lane) => { lane.colour = colour(`hue-${hueOf(lane)}`); });
   document.querySelectorAll(".lane").forEach((one, i) => { one.style.borderColor = lab.lanes[i]?.colour; });
+  document.querySelectorAll("#whose button").forEach((one, i) => { one.style.borderBottomColor = lab.lanes[i - 1]?.colour ?? ""; });
 }
 
 /** The hue of a pendulum: that of its method in our figures, or the first free one if another pendulum has it. */
@@ -447,14 +489,43 @@ function hueOf(lane) {
   return lane.hue;
 }
 
-/** Write the present numbers into equation and start. */
+/** A button that says whose numbers the controls show and change: those of all pendulums, or of one. */
+function whoseButton(name, i) {
+  const made = element("button", { type: "button", id: `whose-${name}`, textContent: name === "all" ? "All" : name,
+    "aria-pressed": String(lab.chosen === i - 1), "aria-label": name === "all" ? "numbers of all pendulums" : `numbers of pendulum ${name}` });
+  made.addEventListener("click", () => {
+    lab.chosen = i - 1;
+    rebuildControls();
+  });
+  return made;
+}
+
+/** Write the present numbers into equation, start and captions. */
 function fill() {
-  const parameters = parametersOf(lab.scene, lab.values);
+  const parameters = parametersOf(lab.scene, lead().values);
   for (const one of byId("equation").querySelectorAll("[data-number]")) {
     one.textContent = short6(parameters[one.dataset.number]);
   }
-  byId("angle").value = String(Number((lab.angle * DEGREES).toPrecision(7)));
-  byId("velocity").value = String(lab.velocity);
+  byId("angle").value = String(Number((lead().angle * DEGREES).toPrecision(7)));
+  byId("velocity").value = String(lead().velocity);
+  const apart = lab.chosen < 0 && lab.lanes.some((lane) => !alike(lane, lab.lanes[0]));
+  byId("whose-hint").textContent = lab.lanes.length < 2 ? "" : apart
+    ? "The pendulums differ; shown are the numbers of pendulum 1, and a change is for all."
+    : lab.chosen < 0 ? "A change is for all pendulums." : `A change is for pendulum ${lab.chosen + 1} alone.`;
+  lab.lanes.forEach((lane, i) => { LANE_PICTURES[i].parentElement.querySelector("small").textContent = described(lane); });
+}
+
+/** Step and, where the pendulums differ, the numbers and the start of one. */
+function described(lane) {
+  const { settings } = PAGE.scenes[lab.scene], parts = [`step ${lane.dt} s`];
+  settings.forEach((setting, i) => {
+    if (lab.lanes.some((other) => other.values[i] !== lane.values[i])) {
+      parts.push(`${setting.label} ${short6(lane.values[i])}${setting.unit === "1" ? "" : ` ${setting.unit}`}`);
+    }
+  });
+  if (lab.lanes.some((other) => other.angle !== lane.angle)) parts.push(`from ${short6(lane.angle * DEGREES)}°`);
+  if (lab.lanes.some((other) => other.velocity !== lane.velocity)) parts.push(`from ${short6(lane.velocity)} rad/s`);
+  return parts.join(", ");
 }
 
 /** A number with six digits, as Python's format ".6g" writes it. */
@@ -464,10 +535,10 @@ function short6(value) {
 
 function settingControl(setting, i) {
   const id = `setting-${i}`, usual = setting.value;
-  const box = element("input", { type: "number", step: "any", inputmode: "decimal", id, value: String(lab.values[i]) });
+  const box = element("input", { type: "number", step: "any", inputmode: "decimal", id, value: String(lead().values[i]) });
   const slider = element("input", { type: "range", min: "-1", max: "1", step: "0.01", id: `${id}-slider`,
-    "aria-label": `${setting.label}, slider`, "aria-valuetext": `${lab.values[i]}${setting.unit === "1" ? "" : ` ${setting.unit}`}` });
-  slider.value = String(usual > 0 && lab.values[i] > 0 ? Math.log(lab.values[i] / usual) / Math.log(5) : 0);
+    "aria-label": `${setting.label}, slider`, "aria-valuetext": `${lead().values[i]}${setting.unit === "1" ? "" : ` ${setting.unit}`}` });
+  slider.value = String(usual > 0 && lead().values[i] > 0 ? Math.log(lead().values[i] / usual) / Math.log(5) : 0);
   const unit = setting.unit === "1" ? "" : ` [${setting.unit}]`;
   const label = element("label", { htmlFor: id, title: setting.about },
     `${setting.effect ? `${setting.effect}: ` : ""}${setting.label}${unit}`);
@@ -475,10 +546,10 @@ function settingControl(setting, i) {
     const least = setting.least;
     if (!Number.isFinite(value) || (least !== null && (setting.exclusive ? value <= least : value < least))) {
       say(`${setting.label} must be a number${least === null ? "" : ` ${setting.exclusive ? "above" : "of at least"} ${least}`}.`);
-      box.value = String(lab.values[i]);
+      box.value = String(lead().values[i]);
       return;
     }
-    lab.values[i] = value;
+    for (const lane of meant()) lane.values[i] = value;
     box.value = String(value);
     slider.setAttribute("aria-valuetext", `${value}${setting.unit === "1" ? "" : ` ${setting.unit}`}`);
     fill();
@@ -492,13 +563,13 @@ function settingControl(setting, i) {
 function lanePicture(lane) {
   const canvas = element("canvas", { role: "img" });
   LANE_PICTURES.push(canvas);
-  const caption = element("figcaption", {}, lane.name, element("small", { textContent: `step ${lane.dt} s` }));
+  const caption = element("figcaption", {}, lane.name, element("small"));
   let dragged = false, played = false;
   const aim = (event) => {
     const box = canvas.getBoundingClientRect(), { x, y } = geometry(box.width);
     const degrees = Math.atan2(event.clientX - box.left - x, event.clientY - box.top - y) * DEGREES;
-    lab.angle = (Math.round(degrees * 10) / 10) / DEGREES;
-    lab.velocity = 0;
+    const angle = (Math.round(degrees * 10) / 10) / DEGREES;
+    for (const one of lab.chosen < 0 ? lab.lanes : [lane]) [one.angle, one.velocity] = [angle, 0]; // with the lock open this one alone
     fill();
     restart();
   };
@@ -525,7 +596,7 @@ function lanePicture(lane) {
 
 /** The largest stable step of a method in small swings [s]; null for none. */
 function limitOf(lane) {
-  const { scale, inertia } = parametersOf(lab.scene, lab.values), { limit } = PAGE.methods[lane.method];
+  const { scale, inertia } = parametersOf(lab.scene, lane.values), { limit } = PAGE.methods[lane.method];
   return limit === null || !(scale > 0) ? null : limit / Math.sqrt(scale / inertia);
 }
 
@@ -583,12 +654,19 @@ function say(text) {
 function linkText(timed = true) {
   const place = PAGE.scenes[lab.scene];
   const entries = [["v", PAGE.version], ["scene", lab.scene],
-    ["methods", lab.lanes.map((lane) => `${lane.method}:${lane.dt}`).join(",")], ["angle", lab.angle],
-    ["velocity", lab.velocity]];
+    ["methods", lab.lanes.map((lane) => `${lane.method}:${lane.dt}`).join(",")], ["angle", lab.lanes[0].angle],
+    ["velocity", lab.lanes[0].velocity]];
   if (lab.torque) entries.push(["control", lab.torque]);
   if (timed) entries.push(["time", lab.time || 10]);
   place.settings.forEach((setting, i) => {
-    if (lab.values[i] !== setting.value) entries.push([setting.name, lab.values[i]]);
+    if (lab.lanes[0].values[i] !== setting.value) entries.push([setting.name, lab.lanes[0].values[i]]);
+  });
+  lab.lanes.forEach((lane, k) => { // what others have of their own, as 2.body.length=0.5
+    if (lane.angle !== lab.lanes[0].angle) entries.push([`${k + 1}.angle`, lane.angle]);
+    if (lane.velocity !== lab.lanes[0].velocity) entries.push([`${k + 1}.velocity`, lane.velocity]);
+    place.settings.forEach((setting, i) => {
+      if (lane.values[i] !== lab.lanes[0].values[i]) entries.push([`${k + 1}.${setting.name}`, lane.values[i]]);
+    });
   });
   return entries.map(([name, value]) => `${name}=${value}`).join("&");
 }
@@ -633,23 +711,31 @@ function readLink(text) {
       const name = Object.hasOwn(PAGE.aliases, given) ? PAGE.aliases[given] : given;
       if (!place.shown.includes(name)) throw new Error(`no method '${name}' for this scene on this page`);
       if (!(dt >= SHORTEST && dt <= LONGEST)) throw new Error(`the step of ${name} must be from ${SHORTEST} to ${LONGEST} s`);
-      return new Lane(name, dt);
+      return { method: name, dt };
     });
     if (lanes.length > PAGE.most) throw new Error(`it has more than ${PAGE.most} pendulums`);
-    const values = place.settings.map((setting) => {
-      const value = number(setting.name, setting.value);
+    const own = (setting, k) => { // of pendulum k + 1, or of all
+      const value = number(`${k + 1}.${setting.name}`, number(setting.name, setting.value));
       if (setting.least !== null && (setting.exclusive ? value <= setting.least : value < setting.least)) {
         throw new Error(`${setting.name} must be ${setting.exclusive ? "above" : "at least"} ${setting.least}`);
       }
       return value;
-    });
-    const known = new Set(["v", "scene", "methods", "angle", "velocity", "time", "control", ...place.settings.map((s) => s.name)]);
+    };
+    const each = ["angle", "velocity", ...place.settings.map((setting) => setting.name)];
+    const known = new Set(["v", "scene", "methods", "time", "control", ...each,
+      ...lanes.flatMap((_, k) => each.map((name) => `${k + 1}.${name}`))]);
     for (const name of entries.keys()) if (!known.has(name)) throw new Error(`the scene has no number '${name}'`);
-    const [angle, velocity] = [number("angle", place.run.angle), number("velocity", place.run.velocity)];
+    for (const setting of place.settings) if (entries.has(setting.name)) own(setting, -1);
+    lanes.forEach((lane, k) => {
+      lane.values = place.settings.map((setting) => own(setting, k));
+      lane.angle = number(`${k + 1}.angle`, number("angle", place.run.angle));
+      lane.velocity = number(`${k + 1}.velocity`, number("velocity", place.run.velocity));
+    });
     const torque = number("control", 0);
     number("time", 0);
     if (!(Math.abs(torque) <= 1) || (torque && !place.motor)) throw new Error("control must be from -1 to 1, in a scene with a motor");
-    Object.assign(lab, { scene: entries.get("scene"), lanes, values, angle, velocity });
+    lab.scene = entries.get("scene");
+    lab.lanes = lanes.map(({ method, dt, values, angle, velocity }) => new Lane(method, dt, values, angle, velocity));
     push(torque);
     return "";
   } catch (error) {
@@ -671,8 +757,9 @@ function pythonText() {
 }
 
 function csvText() {
-  const head = "method,time_s,angle_rad,velocity_rad_s,energy_J,energy_residual_J,accurate_angle_rad";
-  const rows = lab.lanes.flatMap((lane) => lane.history.rows.map((row) => [lane.method, ...row.slice(0, 6)].join(",")));
+  const head = "pendulum,method,step_s,time_s,angle_rad,velocity_rad_s,energy_J,energy_residual_J,accurate_angle_rad";
+  const rows = lab.lanes.flatMap((lane, k) => lane.history.rows.map(
+    (row) => [k + 1, lane.method, lane.dt, ...row.slice(0, 6)].join(",")));
   return `# ${PAGE.software}, ${linkText()}\n${[head, ...rows].join("\n")}\n`;
 }
 
@@ -687,7 +774,7 @@ function showText(text) {
 /** All pendulums and plots as one picture, with their captions and the link. */
 function picture() {
   const dense = Math.min(globalThis.devicePixelRatio || 1, 2), [across, gap, line] = [3, 16 * dense, 22 * dense];
-  const parts = [...lab.lanes.map((lane, i) => [LANE_PICTURES[i], `${lane.name}, step ${lane.dt} s`]),
+  const parts = [...lab.lanes.map((lane, i) => [LANE_PICTURES[i], `${lane.name}, ${described(lane)}`]),
     ...PLOTS.map((name) => byId(`plot-${name}`)).filter((one) => !one.parentElement.hidden).map(
       (one) => [one, one.parentElement.firstChild.textContent])];
   const rows = [parts.slice(0, lab.lanes.length)];
@@ -777,13 +864,14 @@ async function begin() {
   byId("torque").addEventListener("input", () => push(Number(byId("torque").value)));
   byId("add").addEventListener("click", () => {
     const free = PAGE.scenes[lab.scene].shown.find((name) => !lab.lanes.some((lane) => lane.method === name));
-    lab.lanes.push(new Lane(free ?? lab.lanes[0].method, lab.lanes.at(-1).dt));
+    const { dt, values, angle, velocity } = lab.lanes.at(-1);
+    lab.lanes.push(new Lane(free ?? lab.lanes[0].method, dt, [...values], angle, velocity));
     rebuild();
   });
   byId("angle").addEventListener("change", () => {
     const degrees = byId("angle").value === "" ? NaN : Number(byId("angle").value);
     if (Math.abs(degrees) <= 360) {
-      lab.angle = degrees / DEGREES;
+      for (const lane of meant()) lane.angle = degrees / DEGREES;
       restart();
     } else say("The start angle must be a number of degrees from -360 to 360.");
     fill();
@@ -791,7 +879,7 @@ async function begin() {
   byId("velocity").addEventListener("change", () => {
     const value = byId("velocity").value === "" ? NaN : Number(byId("velocity").value);
     if (Math.abs(value) <= 1e4) {
-      lab.velocity = value;
+      for (const lane of meant()) lane.velocity = value;
       restart();
     } else say("The start velocity must be a number from -10000 to 10000 rad/s.");
     fill();
@@ -834,11 +922,6 @@ async function begin() {
   document.addEventListener("focusin", letGo);
   const link = () => (location.hash.length > 1 ? readLink(location.hash.slice(1)) : "");
   let wrong = link();
-  if (!lab.values.length) {
-    const place = PAGE.scenes[lab.scene];
-    lab.values = place.settings.map((setting) => setting.value);
-    [lab.angle, lab.velocity] = [place.run.angle, place.run.velocity];
-  }
   rebuild();
   if (wrong) say(wrong);
   addEventListener("hashchange", () => {
